@@ -62,12 +62,14 @@ class LikelihoodCheck:
     - `searches`: the local searches that found the minima.
     - `posterior`: a small `Posterior`, of few points, around the lowest minimum, from which the
       fit's intervals come. ``None`` if the test passed, if noise doesn't explain chi squared, if
-      more runs would be needed than 75 times the argument `check_runs` of `identify`, or if the
-      points are too few or miss the lowest minimum.
+      more runs would be needed than 75 times the argument `check_runs` of `identify`, or if its
+      points don't represent it: their effective number is below 50, they miss the lowest minimum,
+      or `Posterior.warnings` reports a problem.
     - `runs`: number of runs with and without derivatives, those of the posterior not included;
       `seconds`: s, computing time of all runs.
-    - `difference`: difference of chi squared at the estimates between runs with and without
-      derivatives. A value above 1 means that integration errors exceed the noise.
+    - `difference`: chi squared at the estimates in a run without derivatives, less that in the run
+      with derivatives; 0 if the test passed. An absolute value above 1 means that integration
+      errors exceed the noise.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
     >>> fit = cj.identify(
@@ -94,7 +96,8 @@ class LikelihoodCheck:
     def horizon(self) -> float:
         """First time, s, at which chi squared of the record so far disagrees with the covariance.
 
-        Infinite without disagreement.
+        That is the case at the first time at which a tenth of the points disagree, see
+        `QuadraticTest.horizon`. It is infinite if there is no such time.
         """
         return self.test.horizon
 
@@ -103,7 +106,8 @@ class LikelihoodCheck:
         covariance.
 
         The factor, 1 or more, is the largest ratio of their half widths, over both halves of the
-        intervals of all parameters; ratios below 1 are inverted.
+        intervals of all parameters; ratios below 1 are inverted. The test must have failed, because
+        there is no exploration otherwise.
 
         **Arguments:** `best`: the best run of the fit, with its covariance.
         """
@@ -116,7 +120,11 @@ class LikelihoodCheck:
 
     @cached_property
     def minima(self) -> int:
-        """Number of separate minima whose chi squared is at most 3.84 above the lowest."""
+        """Number of separate minima whose chi squared is at most 3.84 above the lowest.
+
+        A minimum is separate if it is more than one standard error away from all lower ones. The
+        number is 1 if the test passed, because no other minima were searched for then.
+        """
         if self.exploration is None:
             return 1
         limit = self.exploration.lowest + likelihood.RISE
@@ -149,8 +157,11 @@ def check(
     - `parameters`, `units`: the parameters and the units of their values, by name.
     - `number`: number of points in the first round of an exploration.
     - `on_iteration`: function that is called with every iteration of the local searches.
+
+    **Raises:** `KeyboardInterrupt` if the user interrupts it.
     """
     started = time.perf_counter()
+    # The seed is fixed: the check of the same fit always gives the same result.
     generator = np.random.default_rng(0)
     limits = _largest_offsets(best, parameters)
     test = _quadratic_test(best, runs, data, limits, generator)
@@ -202,7 +213,8 @@ def check(
 def _extent(explored: likelihood.Exploration, lowest: RunMisfit) -> Float[np.ndarray, " p"]:
     """Return how far explored points with a low chi squared are from the lowest minimum, (p,).
 
-    For each coordinate, this is the largest distance, and at least two standard errors.
+    For each coordinate, this is the largest distance, and at least two standard errors. Chi squared
+    is low up to 11.5 above the smallest one, three times the rise at the ends of a 95 % interval.
 
     **Arguments:** `lowest`: the run at the lowest minimum.
     """
@@ -255,7 +267,8 @@ def _quadratic_test(
 ) -> likelihood.QuadraticTest:
     """Compare runs at points around the best run with the prediction of its covariance.
 
-    **Arguments:** `limits`: (p,) largest distance of the points, in coordinates.
+    **Arguments:** `best`, `runs`, `data`: as in `check`; `limits`: (p,) largest distance of the
+    points, in coordinates; `generator`: source of random numbers.
     """
     offsets = likelihood.displacements(best.covariance, limits, generator)
     times, shape = np.asarray(runs.times), data.weights.shape
@@ -280,7 +293,7 @@ def _descent(
     """Search for the local minimum near a start, coordinates (p,).
 
     **Arguments:** `near`: Gauss-Newton step, in standard errors, below which the search ends;
-    `steps`: largest number of its runs.
+    `steps`: largest number of its runs; the others are as in `check`.
 
     **Raises:** `KeyboardInterrupt` if the user interrupts it.
     """
@@ -300,9 +313,9 @@ def _largest_offsets(
 ) -> Float[np.ndarray, " p"]:
     """Return the largest distance of explored points from the estimates, (p,), in coordinates.
 
-    The distance is twice the scale's `max_step`. If that is infinite, it is the larger of the
-    coordinate's absolute value and `FARTHEST` standard deviations of an estimate of that parameter
-    alone.
+    The distance is twice the scale's `max_step` (see `AbstractScale`). If that is infinite, it is
+    the larger of the coordinate's absolute value and `FARTHEST` standard deviations of an estimate
+    of that parameter alone.
     """
     max_changes = step_limits(parameters)
     norms = np.linalg.norm(best.jacobian, axis=0)
@@ -318,6 +331,8 @@ def _early_covariances(
 
     They end at `horizon`, s, and half way from the start of the run to it. The list is empty if the
     horizon is infinite.
+
+    **Arguments:** `best`, `runs`, `data`: as in `check`.
     """
     if not math.isfinite(horizon):
         return []

@@ -93,8 +93,8 @@ class Fit(AbstractTabular):
         """Return an `xarray.Dataset` with the estimates along the dimension "parameter".
 
         Variables are `estimate`, `standard_error` and the bounds of the 95 % `interval` (parameter,
-        bound) in the `unit` of each parameter, and the `correlation` (parameter, with). Chi squared
-        and the ending are attributes. See `AbstractTabular`.
+        bound) in the `unit` of each parameter, and the `correlation` (parameter, with). Attributes
+        are `ending`, `chi_squared`, `degrees_of_freedom`, `p_value` and `warnings`.
         """
         names = [*self.parameters]
         along, errors = ("parameter",), self.standard_errors
@@ -162,11 +162,13 @@ class Fit(AbstractTabular):
     def intervals(self) -> dict[str, tuple[float, float]]:
         """95 % confidence interval (low, high) of each value by name, in `units`.
 
-        If `check` has found that chi squared is not quadratic, these are the central intervals of
-        `posterior`, which need not contain the estimates. Without a posterior, they contain all
-        points that `check` has explored with a chi squared at most 3.84 above the lowest. Other
-        minima in which searches ended, outside the posterior's box, are added if their chi squared
-        is low enough.
+        Usually the ends are the values at which the coordinate differs from its estimate by 1.96
+        standard errors, by the `covariance`. If `check` has found that chi squared is not
+        quadratic, the intervals are the central ones of `posterior`, which need not contain the
+        estimates; without a posterior, they also contain all points that `check` has explored with
+        a chi squared at most 3.84 above the lowest. In all cases they are extended to the intervals
+        of other minima in which searches ended, if their chi squared is at most 3.84 above that of
+        the fit and they are outside the posterior's box.
         """
         minima, posterior = [self.best.best, *self._other_minima], self.posterior
         # Minima in the posterior's box are part of the posterior.
@@ -243,18 +245,22 @@ class Fit(AbstractTabular):
 
     @property
     def p_value(self) -> float:
-        """Probability that noise alone gives a chi squared at least as large, if the model is
-        right."""
+        """Probability that noise alone gives a chi squared at least as large, for a right model.
+
+        It is NaN without degrees of freedom.
+        """
         return statistics.chi_squared_p(self.chi_squared, self.degrees_of_freedom)
 
     @property
     def whiteness(self) -> dict[str, float]:
-        """p-value of the Ljung-Box test for white residuals, of each series by name."""
+        """p-value of the Ljung-Box test for white residuals, of each series by name; NaN for fewer
+        than 20 samples."""
         return {name: statistics.whiteness(row) for name, row in self.residuals.items()}
 
     @property
     def normality(self) -> dict[str, float]:
-        """p-value of the D'Agostino-Pearson test for normal residuals, of each series by name."""
+        """p-value of the D'Agostino-Pearson test for normal residuals, of each series by name; NaN
+        for fewer than 20 samples."""
         return {name: statistics.normality(row) for name, row in self.residuals.items()}
 
     @property
@@ -296,6 +302,7 @@ class Fit(AbstractTabular):
     def __str__(self) -> str:
         """Return the report as text: estimates, goodness of fit, correlations, searches, warnings
         and remedies."""
+        # The result of the check comes first, and is then left out of the warnings at the end.
         first = [] if self.check is None else [self._test_report()]
         series, end = len(self.measurements.series), self.measurements.times()[-1]
         parts = [
@@ -441,6 +448,7 @@ class Fit(AbstractTabular):
         sizes = np.where(np.isfinite(limits), limits, np.abs(self.coordinates))
         for change, deviation in statistics.directions(self.best.best.jacobian):
             if np.any(deviation * np.abs(change) > sizes):
+                # Parameters with a negligible part in the combination are not named.
                 pairs = zip(change, self.parameters, strict=True)
                 combination = " ".join(f"{w:+.3g} {name}" for w, name in pairs if abs(w) > 1e-3)
                 yield (
@@ -450,7 +458,10 @@ class Fit(AbstractTabular):
 
     @property
     def _scatter(self) -> float:
-        """Size of the residuals in multiples of the stated noise."""
+        """Size of the residuals in multiples of the stated noise.
+
+        It is the square root of chi squared per degree of freedom, of which there must be one.
+        """
         return math.sqrt(self.chi_squared / self.degrees_of_freedom)
 
     def _noise_warnings(self) -> Iterator[str]:

@@ -40,6 +40,8 @@ def directions(jacobian: Float[np.ndarray, "M p"]) -> list[Direction]:
     norms = np.linalg.norm(jacobian, axis=0)
     # A parameter without effect gets a tiny norm, and with it a large but finite deviation.
     norms = np.where(norms > 0.0, norms, max(norms.max(), 1.0) * SINGULAR)
+    # With columns of unit length, the decomposition does not depend on the units of the
+    # coordinates.
     _, sizes, axes = np.linalg.svd(jacobian / norms, full_matrices=False)
     sizes = np.maximum(sizes, SINGULAR * max(sizes[0], 1.0))
     changes = []
@@ -70,7 +72,9 @@ def likely_chi_squared(degrees_of_freedom: int) -> float:
 
 
 def whiteness(residuals: Float[np.ndarray, " M"]) -> float:
-    """Return the p-value of the Ljung-Box test for whiteness of residuals (M,); NaN for M < 20.
+    """Return the p-value of the Ljung-Box test for whiteness of residuals (M,).
+
+    It is NaN for M < 20, and if all residuals are zero.
 
     G. Ljung and G. Box, *On a measure of lack of fit in time series models* (1978), over 10 lags.
     """
@@ -87,10 +91,10 @@ def whiteness(residuals: Float[np.ndarray, " M"]) -> float:
 
 
 def normality(residuals: Float[np.ndarray, " M"]) -> float:
-    """Return the p-value of a test for normality of residuals (M,); NaN for M < 20.
+    """Return the p-value of a test for normality of residuals (M,).
 
-    The test uses skewness and kurtosis: R. D'Agostino and E. Pearson, *Tests for departure from
-    normality* (1973).
+    It is NaN for M < 20, and if all residuals are equal. The test uses skewness and kurtosis:
+    R. D'Agostino and E. Pearson, *Tests for departure from normality* (1973).
     """
     from scipy.stats import normaltest
 

@@ -41,7 +41,8 @@ OnFitIteration = Callable[[int, Iteration], None]
 run of a search."""
 WINDOW_TOLERANCE = 0.1
 """Gauss-Newton step, in standard deviations of the estimates, at which the fits of all windows but
-the last one end."""
+the last one end, unless the user's `tolerance` is larger. Their results are only starts of the next
+window."""
 
 
 class FitInterrupted(KeyboardInterrupt):
@@ -95,19 +96,20 @@ def identify(
     - `measurements`: the measured series with their noise.
     - `parameters`: the parameters to estimate, by name; see `Parameter`.
     - `guess`: values to start from, by name; by default the values in the scene. Each guess of a
-      list is a start.
+      list is a start. A `Screening` takes one guess only.
     - `starts`: `Starts` draws more starts around the first guess. A `Screening` around a single
       guess finds starts by many runs without derivatives, for data with impacts, where derivatives
       don't lead to the solution. The fit is the best of all searches; `Fit.searches` has all of
       them, and `Fit.rivals` has other minima that fit the data about as well.
-    - `grow`: ends, s, of windows of the record that are fitted before the whole record: first the
-      samples up to the first end, then up to the next, each fit from the result of the one before.
-      After some impacts small errors of parameters have grown so much that a fit of the whole
-      record from a distant start fails. In these windows each parameter is held near the value
-      from which the window's search starts, with its scale's `max_step` as standard deviation, so
-      that parameters that the window doesn't determine stay in range. For example, a record of
-      187 ms of the double pendulum, five times as long as a single run can fit from a distant guess
-      (`clearjoint.fit_horizon`), takes 140 runs with windows.
+    - `grow`: ends, s, of windows of the record that are fitted before the whole record, rising and
+      between `start_time` and the last sample: first the samples up to the first end, then up to
+      the next, each fit from the result of the one before. After some impacts small errors of
+      parameters have grown so much that a fit of the whole record from a distant start fails. In
+      these windows each parameter is held near the value from which the window's search starts,
+      with its scale's `max_step` as standard deviation, so that parameters that the window doesn't
+      determine stay in range. For example, a record of 187 ms of the double pendulum, five times as
+      long as a single run can fit from a distant guess (`clearjoint.fit_horizon`), takes 140 runs
+      with windows.
     - `settings`: settings of the integration; by default `clearjoint.presets.identification`. Its
       `max_steps` limits the cost of runs with extreme parameters.
     - `max_iterations`: limit for each window of each start; an iteration is one run.
@@ -115,14 +117,14 @@ def identify(
       which a search ends.
     - `horizon`: result of `clearjoint.fit_horizon`, for a warning if the record is too long for a
       fit by a single run.
-    - `check_runs`: size of the test of the covariance after the search has converged; 0 for no
-      test. About twenty runs for each parameter compare chi squared, up to four standard errors
-      around the estimates, with the prediction of the covariance. If they differ, chi squared has
-      several minima close together or is not quadratic. Then `check_runs` runs without derivatives,
-      more rounds of runs among the lowest of them, and local searches explore it. The fit moves to
-      the lowest minimum, and its report begins with this result. Intervals are those of a posterior
-      around this minimum, by at most 75 times `check_runs` runs without derivatives; if that is not
-      enough, they contain all points that the data allow. See `Fit.check` and
+    - `check_runs`: size of the test of the covariance after the search has converged, 50 or more; 0
+      for no test. About twenty runs for each parameter compare chi squared, up to four standard
+      errors around the estimates, with the prediction of the covariance. If they differ, chi
+      squared has several minima close together or is not quadratic. Then `check_runs` runs without
+      derivatives, more rounds of runs among the lowest of them, and local searches explore it. The
+      fit moves to the lowest minimum, and its report begins with this result. Intervals are those
+      of a posterior around this minimum, by at most 75 times `check_runs` runs without derivatives;
+      if that is not enough, they contain all points that the data allow. See `Fit.check` and
       `clearjoint.posterior`.
     - `progress`: whether to show a line with the iterations, or a function that is called with
       each `Iteration`.
@@ -134,7 +136,8 @@ def identify(
     `Fit.warnings`.
 
     **Warns:** `PoorFitWarning` if the residuals are far above the noise, with the remedies of
-    `Fit.advice`.
+    `Fit.advice`, and if the test of the covariance has failed; `UserWarning` if the record is
+    longer than `horizon` allows.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
     >>> fit = cj.identify(
@@ -190,8 +193,8 @@ def identify_many(
 
     **Returns:** a list with one `Fit` for each set, in their order.
 
-    **Raises:** as `identify`; `FitInterrupted.fits` has the fits of all sets before the
-    interruption.
+    **Raises:** as `identify`, and `ValueError` for no sets or sets of different channels or times.
+    `FitInterrupted.fits` has the fits of all sets before the interruption.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
     >>> noisy = [data.with_noise(np.random.default_rng(seed)) for seed in range(2)]
@@ -243,13 +246,13 @@ def identify_many(
 
 @dataclass(frozen=True)
 class _Problem:
-    """What the fits of `identify_many` to several sets of measurements share; `fit` makes one.
+    """Data that are common to the fits of `identify_many`; `fit` fits one set of measurements.
 
     Fields that are not listed are arguments of `identify_many`.
 
     - `runs`: the scene as a function of its parameters; `coarse_runs`: the same with the looser
       tolerances of a screening.
-    - `units`: of the parameters by name.
+    - `units`: unit of each parameter's value by name.
     - `rows`: (starts, p) coordinates from which searches start.
     - `ends`: ends of the growing windows, s, of which the last is the end of the record.
     """
@@ -299,6 +302,7 @@ class _Problem:
                 for row in self.rows:
                     search_from(row)
             best = best_search(searches)
+            # Searches that failed or reached their limit of iterations have no minimum to check.
             if self.check_runs > 0 and best.ending in (Ending.CONVERGED, Ending.STALLED):
                 inputs = best.best, self.runs, data, self.parameters, self.units
                 checked = check(*inputs, self.check_runs, partial(on_iteration, data.count))
@@ -340,7 +344,8 @@ class _Problem:
                 )
             except KeyboardInterrupt:
                 # In the first run of the window, which `search_with_damping` does not catch: the
-                # result of the window before is kept.
+                # result of the window before is kept. Its predictions end with that window, so
+                # `last` is false.
                 if best is None:
                     raise
                 iterations, ending, last = (), Ending.INTERRUPTED, False
@@ -408,7 +413,8 @@ def iteration_callback(
     """Yield the function to call after each run of a search.
 
     It calls the user's function `progress`. If `progress` is ``True``, it shows a line with the
-    number of runs, the chi squared per sample and the values of the parameters.
+    number of runs, the chi squared per sample and the values of the parameters; if ``False``, it
+    shows nothing.
 
     **Arguments:** `searches`: number of searches to come, which the line shows.
     """

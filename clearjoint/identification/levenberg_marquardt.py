@@ -30,8 +30,8 @@ PATIENCE = 15
 """Number of successive rejected steps after which a search ends. Each rejection multiplies the
 damping by four, so that the last of these steps are negligibly short."""
 SHORT = 1e-3
-"""Length of the latest step relative to the tolerance below which a search ends. Both are in scaled
-coordinates, whose unit is about a standard deviation of an estimate."""
+"""Length of the next step, its largest component, relative to the tolerance, below which a search
+ends. Both are in scaled coordinates, whose unit is about a standard deviation of an estimate."""
 NEARLY = 0.1
 """Gauss-Newton step in standard deviations. A search that finds no better point counts as converged
 below this step, because integration errors prevent a higher accuracy."""
@@ -99,7 +99,8 @@ class Search:
 
     - `start`: (p,) coordinates of the start.
     - `windows`: the successive searches over growing windows of the record.
-    - `best`: the run with the smallest misfit in the last window.
+    - `best`: the run with the smallest misfit in the last window. After an interruption in a
+      shorter window, it is a run over the whole record at the best coordinates of that window.
     """
 
     start: Float[np.ndarray, " p"]
@@ -216,7 +217,8 @@ def search_with_damping(
 ) -> tuple[RunMisfit, tuple[Iteration, ...], Ending]:
     """Minimise the sum of squared residuals from a start, by the method of Levenberg and Marquardt.
 
-    A `KeyboardInterrupt` after the first evaluation ends the search.
+    A `KeyboardInterrupt` after the first evaluation ends the search; during the first one there is
+    no result yet, and it is raised.
 
     **Arguments:**
 
@@ -273,6 +275,9 @@ def _triangular(misfit: RunMisfit, scales: np.ndarray) -> tuple[jax.Array, jax.A
 
     A QR decomposition reduces the M rows to p + 1. It is a rotation, which changes neither chi
     squared nor its dependence on the coordinates, and one compiled program serves data of any size.
+    Fewer than p + 1 rows are followed by zeros.
+
+    **Arguments:** `misfit`: a run; `scales`: (p,) factors from coordinates to scaled ones.
     """
     table = np.column_stack([misfit.jacobian / scales, misfit.residuals])
     rows = np.zeros((table.shape[1], table.shape[1]))

@@ -104,7 +104,8 @@ class QuadraticTest:
       errors.
     - `actual`: (n,) rise in runs.
     - `horizon`: s, first time at which the rise over the record so far disagrees with the model at
-      a tenth of the points or more; infinite if there is none.
+      a tenth of the n points or more; infinite if there is none. Only points near the minimum are
+      counted, see `tested`.
     """
 
     predicted: Float[np.ndarray, " n"]
@@ -167,7 +168,7 @@ def tested(
 class Exploration:
     """Points around a minimum, and the minima found by local searches from the lowest points.
 
-    - `points`: (n, p) coordinates; the first are those of the minimum of the fit.
+    - `points`: (n, p) coordinates; the first row is the minimum of the fit.
     - `chi_squared`: (n,) at the points.
     - `minima`: the first minimum, and those at which local searches ended.
     - `rounds`: number of rounds in which points were drawn.
@@ -274,6 +275,7 @@ def explore(
         kept = points[order[: min(max(KEPT, low_enough), number // 2)]]
         # Local searches from points in known minima would only find these minima again.
         candidates = [x for x in kept if not any(inside(one, x) for one in minima)]
+        # `apart` measures distances in standard deviations of the points, so it needs two or more.
         several = len(candidates) > 1
         chosen = apart(np.array(candidates), DESCENTS) if several else range(len(candidates))
         descended = [descend(candidates[k]) for k in chosen]
@@ -298,6 +300,7 @@ def explore(
         limit = explored.lowest + WORTH * RISE
         near = [one.coordinates for one in minima if one.chi_squared <= limit]
         kept = np.concatenate([kept, np.array(near).reshape(-1, p)])
+        # A covariance in p dimensions needs p + 1 neighbours; twice as many make it less random.
         fresh = among(kept, number // 2, 2 * (p + 1), bounds, generator)
         # If the minimum has moved, the first points were drawn around the wrong one.
         if decrease > RISE or explored.lowest > likely:
@@ -307,12 +310,14 @@ def explore(
 
 
 def inside(minimum: RunMisfit, point: Float[np.ndarray, " p"]) -> bool:
-    """Return whether a point (p,) is within one standard error of a minimum, by its covariance.
+    """Return whether a point (p,) is within one standard error of a minimum, by its covariance C.
 
-    A search from such a point would probably end in this minimum.
+    That is, whether d^T C^-1 d < 1 for the offset d of the point from the minimum. A search from
+    such a point would probably end in this minimum.
     """
     offset = point - minimum.coordinates
     errors = np.sqrt(np.diag(minimum.covariance))
-    # The correlation matrix may be singular, and coordinates may have very different errors.
+    # In units of the standard errors, C is the correlation matrix. It may be singular, and the
+    # cutoff of its pseudoinverse does not depend on the units of the coordinates.
     scaled = minimum.covariance / np.outer(errors, errors)
     return float((offset / errors) @ np.linalg.pinv(scaled) @ (offset / errors)) < 1.0

@@ -33,7 +33,8 @@ class Minimum:
     - `estimates`: value of each parameter by name.
     - `coordinates`: (p,) the same values on the parameters' scales.
     - `objective`: smallest objective of all runs.
-    - `history`: (iterations,) objective of every run that succeeded.
+    - `history`: (iterations,) objective of each run; shorter if a run failed, which ends the
+      search.
     - `result`: `RESULTS` code of the last run.
 
     >>> def lowest(outputs):
@@ -72,10 +73,11 @@ def minimise(
 
     **Arguments:**
 
-    - `scene`, `state`, `settings`, `start_time` s: as in `identify`.
+    - `scene`, `state`, `start_time` s: as in `identify`.
     - `objective`: a function of the outputs by name, each (N,), that JAX can differentiate.
     - `parameters`: the free parameters by name; the search starts from the values in the scene.
     - `outputs`: functions of an `Instant` by name, evaluated at `times` (N,), s, rising.
+    - `settings`: settings of the integration; by default `clearjoint.presets.derivatives`.
     - `optimiser`: an optax optimiser of the parameters' coordinates on their scales; by default
       `optax.adam(0.05)`, which changes each coordinate by about 0.05 in a step.
     - `iterations`: number of runs. The search ends earlier if a run does not reach all times.

@@ -16,7 +16,7 @@ from .levenberg_marquardt import Ending, Search
 from .screening.screening import Screened
 
 FAR = 2.0
-"""Ratio of residuals to stated noise above which a fit is far above the noise."""
+"""Ratio of residuals to stated noise above which they count as far above the noise."""
 GOOD = 1.5
 """Ratio of residuals to stated noise up to which a series counts as well fitted."""
 PIECES = 20

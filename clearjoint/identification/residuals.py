@@ -127,8 +127,8 @@ def _instants(
     A delayed output is needed at the sample times minus its delay, and slightly before and after
     these for its rate. A run is sampled at rising times, so the times of all outputs are merged.
 
-    **Arguments:** `coordinates`: (p,) of the parameters; `end_time`: s, time of the last sample to
-    compare.
+    **Arguments:** `runs`: the experiment, with its sample times and delays; `coordinates`: (p,) of
+    the parameters; `end_time`: s, time of the last sample to compare.
 
     **Returns:**
 
@@ -360,12 +360,13 @@ def parameter_covariance(jacobian: Float[np.ndarray, "M p"]) -> Float[np.ndarray
 class RunMisfit:
     """Residuals and their Jacobian from one run, for S series at T times, M = S T.
 
-    Residuals and their derivatives are zero where a series has no sample.
+    Residuals and their derivatives are zero where a series has no sample. In the short windows of a
+    growing record, p more rows are those of a prior (argument `grow` of `identify`).
 
     - `coordinates`: (p,) coordinates of the parameters.
     - `residuals`: (M,) in standard deviations of the noise, series after series.
     - `jacobian`: (M, p) derivatives of the residuals by the coordinates.
-    - `predicted`: (S, T) values of the outputs, SI.
+    - `predicted`: (S, T) values of the outputs, SI; meaningless at times that the run misses.
     - `result`: `RESULTS` code of the run.
     - `time`: s, end of the run; `attempts`: number of steps tried.
     """
@@ -415,6 +416,9 @@ def _weighted(runs: Experiment, run: Sampled, data: Samples) -> tuple[jax.Array,
     """Return residuals (M,) and their Jacobian (M, p) by the coordinates.
 
     At a sample that the run did not reach, the residual is `UNREACHED` and its derivatives zero.
+
+    **Arguments:** `run`: values and derivatives of the outputs, from `runs.run`; `data`: the
+    samples to compare.
     """
     values = jnp.stack([run.values[name] for name in runs.names])
     derivatives = jnp.stack([run.derivatives[name] for name in runs.names])

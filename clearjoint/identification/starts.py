@@ -48,6 +48,8 @@ class Starts:
         """Return the coordinates of all starts, (number, p); the first row is `first`.
 
         **Arguments:** `first`: (p,) coordinates of the guess. `names`: names of the p parameters.
+
+        **Raises:** `ValueError` for a name in `spread` that is none of these.
         """
         offsets = np.random.default_rng(self.seed).uniform(-1.0, 1.0, (self.number, len(first)))
         offsets[0] = 0.0
@@ -116,6 +118,7 @@ def _coordinate(scene: Scene, state: State, parameter: Parameter, guess: Guess, 
         if name in guess:
             value = np.asarray(as_number(guess[name], f"guess[{name!r}]"))
             coordinate = parameter.scale.coordinate(value)
+            # A delay is no number of the scene, so there is nothing to check.
             if not isinstance(parameter.variation, SeriesDelay):
                 setter = parameter.variation.setter(scene, state, value.item())
                 changed, _ = setter(scene, state, value.item())

@@ -41,7 +41,8 @@ class Identifiability:
     - `scales`: scale of each parameter.
     - `coordinates`: (p,) coordinates at which the run was computed.
     - `sensors`: (M,) name of the sensor of each sample, for the M samples of all channels.
-    - `sample_times`: (M,) s, time of each sample, rising.
+    - `sample_times`: (M,) s, time of each sample, in order of time. Samples of several channels may
+      have equal times.
     - `rows`: (M, p), derivatives of each sample by the coordinates, divided by its noise.
     - `accuracy`: relative error of the derivatives. Combinations of parameters with a smaller
       relative effect count as undetermined.
@@ -113,7 +114,10 @@ class Identifiability:
 
     @property
     def deviations_alone(self) -> Float[np.ndarray, " p"]:
-        """Standard deviations of the coordinates, (p,), if all other parameters are known."""
+        """Standard deviations of the coordinates, (p,), if all other parameters are known.
+
+        That of a parameter without effect on the data is infinite.
+        """
         return information.alone(self.root)
 
     @property
@@ -162,13 +166,18 @@ class Identifiability:
     def condition(self) -> float:
         """Condition number of `rows` with their columns scaled to unit length.
 
-        If it is large, the data hardly determine some combination of the parameters.
+        If it is large, the data hardly determine some combination of the parameters. It is infinite
+        if a parameter has no effect on the data, and NaN if none has one.
         """
         return float(information.condition(self.root))
 
     @property
     def correlation(self) -> Float[np.ndarray, "p p"]:
-        """Correlation of the estimated coordinates, (p, p)."""
+        """Correlation of the estimated coordinates, (p, p).
+
+        It is NaN if the Fisher information is singular, for example if a parameter has no effect on
+        the data.
+        """
         return information.correlation(information.covariance(self.root))
 
     @property
@@ -179,7 +188,8 @@ class Identifiability:
     def over_time(self) -> np.ndarray:
         """Return standard deviations of the coordinates, (N, p), for records up to each of `times`.
 
-        All parameters are estimated together.
+        All parameters are estimated together. Deviations are infinite for parameters that the
+        record so far doesn't determine.
         """
         ends = np.searchsorted(self.sample_times, self.times, side="right")
         roots = information.roots_over(self.rows, ends.tolist())
@@ -197,8 +207,9 @@ class Identifiability:
     def _bounds(self) -> list[str]:
         """Return the lines of a table with a row for each parameter.
 
-        The columns are its value, the bounds of its standard deviation if estimated together with
-        the others and alone, and its correlations r.
+        The columns are its value; the bound of its standard deviation if it is estimated together
+        with the others, as a number and as a share of the value, or "not identifiable"; the bound
+        if it is estimated alone; and its correlations r.
         """
         rows: list[tuple[str, ...]] = [
             ("parameter", "value", "together", "", "alone", *(f"r({n})" for n in self.names))
@@ -255,7 +266,8 @@ def identifiability(
 
     **Returns:** an `Identifiability`, with the smallest standard deviations that data can reach.
 
-    **Raises:** `ValueError` for unsupported arguments; `SimulationError` if the run fails.
+    **Raises:** `ValueError` for unsupported arguments, such as settings with a `controller` instead
+    of tolerances; `SimulationError` if the run fails.
 
     >>> probe = cj.Sensor(x, times, noise=1e-4)
     >>> report = cj.identifiability(scene, state, {"stiffness": stiffness}, {"probe": probe})
@@ -301,6 +313,7 @@ def identifiability_from(
         rows.append(scaled.reshape(-1, p))
         times.append(np.repeat(sensor.times, len(columns)))
         names += [name] * len(rows[-1])
+    # In order of time, the samples of a shorter record are the first rows.
     sample_times = np.concatenate(times)
     order = np.argsort(sample_times, kind="stable")
     return Identifiability(

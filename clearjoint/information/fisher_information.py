@@ -51,9 +51,9 @@ def roots_over(rows: Float[np.ndarray, "N p"], ends: Sequence[int]) -> Float[np.
 def together(roots: Float[np.ndarray, "*T r p"], accuracy: float) -> Float[np.ndarray, "*T p"]:
     """Return lower bounds (..., p) of the parameters' standard deviations if all are estimated.
 
-    The bound is infinite for a parameter that is part of an undetermined combination. A combination
-    is undetermined if its singular value is at most `accuracy` times the largest one, with the
-    columns of the root scaled to unit length.
+    A combination of parameters is undetermined if its singular value is at most `accuracy` times
+    the largest one, with the columns of the root scaled to unit length. The bound is infinite for a
+    parameter whose component in such a combination, a unit vector, exceeds the root of `accuracy`.
 
     **Arguments:** `roots`: roots (..., r, p) of the information; `accuracy`: relative error of the
     derivatives.
@@ -105,7 +105,7 @@ def covariance(rows: Float[np.ndarray, "N p"], floor: float = 0.0) -> Float[np.n
 
     **Arguments:** `rows`: derivatives (N, p), or a root (p, p); `floor`: smallest singular value
     relative to the largest, for columns of unit length. Smaller ones are raised to this value, so
-    that the covariance is finite. With zero, the covariance of a singular F is NaN.
+    that the covariance is finite. With zero, the covariance of a singular F has infinities or NaN.
     """
     lengths, values, directions = _equilibrated(rows)
     values = np.maximum(values, floor * max(values[0], 1.0))

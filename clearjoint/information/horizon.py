@@ -76,7 +76,8 @@ class FitHorizon:
     - `growth`: (T, p + 1) m, root mean square displacement of points of the bodies per unit of each
       parameter's coordinate. The last column is for a perturbation of the initial velocity, per
       m/s.
-    - `rate`: 1/s, rate of exponential growth of this last column since the first contact.
+    - `rate`: 1/s, rate of exponential growth of this last column since the first contact, or since
+      the start without a contact; NaN for fewer than two samples since then.
     - `error`: (T,) bound of the integration error in units of the noise, the largest of all
       outputs. It is the difference from a run with ten times the tolerance, whose error is larger.
     - `derivative_error`: (T,) bound of the relative error of the derivatives over the record up to
@@ -207,16 +208,16 @@ def fit_horizon(
     The parameters' values are taken as the truth. Two runs with these values, one of them with ten
     times the tolerance, estimate the integration error. For each of several wrong guesses, four
     more runs, at the guess and at points between it and the truth, test whether the misfit falls
-    all the way.
-    There are two guesses for each parameter, too large and too small. With two parameters there are
-    four more with both of them wrong, and with more parameters eight with all of them wrong.
+    all the way. There are two guesses for each parameter, too large and too small. With two
+    parameters there are four more with both of them wrong, and with more parameters eight with all
+    of them wrong.
 
     **Arguments:**
 
     - `scene`, `state`, `parameters`, `sensors`, `settings`, `start_time`: as in
       `identifiability`; the run ends at the last sample.
-    - `uncertainty`: largest error of a first guess, by name of the parameter, in the coordinate of
-      its scale: log(5) for a factor of five on a `Log` scale.
+    - `uncertainty`: largest error of a first guess, positive, by name of each parameter, in the
+      coordinate of its scale: log(5) for a factor of five on a `Log` scale.
 
     **Returns:** a `FitHorizon`, whose `single_shot` is the end of that record, s.
 

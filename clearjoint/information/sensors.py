@@ -44,8 +44,8 @@ class Sensor:
     - `noise`: standard deviation of the samples' independent noise, in the channels' SI unit: a
       number, or (N,).
 
-    **Raises:** `ValueError` for channels that are not functions, for times that don't rise, and for
-    noise that is not positive.
+    **Raises:** `ValueError` for no channels or channels that are not functions, for times that are
+    not finite or don't rise, and for noise of another shape or that is not finite and positive.
 
     >>> times = np.linspace(0.0, 0.1, 201)
     >>> probe = cj.Sensor(cj.quantities.JournalOffset("shoulder", "x"), times, noise=1e-6)
@@ -104,7 +104,8 @@ def as_sensors(sensors: Sensors, scene: Scene) -> dict[str, Sensor]:
 
     A series becomes a sensor with its channel, times and noise; its values are not used.
 
-    **Raises:** `ValueError` for other types, and for a channel of an element that the scene lacks.
+    **Raises:** `ValueError` for other types, an empty dictionary, names that are not non-empty
+    texts, and for a channel of an element that the scene lacks.
     """
     by_name = sensors if isinstance(sensors, Mapping) else getattr(sensors, "series", {})
     remedy = 'pass for example {"probe": cj.Sensor(channel, times, noise)}'

@@ -39,7 +39,7 @@ class Parameter:
       coordinates, and derivatives are with respect to them.
     - `value`: first guess, SI; by default the value in the scene.
     - `unit`: text that labels the values and converts nothing; by default the SI unit of the number
-      in the scene.
+      in the scene. An `AbstractVariation` has its own unit instead.
 
     **Raises:** `ValueError` for a path that is not a function, and for a scale of another type.
 
@@ -81,7 +81,8 @@ class Parameter:
         """Return a parameter that is a number of the initial state.
 
         **Arguments:** `path`: function that selects the number in a `State`, such as
-        ``lambda state: state.bodies["arm"].spin[2]``. The others are as in `Parameter`.
+        ``lambda state: state.bodies["arm"].spin[2]``. The others, and the errors, are as in
+        `Parameter`.
         """
         return Parameter(StateNumber(path, unit), scale, value=value)
 
@@ -96,7 +97,9 @@ class Parameter:
         - `make`: function that receives the scene, the initial state and a value, and returns the
           changed pair (scene, state).
         - `value`: first guess, in `unit`; required, because the scene has no such number.
-        - `scale`, `unit`: as in `Parameter`.
+        - `scale`: as in `Parameter`. `unit`: text that labels the value.
+
+        **Raises:** `ValueError` if `make` is not a function, and for a scale of another type.
         """
         return Parameter(MadeByFunction(make, unit), scale, value=value)
 
@@ -117,6 +120,8 @@ class Parameter:
         initial state: leave out these samples by `Measurements.between`. A delay common to all
         series is identifiable only if the initial state is known, or if the motion depends on
         time itself, for example by a driver, and not only on the time since its start.
+
+        **Raises:** `ValueError` without names, and for a scale of another type.
 
         >>> delay = cj.Parameter.delay("probe x", "probe y")
         >>> delay.value

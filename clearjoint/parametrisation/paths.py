@@ -52,7 +52,8 @@ class Number:
 def numbers_at(tree: PyTree, path: NumberPath) -> list[Number]:
     """Return the locations of the numbers that a path selects in a scene or state.
 
-    **Raises:** `ValueError` if the path returns a computed value, an element, or nothing.
+    **Raises:** `ValueError` if the path names an unknown element or field, or if it returns a
+    computed value, an element, or nothing.
     """
     try:
         # The path runs on a tree whose leaves are their own locations, so that it returns
@@ -105,7 +106,8 @@ def set_value(tree: PyTree, path: NumberPath, value: Leaf) -> PyTree:
     Only the shape of the value is checked. The constructors' checks, such as that a mass is
     positive, are not repeated.
 
-    **Raises:** `ValueError` if the value has another shape than the number that it replaces.
+    **Raises:** `ValueError` if the path leads to no number, and if the value has another shape than
+    the number that it replaces.
 
     >>> scene, _ = cj.mechanisms.double_pendulum()
     >>> wider = cj.set_value(scene, lambda s: s.joints["shoulder"].clearance, 1e-3)
@@ -118,7 +120,8 @@ def set_value(tree: PyTree, path: NumberPath, value: Leaf) -> PyTree:
 def set_values(tree: PyTree, numbers: list[Number], value: Leaf) -> PyTree:
     """Return a copy of a scene or state with `value` at each of the locations `numbers`.
 
-    **Raises:** `ValueError` for a value of another shape than the number.
+    **Raises:** `ValueError` for a value of another shape than the number, and for a component that
+    the scene or state doesn't have.
     """
     leaves, structure = jax.tree.flatten(tree)
     value = as_number(value)
@@ -204,6 +207,7 @@ def _named_leaves(tree: PyTree, name: str, unit: str = "1") -> Iterator[tuple[st
 
     **Arguments:** `tree`: scene or state, or a part of it; `name`, `unit`: those of this part.
     """
+    # As in JAX, static fields are no leaves, and the entries of dictionaries are sorted by key.
     if isinstance(tree, eqx.Module):
         for field in fields(tree):
             if not field.metadata.get("static", False):

@@ -89,6 +89,8 @@ class Linear(AbstractScale):
 
     **Arguments:** `unit`: size of a typical change of the value, in the parameter's unit; positive.
 
+    **Raises:** `ValueError` for a `unit` that is not positive.
+
     >>> cj.Linear(unit=0.5).value(3.0)
     1.5
     """
@@ -104,7 +106,10 @@ class Linear(AbstractScale):
         return self.unit * coordinate
 
     def coordinate(self, value: Scalar | np.ndarray) -> float:
-        """Return value / unit."""
+        """Return value / unit.
+
+        **Raises:** `ValueError` unless the value is a single finite number.
+        """
         return _finite(value) / self.unit
 
     def uninformative_std(self, coordinate: float) -> float:
@@ -136,7 +141,7 @@ class Log(AbstractScale):
     def coordinate(self, value: Scalar | np.ndarray) -> float:
         """Return log(value).
 
-        **Raises:** `ValueError` for a value that is not positive.
+        **Raises:** `ValueError` for a value that is not a positive, finite number.
         """
         number = _finite(value)
         require(number > 0.0, "value", number, "positive", "take a Linear() scale")
@@ -155,7 +160,7 @@ class Bounded(AbstractScale):
 
     **Arguments:** `low`, `high`: bounds in the parameter's unit, which values only approach.
 
-    **Raises:** `ValueError` unless low < high.
+    **Raises:** `ValueError` unless both are single numbers and low < high.
 
     >>> scale = cj.Bounded(0.0, 1.0)
     >>> print(f"{scale.value(0.0):.2f}, {scale.value(5.0):.3f}")

@@ -63,6 +63,8 @@ class AbstractNumber(AbstractVariation):
     - `path`: function of the scene or state that returns the number.
     - `unit`: text that labels the value; ``None`` for the number's SI unit.
     - `example`: source of such a path, for error messages.
+
+    **Raises:** `ValueError` for a path that is not a function.
     """
 
     path: NumberPath
@@ -126,6 +128,8 @@ class MadeByFunction(AbstractVariation):
     """A value from which the function ``make(scene, state, value)`` makes the pair (scene, state).
 
     `unit`: text that labels the value.
+
+    **Raises:** `ValueError` for a `make` that is not a function.
     """
 
     make: Change

@@ -59,6 +59,8 @@ def journal_frames(
 
     **Returns:** the figure.
 
+    **Raises:** `ValueError` for the name of a joint without a journal.
+
     >>> figure = plot.journal_frames(observed, "shoulder", 0.5e-3, [0.0, 0.01, 0.02])
     """
     blocks = -(-len(instants) // columns)  # pairs of rows, rounded up
@@ -111,6 +113,8 @@ def animate_journal(
     - `section`: the two perpendicular unit vectors that are drawn to the right and upwards, by
       label, see `journal_frames`.
     - `frames_per_second`: number of frames that the animation shows in a second.
+
+    **Raises:** `ValueError` for the name of a joint without a journal.
 
     >>> plot.animate_journal(observed, "shoulder", 0.5e-3, "journal.gif", np.linspace(0, 0.02, 5))
     """
@@ -169,6 +173,8 @@ def _drawn(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the positions of one base in the pictures, and when it touches the wall, at the N
     observed times.
+
+    The arguments are those of `journal_frames`, and `base`: "V" or "W".
 
     **Returns:** centre of the base in the cross-section, (N, 2) in radii of the bearing, enlarged
     so that the clearance becomes `DRAWN_GAP`; mask (N,) of the times at which the base touches the

@@ -36,15 +36,16 @@ def energy_ledger(
     The upper axes show the kinetic energy, the potential energy of gravity relative to the first
     instant, the elastic energy (of springs, contacts, and bristles of friction laws), the energy
     dissipated since the start (by normal damping, friction, films, and the stabilisation of
-    constraints) and the work of drivers and loads since the start. The drift is the change since
-    the start of kinetic, potential, elastic and dissipated energy together, minus the work; it
-    would be zero for an exact integration. In a run without ``Settings(ledger=True)``, dissipated
-    energy and work are unknown: the lower axes then show the change of kinetic, potential and
-    elastic energy together.
+    constraints) and the work of drivers and loads since the start. Energies that the scene does not
+    have are left out. The drift is the change since the start of kinetic, potential, elastic and
+    dissipated energy together, minus the work; it would be zero for an exact integration. A title
+    gives its largest magnitude as a fraction of the largest change of a curve above. In a run
+    without ``Settings(ledger=True)``, dissipated energy and work are unknown: the lower axes then
+    show the change of kinetic, potential and elastic energy together.
 
     **Arguments:**
 
-    - `observation`: from `cj.observe`, of a run with `Settings(ledger=True)`.
+    - `observation`: from `cj.observe`, best of a run with ``Settings(ledger=True)``.
     - `window`: start and end of the drawn time, s; by default all observed times.
     - `axes`: array (2,) of the upper and the lower axes; new ones by default.
 

@@ -69,7 +69,7 @@ def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:
     the first row; in the second one the residuals, which are divided by the noise, with a grey band
     from -2 to 2, in which 95 % of them should lie.
 
-    **Raises:** `ValueError` for unknown names of series.
+    **Raises:** `ValueError` for unknown names of series, and for an empty list.
 
     >>> axes = plot.fitted(fit)
     """
@@ -155,7 +155,8 @@ def record_length(report: Identifiability, *, axes: Axes | None = None) -> Axes:
     parameters are estimated together. It is that of the parameter's coordinate, the value on its
     scale: for the scale `Log` the relative error, for `Linear` the error in multiples of the
     scale's `unit`. The line is thin and faint where the standard deviation exceeds `report.limits`,
-    above which an estimate carries no information.
+    above which an estimate carries no information; dotted horizontal lines show these limits. A
+    line begins at the length from which on the record determines the parameter at all.
 
     **Arguments:** `report`: from `cj.identifiability`; pass `report.of("probe")` to draw the
     accuracy by the sensor "probe" alone. `axes`: axes to draw on, new ones by default.

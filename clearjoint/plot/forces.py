@@ -1,8 +1,7 @@
 """Draw forces of contacts over time and over the penetration, and phases of the motion over time.
 
 The contacts of a revolute joint with clearance are at the journal's end circles, its bases "V" and
-"W". In all functions, `window` is the start and the end of the drawn time, s, by default all
-observed times; `axes` are the axes to draw on, by default new ones.
+"W".
 """
 
 import enum
@@ -45,6 +44,8 @@ def contact_and_reaction(
     - `observation`: from `cj.observe`, at instants that resolve the impact.
     - `contact`: name of the clearance joint and label of the contact, such as ("shoulder", "V").
     - `reaction`: name of the ideal joint and name of the body on which its force acts.
+    - `window`: start and end of the drawn time, s, by default all observed times; `axes`: axes to
+      draw on, by default new ones.
 
     **Returns:** the axes; time in ms or s, forces in N or kN. The legend gives the peaks.
 
@@ -93,6 +94,8 @@ def contact_forces(
     - `logarithmic`: whether the force axis is logarithmic; zero force is then not visible. By
       default it is logarithmic if one peak is so large that the other forces would be invisible on
       a linear axis.
+    - `window`: start and end of the drawn time, s, by default all observed times; `axes`: axes to
+      draw on, by default new ones.
 
     **Returns:** the axes; time in ms or s, force in N or kN.
 
@@ -116,7 +119,7 @@ def joint_forces(
     """Draw one curve over time for each joint with contacts: the largest of the normal forces of
     its contacts at each instant.
 
-    **Arguments:** `observation`, `logarithmic`: see `contact_forces`.
+    **Arguments:** `observation`, `logarithmic`, `window`, `axes`: see `contact_forces`.
 
     **Returns:** the axes; time in ms or s, force in N or kN.
 
@@ -213,6 +216,7 @@ def hysteresis(
       impacts.
     - `impacts`: impacts of one contact: ``solution.impacts.of(joint, contact)``.
     - `count`: number of impacts to draw, from the first one on.
+    - `axes`: axes to draw on, by default new ones.
 
     **Returns:** the axes; penetration with a suitable prefix of m, force in N or kN.
 
@@ -374,10 +378,12 @@ def motion_timeline(
     - `observation`: from `cj.observe`, at every accepted step or at instants that resolve the
       impacts.
     - `joints`: names of joints, from top to bottom; by default all with contacts.
+    - `window`: start and end of the drawn time, s, by default all observed times; `axes`: axes to
+      draw on, by default new ones.
 
     **Returns:** the axes; time in ms or s, a row for each joint.
 
-    **Raises:** `ValueError` for a scene without contacts.
+    **Raises:** `ValueError` for a scene without contacts, and for the name of a joint without them.
 
     >>> axes = plot.motion_timeline(observed)
     """

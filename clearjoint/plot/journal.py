@@ -1,9 +1,7 @@
 """Draw the eccentricities of a journal's bases over time and in the bearing's cross-section.
 
 The bases V and W are the two end circles of the journal. The eccentricity of a base is the distance
-of its centre from the bearing's axis; the base touches the wall where it exceeds the clearance. In
-all functions, `window` is the start and the end of the drawn time, s, by default all times; `axes`
-are the axes to draw on, by default new ones.
+of its centre from the bearing's axis; the base touches the wall where it exceeds the clearance.
 """
 
 from collections.abc import Mapping
@@ -65,6 +63,8 @@ def eccentricities(
     - `joint`: name of the clearance joint.
     - `clearance`: radial clearance, m, drawn as a horizontal line; above the line a base touches
       the wall. By default the clearance of the observed joint.
+    - `window`: start and end of the drawn time, s, by default all observed times; `axes`: axes to
+      draw on, by default new ones.
 
     **Returns:** the axes; time in ms or s, eccentricity in mm or µm.
 
@@ -117,6 +117,8 @@ def eccentricity_vectors(
 
     **Returns:** (N, 2) m: the components along the first and the second unit vector.
 
+    **Raises:** `ValueError` for an unknown joint or base.
+
     >>> plot.eccentricity_vectors(observed, "shoulder", "V").shape[1]
     2
     """
@@ -153,6 +155,8 @@ def journal_orbit(
     - `clearance`: radial clearance, m; by default the clearance of the observed joint.
     - `section`: the two unit vectors that are drawn to the right and upwards, by label, see
       `eccentricity_vectors`.
+    - `window`: start and end of the drawn time, s, by default all observed times; `axes`: axes to
+      draw on, by default new ones.
 
     **Returns:** the axes, of equal scale; eccentricities in mm, or in µm for a clearance below
     0.2 mm.
@@ -194,6 +198,8 @@ def orbit_in_contact(
 
     **Returns:** the axes, of equal scale; eccentricities in mm, or in µm for a clearance below
     0.2 mm.
+
+    **Raises:** `ValueError` for an unknown joint or base, and for a joint without a journal.
 
     >>> axes = plot.orbit_in_contact(observed, "shoulder", "V", 0.5e-3)
     """
@@ -239,6 +245,9 @@ def length_unit(clearance: float) -> tuple[float, str]:
 
 def observed_clearance(observation: Observation, joint: str) -> float:
     """Return the radial clearance of a joint, m: the eccentricity of a base less its penetration.
+
+    This difference varies if the bearing or the journal has a profile. The result is its median
+    over the observed times.
 
     **Raises:** `ValueError` for an unknown joint, and for a joint without a journal.
     """
@@ -287,6 +296,7 @@ def orbit(
     - `channels`: names of the two channels of this `Saved` that are drawn to the right and upwards,
       both in m, such as those of `quantities.JournalOffset`.
     - `window`: start and end of the drawn time, s; by default all saved times.
+    - `axes`: axes to draw on, by default new ones.
 
     **Returns:** the axes, of equal scale; offsets in mm, or in µm for a clearance below 0.2 mm. A
     dot marks the start.

@@ -53,6 +53,9 @@ def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
     """Convert data to the unit with the SI prefix that brings the largest value between 1 and 1000,
     and make the label of their axis.
 
+    Prefixes are from n to M, but metres, seconds and radians get neither k nor M. Units that are
+    not in `PREFIXED` stay as they are.
+
     **Arguments:**
 
     - `data`: any shape, with its SI unit in ``attrs["units"]``; without it, "1".
@@ -112,6 +115,9 @@ def fitting_unit(values: np.ndarray, unit: str) -> tuple[float, str]:
     """Choose the prefix that brings the largest of `values` (any shape, in the SI unit `unit`)
     between 1 and 1000; forces are in N if all are below 10 kN, else in kN.
 
+    Prefixes are from n to M, but metres, seconds and radians get neither k nor M. Units that are
+    not in `PREFIXED` stay as they are.
+
     **Returns:** the factor from the SI unit to the unit with prefix, and the latter's text.
     """
     if unit == "N":
@@ -149,7 +155,11 @@ def time_axis(
 
 def _prefixed(values: np.ndarray, unit: str) -> tuple[int, str]:
     """Return the power of ten of the prefix that brings the largest finite value between 1 and
-    1000, 0 for units without prefix, and the text of the unit with this prefix."""
+    1000, and the text of the unit with this prefix.
+
+    The power is 0 for units without prefix and if all values are zero. It is limited by `PREFIXES`
+    and `LARGEST`.
+    """
     text = unit.replace("^2", "²").replace("^3", "³")
     first = unit.split("/")[0]  # a prefix scales the numerator: mm/s for m/s
     largest = np.abs(values[np.isfinite(values)]).max(initial=0.0)

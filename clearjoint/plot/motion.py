@@ -1,8 +1,4 @@
-"""Draw motions of bodies, and curves over the angle of a shaft, for several runs in one figure.
-
-In all functions, `window` is the start and the end of the drawn time, s, by default all times;
-`axes` are the axes to draw on, by default new ones.
-"""
+"""Draw motions of bodies, and curves over the angle of a shaft, for several runs in one figure."""
 
 from collections.abc import Mapping
 
@@ -38,6 +34,8 @@ def position(
       legend; later curves cover earlier ones.
     - `body`: name of the body.
     - `component`: "X", "Y" or "Z" of the global frame.
+    - `window`: start and end of the drawn time, s, by default all times; `axes`: axes to draw on,
+      by default new ones.
 
     **Returns:** the axes; time in s, position in m.
 
@@ -72,6 +70,8 @@ def acceleration(
       missed.
     - `body`: name of the body.
     - `component`: "X", "Y" or "Z" of the global frame.
+    - `window`: start and end of the drawn time, s, by default all times; `axes`: axes to draw on,
+      by default new ones.
 
     **Returns:** the axes; time in s, acceleration in m/s^2.
 
@@ -109,6 +109,7 @@ def path(
     - `body`: name of the body.
     - `plane`: the two global coordinates, "X", "Y" or "Z", that are drawn to the right and upwards.
     - `window`: start and end of the drawn time, s; by default the whole trajectories.
+    - `axes`: axes to draw on, by default new ones.
 
     **Returns:** the axes, of equal scale; positions in m. A dot marks the start. No legend is
     drawn; `axes.legend()` adds one.
@@ -145,6 +146,7 @@ def over_angle(
       ones.
     - `quantity`: text of the vertical axis: name and unit of the values.
     - `shaft`: name of the shaft in the text of the horizontal axis.
+    - `axes`: axes to draw on, by default new ones.
 
     **Returns:** the axes; angle in degrees, ticks at quarter turns.
 

@@ -1,7 +1,7 @@
 """Draw polar bars and curves around a bearing: directions of contact, and wear.
 
 Bars are in equal sectors of the angle about the bearing's axis. The bases V and W are the two end
-circles of the journal. `axes` are polar axes to draw on, by default new ones.
+circles of the journal.
 """
 
 from typing import Literal
@@ -58,12 +58,12 @@ def contact_rose(
     - `section`: the two perpendicular unit vectors that are drawn to the right and upwards, by
       label, as {"X": (1, 0, 0), "Y": (0, 1, 0)} in global axes; by default the x and y axes of the
       bearing's frame.
-    - `axes`: polar axes.
+    - `axes`: polar axes to draw on, by default new ones.
 
     **Returns:** the axes; impulses with a suitable prefix of N s, forces in N or kN.
 
-    **Raises:** `ValueError` for a joint without a journal, an unknown weight, and axes that are not
-    polar.
+    **Raises:** `ValueError` for a joint without a journal, an unknown weight, a number of sectors
+    below 1, and axes that are not polar.
 
     >>> axes = plot.contact_rose(observed, "shoulder", weight="force")
     """
@@ -99,7 +99,10 @@ def _weights(
 ) -> np.ndarray:
     """Return the impulse, N s, or the largest normal force, N, of a base in each sector.
 
-    **Returns:** (sectors,), in the order of the angle of the eccentricity.
+    The arguments are those of `contact_rose`, and `base`: "V" or "W".
+
+    **Returns:** (sectors,), in the order of the angle of the eccentricity, from 0 to 2 pi; zero for
+    a sector without contact.
     """
     x, y = eccentricity_vectors(observation, joint, base, section).T
     turns = np.arctan2(y, x) / (2.0 * np.pi) % 1.0
@@ -123,7 +126,7 @@ def wear(lane: xr.Dataset, output: str, *, axes: Axes | None = None) -> PolarAxe
     - `lane`: one lane of a data set from `sweep` or `open_sweep`: ``dataset.isel(clearance=3)``.
     - `output`: name of an output of the sweep that is a `clearjoint.ArchardWear`, which computes
       the worn volume in each sector of the wall.
-    - `axes`: polar axes.
+    - `axes`: polar axes to draw on, by default new ones.
 
     **Returns:** the axes; angle from the x axis of the bearing's frame, volumes in mm³ or µm³.
 
@@ -159,11 +162,12 @@ def worn_profile(
     - `found`: result of `clearjoint.wear`; `joint`: name of the joint.
     - `part`: "bearing", whose wall is drawn, or "journal".
     - `curves`: number of curves, evenly spaced over the cycles, the last one black.
-    - `axes`: polar axes.
+    - `axes`: polar axes to draw on, by default new ones.
 
     **Returns:** the axes; angle from the x axis of the part's frame, depth in a suitable unit.
 
-    **Raises:** `ValueError` for unknown names, and axes that are not polar.
+    **Raises:** `ValueError` for unknown names, a number of curves below 1, and axes that are not
+    polar.
 
     >>> found = xr.Dataset(
     ...     {"bearing_depth": (("joint", "stage", "angle"), 1e-6 * np.ones((1, 2, 8)))},

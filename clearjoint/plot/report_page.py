@@ -111,7 +111,8 @@ def report(
 
     **Returns:** the figure, of size A4.
 
-    **Raises:** `ValueError` for another suffix, and for a solution without states.
+    **Raises:** `ValueError` for another suffix, for results that are not a `Solution`, for a
+    solution without states, and for a quantity without a unit.
 
     >>> save = cj.Saving(np.linspace(0, 0.5, 101))
     >>> solution = cj.simulate(scene, state, 0.5, save=save, progress=False)

@@ -152,8 +152,8 @@ def impact_rows(impacts: Impacts, most: int) -> list[Cells]:
     motion, share a row.
     """
     groups = _alike(impacts)
-    # Factor from the SI unit to that of the column, and format, for each column with a number.
     order = sorted(groups, key=lambda k: -impacts.peak_force[k])[:most]
+    # Factor from the SI unit to that of the column, and format, for each column with a number.
     columns = {
         "onset": (1e3, ".4f"),
         "duration": (1e6, ".1f"),
@@ -182,7 +182,8 @@ def _alike(impacts: Impacts) -> dict[int, list[str]]:
     impact in `impacts`.
     """
     groups: dict[int, list[str]] = {}
-    # In the order of the onsets, an impact can only belong to one of the latest groups.
+    # In the order of the onsets, an impact can only belong to one of the latest groups, in which
+    # its contact has no other impact.
     for k in np.lexsort((impacts.contact.astype(str), impacts.onset)):
         same = [
             j

@@ -1,7 +1,6 @@
 """Draw Poincaré sections of a run or a lane, and of all lanes of a sweep (bifurcation diagrams).
 
 A section records quantities, its channels, at each upward zero crossing of another quantity.
-`axes` are the axes to draw on, by default new ones.
 """
 
 from collections.abc import Sequence
@@ -39,6 +38,7 @@ def poincare_map(
 
     - `x`, `y`: (N,) coordinates of the points in the order of time, in any units.
     - `labels`: texts of the horizontal and the vertical axis, with units.
+    - `axes`: axes to draw on, by default new ones.
 
     **Returns:** the axes. Later points are darker; a colour bar gives their numbers from 1 on.
 
@@ -80,12 +80,13 @@ def poincare_section(
     - `after`: time, s; crossings before this time, such as those of the transient, are omitted.
     - `clearance`: radius of a circle to draw, m, for channels that are the `JournalOffset` of a
       joint with this clearance.
+    - `axes`: axes to draw on, by default new ones.
 
     **Returns:** the axes, with equal scales for channels of the same unit and similar size. Later
     points are darker; a colour bar gives their number.
 
     **Raises:** `ValueError` for unknown channels, a `clearance` with channels that are not lengths,
-    and if no crossing remains.
+    and if all crossings are earlier than `after`.
 
     >>> x, y = (cj.quantities.JournalOffset("shoulder", component) for component in "xy")
     >>> section = cj.Section(y, {"x": (x, "m"), "y": (y, "m")}, count=3)
@@ -122,10 +123,12 @@ def poincare_section_of_lane(
     - `channels`: names of the section's channels that are drawn to the right and upwards.
     - `after`: time, s; earlier crossings are omitted. `clearance`: radius of a circle to draw, m,
       see `plot.poincare_section`.
+    - `axes`: axes to draw on, by default new ones.
 
     **Returns:** the axes, see `plot.poincare_section`.
 
-    **Raises:** `ValueError` for unknown names, for several lanes, and if no crossing remains.
+    **Raises:** `ValueError` for unknown names, for several lanes, for a `clearance` with channels
+    that are not lengths, and if all crossings are earlier than `after`.
 
     >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
     >>> x, speed = cj.quantities.Position("ball", "x"), cj.quantities.Velocity("ball", "x")
@@ -164,8 +167,8 @@ def section_points(
     - `channels`, `units`: names and SI units of the two channels.
     - `after`, `clearance`, `axes`: see `poincare_section`.
 
-    **Raises:** `ValueError` for a `clearance` with channels that are not lengths, and if no
-    crossing is later than `after`.
+    **Raises:** `ValueError` for a `clearance` with channels that are not lengths, and if all
+    crossings are earlier than `after`.
     """
     times, lengths = np.asarray(times), set(units) == {"m"}
     kept = np.full(len(times), True) if after is None else times >= after
@@ -223,12 +226,13 @@ def bifurcation(
     - `axis`: name of the swept parameter to draw over; by default the only axis of the sweep.
     - `number`: whether colours show the numbers of the crossings, from 1 on, such as for a motion
       that decays.
+    - `axes`: axes to draw on, by default new ones.
 
     **Returns:** the axes. An axis is logarithmic if all its values are positive and the largest
     exceeds 12 times the smallest one; that of the parameter also if its values form a geometric
     series.
 
-    **Raises:** `ValueError` for unknown names.
+    **Raises:** `ValueError` for unknown names, and without `axis` for a sweep with several axes.
 
     >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
     >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")

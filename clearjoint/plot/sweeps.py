@@ -136,8 +136,9 @@ def against(
     exceeds 12 times the smallest one; that of the parameter also if its values form a geometric
     series.
 
-    **Raises:** `ValueError` for unknown names, for an output that is not one number for each value
-    of the parameter, and for axes with another unit.
+    **Raises:** `ValueError` for unknown names, without `axis` for a sweep with several axes, for an
+    output that is not one number for each value of the parameter, for a `median` below 1 or above
+    the number of finite values, and for axes with another unit.
 
     >>> drawn = plot.against(found, "speed")
     """
@@ -217,6 +218,7 @@ def parameter_map(
       each of them.
     - `variable`: name of the output.
     - `x`, `y`: names of the parameters that are drawn to the right and upwards.
+    - `axes`: axes to draw on, by default new ones.
 
     **Returns:** the axes. Colours and axes are logarithmic if all values are positive and the
     largest exceeds 12 times the smallest one; axes also if the values of the parameter form a
@@ -285,7 +287,9 @@ def convergence(
 
     **Returns:** the axes, both logarithmic.
 
-    **Raises:** `ValueError` for unknown names, and for fewer than two positive values to fit.
+    **Raises:** `ValueError` for unknown names, without `axis` for a sweep with several axes, for
+    fewer than two lanes to fit whose parameter and output are positive, and for axes with another
+    unit.
 
     >>> drawn = plot.convergence(found, "speed")
     """
@@ -318,7 +322,8 @@ def power_law_exponent(
     only axis of the sweep; `within`: smallest and largest parameter of the lanes that are fitted,
     by default all are.
 
-    **Raises:** `ValueError` for unknown names, and for fewer than two positive values.
+    **Raises:** `ValueError` for unknown names, without `axis` for a sweep with several axes, and
+    for fewer than two lanes to fit whose parameter and output are positive.
 
     >>> print(f"{plot.power_law_exponent(found, 'speed'):.3f}")  # 0.1 m times sqrt(k/m)
     0.500
@@ -331,7 +336,10 @@ def power_law_exponent(
 
 def _power_law(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     """Return exponent p and factor C of the power law C x^p that fits the logarithms of `y` (N,)
-    over those of `x` (N,) best, at the points where both are positive."""
+    over those of `x` (N,) best, at the points where both are positive.
+
+    **Raises:** `ValueError` for fewer than two such points.
+    """
     positive = (x > 0.0) & (y > 0.0)
     require(positive.sum() >= 2, "within", y, "with at least two positive values", "widen it")
     exponent, logarithm = np.polyfit(np.log(x[positive]), np.log(y[positive]), 1)

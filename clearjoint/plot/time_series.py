@@ -165,6 +165,8 @@ def phase_portrait(
     **Returns:** the axes, in units with suitable prefixes. A dot marks the start, a square the end.
     Angles continue beyond a full turn.
 
+    **Raises:** see `plot.series`.
+
     >>> save = cj.Saving(np.linspace(0, 0.5, 101))
     >>> solution = cj.simulate(scene, state, 0.5, save=save, progress=False)
     >>> axes = plot.phase_portrait(scene, solution, cj.quantities.Position("ball", "x"))
@@ -271,11 +273,13 @@ def spectrum(
       intervals of time. Vibrations above half the sampling rate, such as those of an impact, appear
       at wrong frequencies below it (aliasing).
     - `taper`: see `plot.amplitude_spectrum`.
+    - `axes`: axes to draw on, by default new ones.
 
     **Returns:** the axes; frequency in Hz or kHz, amplitude in the quantity's unit with a suitable
     prefix, on a logarithmic scale.
 
-    **Raises:** `ValueError` for times at unequal intervals.
+    **Raises:** `ValueError` for a solution without saved states, for fewer than four states or
+    states at unequal intervals of time, and for a quantity without a unit.
 
     >>> save = cj.Saving(np.linspace(0, 0.5, 101))
     >>> solution = cj.simulate(scene, state, 0.5, save=save, progress=False)

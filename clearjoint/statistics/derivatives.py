@@ -81,12 +81,12 @@ def statistics_derivatives(
     - `disturbance`, `seed`: of the starts, as in `ensemble`.
     - `confidence`: level of the intervals, between 0 and 1.
 
-    **Returns:** an `xarray.Dataset`. For each output "force", ``force_mean`` and
-    ``force_standard_error`` are scalars; ``force_derivative``,
+    **Returns:** an `xarray.Dataset`. For each output "force" with one number in each run (others
+    are left out), ``force_mean`` and ``force_standard_error`` are scalars; ``force_derivative``,
     ``force_derivative_standard_error``, ``force_derivative_low`` and ``force_derivative_high`` (the
     interval) are along "parameter". Derivatives are with respect to the nominal coordinates on the
-    parameters' scales: for `Log`, to the logarithm of the nominal value. ``failed`` counts the
-    failed runs, which are left out.
+    parameters' scales, named by the labels ``coordinate``: for `Log`, to the logarithm of the
+    nominal value. ``failed`` counts the failed runs, which are left out.
 
     **Raises:** `ValueError` for unsupported arguments, and if too few runs succeed.
 
@@ -238,12 +238,12 @@ def estimate(
     `_draws`; `values`: (runs,) the output, NaN where a run failed; `members`: number of independent
     draws, which come first; `normal`: (p,), whether the distribution of each parameter is normal.
 
-    **Raises:** `ValueError` if too few runs succeed.
+    **Raises:** `ValueError` if too few independent runs succeed for the regression, or fewer than
+    two pairs of runs.
     """
     count = draws.shape[1]
     derivatives, errors = np.zeros(count), np.zeros(count)
     usable = np.isfinite(values[:members])
-    # Rounded down, because an odd number of runs without failure is no error.
     needed, successful = _fewest_members(count), int(usable.sum())
     expected = f"so many that {needed} runs succeed ({successful} did)"
     require(successful >= needed, "members", members, expected, "run more, or find the failure")
@@ -251,6 +251,8 @@ def estimate(
     derivatives[normal], errors[normal] = slopes[normal], slope_errors[normal]
     first = members
     for k in np.flatnonzero(~normal):
+        # As many runs as independent draws; one less if their number is odd, because they are
+        # pairs.
         pairs = values[first : first + 2 * (members // 2)].reshape(-1, 2)
         # The ends of the distribution are at 1 and -1, a distance of 2.
         halves = 0.5 * (pairs[:, 0] - pairs[:, 1])

@@ -62,15 +62,15 @@ def ensemble(
       reductions and of other outputs with one number in each run.
     - `axes`: `Axis` by name; the points are all combinations of the values. By default there is one
       point, the scene and state as they are.
-    - `members`: number of runs at each point. More members of the same seed extend a stored
-      ensemble.
+    - `members`: number of runs at each point, 2 or more. More members of the same seed extend a
+      stored ensemble.
     - `disturbance`: m/s, root mean square speed that is added to the bodies; a spin counts by the
       speed at its body's radius of gyration.
     - `seed`: of the random directions. All points share the directions.
     - `quantiles`: levels between 0 and 1.
     - `exponents`: number of members from which the largest Lyapunov exponent is computed at each
-      point, 2 or more; 0 for none. Each member takes one more run, with derivatives; these runs are
-      made one after the other.
+      point, from 2 to `members`; 0 for none. Each of them takes one more run, with derivatives;
+      these runs are made one after the other, by `presets.derivatives` instead of `settings`.
 
     **Returns:** an `xarray.Dataset` along the axes. For each output "force":
 
@@ -79,14 +79,16 @@ def ensemble(
       deviation);
     - ``force_quantile`` and ``force_quantile_standard_error`` along "quantile".
 
-    ``failed`` counts the failed runs, which are left out of the statistics.
-    ``lyapunov_exponent``, 1/s, is the growth rate of a disturbance in the second half of the run,
-    on average over the members, and ``lyapunov_exponent_standard_error`` the standard error of this
-    average. The disturbance is a tangent: the derivative of the motion by the initial velocity, as
-    by `sensitivities`. Unlike the difference of two runs, it is exact across impacts, needs no
-    size, and does not stop growing when it is as large as the motion.
+    ``failed`` counts the failed runs, which are left out of the statistics. ``lyapunov_exponent``,
+    1/s, is the growth rate of a disturbance in the second half of the run, on average over the
+    members, and ``lyapunov_exponent_standard_error`` the standard error of this average; both are
+    NaN if fewer than two of these runs succeed. The disturbance is a tangent: the derivative of the
+    motion by the initial velocity, as by `sensitivities`. Unlike the difference of two runs, it is
+    exact across impacts, needs no size, and does not stop growing when it is as large as the
+    motion.
 
-    **Raises:** `ValueError` for unsupported arguments.
+    **Raises:** `ValueError` for unsupported arguments, such as an axis named "member" or
+    "quantile", which are dimensions of the result.
 
     >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
     >>> found = cj.ensemble(
@@ -236,7 +238,10 @@ def _statistics(
 def _quantile_errors(
     runs: Float[np.ndarray, "... members"], levels: Float[np.ndarray, " q"]
 ) -> Float[np.ndarray, "... q"]:
-    """Return the standard errors of the quantiles at given levels; failed runs are NaN."""
+    """Return the standard errors (..., q) of quantiles of `runs` (..., members) at q levels.
+
+    Failed runs, which are NaN, are left out; the errors are NaN where all runs failed.
+    """
     # The share of n members below the true quantile has a binomial distribution with the standard
     # deviation sqrt(p (1 - p)/n). Half the distance between the quantiles at the levels one
     # deviation below and above is therefore the standard error of a quantile.

@@ -184,6 +184,9 @@ def design(
 
     **Returns:** an `Axis` of `count` values by name.
 
+    **Raises:** `ValueError` for an unknown `method`, a `count` below 1, and numbers that are not
+    `Uncertain`.
+
     >>> tolerance = cj.Uncertain(lambda s: s.forces["spring"].stiffness, half_width=5.0)
     >>> axes = cj.design(scene, state, {"stiffness": tolerance}, 4, "latin hypercube")
     >>> bool((abs(axes["stiffness"].values - 100.0) <= 5.0).all())

@@ -35,7 +35,8 @@ class Arrows(NamedTuple):
     """Arrows of the forces in a view, and their scale.
 
     - `parts`: solids of the arrows.
-    - `scale`: length of the arrow of the largest force divided by that force, m/N.
+    - `scale`: length of the arrow of the largest force divided by that force, m/N, before the arrow
+      is cut; 1 without forces.
     - `cut`: force, N, above which all arrows have the same length; ``None`` if no force exceeds it.
     - `largest`: largest force, N.
     - `root`: whether lengths are proportional to the square root of forces.
@@ -118,6 +119,8 @@ def _contact_forces(
             continue
         for label, contact in family.items():
             normal = np.asarray(contact.normal)
+            # The normal points outwards from the bearing's axis; the wall pushes the journal, which
+            # is on the second body, inwards.
             force = -normal * np.asarray(contact.normal_force)[:, None]
             if contact.friction_force is not None:
                 force = force + np.asarray(contact.friction_force)

@@ -146,6 +146,7 @@ class Film:
             frameon=False,
             alignment="left",
         )
+        # A line of 30 characters of this size is as wide as the legend.
         notes = "\n".join(fill(literal(note), 30) for note in legend.notes)
         self.figure.text(0.02, 0.02, notes, ha="left", va="bottom", fontsize=8, color="#444444")
 

@@ -117,6 +117,7 @@ def coil(radius: float, wire: float, length: float, turns: int = 7) -> Mesh:
     # The wire has a hexagonal ring of vertices around each point, perpendicular to the path.
     corners = 2.0 * np.pi * np.arange(6) / 6
     rings = []
+    # Tangents are central differences; a repeated point at each end makes those there one-sided.
     padded = np.vstack([path[:1], path, path[-1:]])
     for point, tangent in zip(path, padded[2:] - padded[:-2], strict=True):
         frame = frame_about(tangent)
@@ -167,8 +168,9 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
 def given_mesh(argument: str, value: MeshLike) -> Mesh:
     """Convert a mesh that a user passes to a `Mesh`, and check it.
 
-    **Raises:** `ValueError`, with `argument` as the name of the argument, for a missing file, and
-    for arrays with wrong shapes, with faces of unknown vertices or with NaN.
+    **Raises:** `ValueError`, with `argument` as the name of the argument, for a missing file, for
+    an object of another type, and for arrays with wrong shapes, with faces of unknown vertices, or
+    with vertices that are not finite; `ImportError` for a file without the package trimesh.
     """
     remedy = "give a file that trimesh reads, a trimesh object, or (vertices in m, faces)"
     # A file becomes an object with triangles, and this a pair of arrays.
@@ -197,8 +199,8 @@ def frames(
     translation.
 
     **Arguments:** `axes`: (N, 3) unit vectors, the third columns of the rotations; `start`: (N, 3)
-    directions, whose parts perpendicular to the axes are along the first columns; by default
-    arbitrary ones.
+    directions that are not parallel to the axes, whose parts perpendicular to the axes are along
+    the first columns; by default arbitrary ones.
     """
     if start is None:  # the coordinate axis that is farthest from parallel
         start = np.eye(3)[np.argmin(np.abs(axes), axis=1)]
@@ -212,8 +214,8 @@ def frames(
 def frame_about(axis: ArrayLike, start: ArrayLike | None = None) -> Float[np.ndarray, "3 3"]:
     """Return a rotation matrix whose third column is along `axis`, (3,) of any length except zero.
 
-    **Arguments:** `start`: (3,), direction whose part perpendicular to the axis is along the first
-    column; by default an arbitrary one.
+    **Arguments:** `start`: (3,), direction that is not parallel to the axis, whose part
+    perpendicular to the axis is along the first column; by default an arbitrary one.
     """
     rows = np.asarray(axis, dtype=float)[None]
     near = None if start is None else np.asarray(start, dtype=float)[None]

@@ -95,6 +95,7 @@ def _drawable(part: DrawnPart, k3d):
         side="double",
         name=part.name,
     )
+    # k3d animates a property that is a dictionary by frame number; other properties are constant.
     matrices = part.poses.astype(np.float32)
     mesh.model_matrix = matrices[0]
     if len(matrices) > 1:

@@ -137,15 +137,16 @@ def equivalent_solid(body: Body) -> BodySolid:
         length = np.sqrt(max(12.0 * across / mass - 3.0 * radius**2, 0.0))
         third = frame_about(axes[:, equal[0]])
         return BodySolid(third, np.array([2.0 * radius, 2.0 * radius, length]), True)
-    # A box with the sides a, b, c has the moment m (b² + c²) / 12 about the axis along a. The sign
-    # makes the axes of `eigh` a right-handed frame.
+    # A box with the sides a, b, c has the moment m (b² + c²) / 12 about the axis along a. The sum
+    # of its moments less twice this one is m a² / 6. The sign makes the axes of `eigh` a
+    # right-handed frame.
     sides = np.sqrt(np.maximum(6.0 * (moments.sum() - 2.0 * moments), 0.0) / mass)
     return BodySolid(axes * np.sign(np.linalg.det(axes)), sides, False)
 
 
 def _size(scene: Scene, poses: BodyPoses, noted: SurveyingPen) -> float:
     """Return the diagonal of the box around joints and bodies in the first frame, m; 1 m if the box
-    is a point."""
+    is a point. The arguments are those of `proportions`."""
     points = [poses.point(marker.body, marker.point)[0] for marker in noted.markers]
     for name, body in scene.bodies.items():
         # Points that differ by rounding errors are one.
@@ -161,7 +162,7 @@ def _size(scene: Scene, poses: BodyPoses, noted: SurveyingPen) -> float:
 def _front(poses: BodyPoses, noted: SurveyingPen) -> tuple[np.ndarray, bool]:
     """Return the main direction of the joint axes in the first frame, (3,) unit vector in global
     axes, and whether the mechanism is planar. Without joint axes these are the global Z axis and
-    False."""
+    False. The arguments are those of `proportions`."""
     axes = [
         poses.direction(marker.body, marker.axis)[0]
         for marker in noted.markers
@@ -178,10 +179,11 @@ def _front(poses: BodyPoses, noted: SurveyingPen) -> tuple[np.ndarray, bool]:
 
 
 def _up(scene: Scene, front: np.ndarray, planar: bool) -> np.ndarray:
-    """Return the upward unit vector, (3,) in global axes: against gravity, or Y, or Z.
+    """Return the upward unit vector, (3,) in global axes: against gravity, or Y, or Z, or X.
 
-    For a planar mechanism, directions within 60 degrees of the line of sight `front` are passed
-    over, along which the viewer could not see them as upward.
+    The first of these is taken, but without gravity Y comes first. For a planar mechanism,
+    directions within 60 degrees of the line of sight `front` are passed over, because the viewer
+    could not see them as upward.
     """
     candidates = [] if scene.gravity is None else [-np.asarray(scene.gravity, dtype=float)]
     for candidate in (*candidates, np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])):
@@ -242,7 +244,7 @@ def camera(parts: Sequence[DrawnPart], proportions: Proportions, count: int) -> 
 
     **Arguments:** `parts`: drawn solids. Arrows of forces, which are recognised by their colours,
     do not belong to the mechanism: they must be in the picture, but not around its middle.
-    `count`: number of frames.
+    `proportions`: has the directions from which the mechanism is seen; `count`: number of frames.
     """
     # Coordinates below are to the right, upwards and to the viewer, m.
     instants = np.unique(np.linspace(0, count - 1, min(count, INSTANTS)).astype(int)).tolist()

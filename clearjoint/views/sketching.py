@@ -73,8 +73,9 @@ def drawn_journal(
     The positions of its ends across the bearing's axis are the true ones times the scale of
     clearances. Along the axis, their distance is the true length times the scale of bearings.
 
-    **Arguments:** `bearing`, `journal`: centre and axis of each on its body; `radius`: drawn radius
-    of the journal, m; `length`: true length of the journal, m; `sizes`: has both scales.
+    **Arguments:** `poses`: poses of the bodies in each frame; `bearing`, `journal`: centre and axis
+    of each on its body; `radius`: drawn radius of the journal, m; `length`: true length of the
+    journal, m; `sizes`: has both scales.
     """
     axis = poses.direction(bearing.body, bearing.along())
     journal_axis = poses.direction(journal.body, journal.along())
@@ -179,6 +180,8 @@ class SketchingPen(AbstractPen):
         bar, axis = self._bar, rail.along()
         low, high = self._range(rail, block, axis)
         middle = np.asarray(rail.point) + axis * (0.5 * (low + high))
+        # The rail is longer than the motion by four radii of a bar at both ends, so that it is seen
+        # on both sides of the block.
         self._fix(
             Marker(rail.body, middle, axis), meshes.cylinder(0.4 * bar, high - low + 8.0 * bar)
         )

@@ -59,7 +59,8 @@ class View:
       its `notes`.
     - `clearance_scale`, `bearing_scale`: drawn size divided by true size of clearances and of
       bearings.
-    - `force_scale`: length of the arrow of the largest force divided by that force, m/N.
+    - `force_scale`: length of the arrow of the largest force divided by that force, m/N, before the
+      arrow is cut to 0.3 times the size of the mechanism; 1 without forces.
 
     >>> four_bar = cj.view(*cj.mechanisms.four_bar(), title="four-bar", clearance_scale=50.0)
     >>> four_bar
@@ -86,7 +87,8 @@ class View:
         """Write the view to a file: ".html" for an interactive page, ".gif" or ".mp4" for an
         animation (MP4 needs ffmpeg), ".png", ".pdf" or ".svg" for a picture.
 
-        **Arguments:** `time`: s; a picture shows the nearest frame, by default the first one.
+        **Arguments:** `time`: s; a picture shows the nearest frame, by default the first one. Pages
+        and animations show all times.
 
         **Returns:** the path of the file.
 
@@ -195,8 +197,9 @@ def view(
 
     **Returns:** a `View`.
 
-    **Raises:** `ValueError` for a solution without states, bodies that the scene does not have,
-    and meshes or scales that can't be drawn; `ImportError` without the extra `view` (k3d, trimesh).
+    **Raises:** `ValueError` for a solution without states, bodies that the scene does not have, an
+    observation of other instants, a number of frames below 1, and meshes or scales that can't be
+    drawn; `ImportError` without the extra `view` (k3d, trimesh).
     """
     require_count("frames", frames, "give a number of frames")
     if force_scale is not None:
@@ -228,6 +231,9 @@ def _poses(
     (None if forces are not drawn), and notes for the legend.
 
     The arguments are those of `view`.
+
+    **Raises:** `ValueError` for a motion without states, of other bodies or with arrays of wrong
+    shapes, and for an observation of other instants.
     """
     if motion is None:
         state, fits = initial_state(scene)
@@ -289,6 +295,8 @@ def _trajectory(motion: Solution | NonsmoothSolution | Trajectory) -> Trajectory
 def _given(scene: Scene, meshes: Mapping[str, MeshLike], sizes: Proportions) -> dict[str, Mesh]:
     """Return the meshes of bodies that the user of `view` passes, in m in body axes, by body.
 
+    **Arguments:** `sizes`: has the size of the mechanism.
+
     **Raises:** `ValueError` for an unknown body, an invalid mesh, and a mesh whose size differs
     from the mechanism's by more than a factor `ODD_SIZE`, as it does in mm.
     """
@@ -319,7 +327,11 @@ def _entries(scene: Scene, modes: list[MotionMode], force_arrows: Arrows) -> lis
 
 
 def _notes(has_clearance: bool, sizes: Proportions, force_arrows: Arrows) -> list[str]:
-    """Return the lines of the legend that state the scales of clearances, bearings and arrows."""
+    """Return the lines of the legend that state the scales of clearances, bearings and arrows.
+
+    **Arguments:** `has_clearance`: whether the scene has bearings, without which their scales are
+    not stated.
+    """
     notes = []
     if has_clearance:
         notes.append(f"clearances enlarged {sizes.clearance_scale:g} ×")
@@ -337,7 +349,10 @@ def _notes(has_clearance: bool, sizes: Proportions, force_arrows: Arrows) -> lis
 
 def _missed(motion: Viewable | None, observed: Observation | None) -> list[str]:
     """Return a note on the largest force of all impacts if it acts between two frames and exceeds
-    the forces of all frames; else no note."""
+    the forces of all frames; else no note.
+
+    **Arguments:** `motion`: as in `view`; `observed`: its observation in all frames, or ``None``.
+    """
     impacts = motion.impacts if isinstance(motion, Solution) else None
     if observed is None or impacts is None or not len(impacts):
         return []

@@ -37,8 +37,9 @@ class LaneMargins:
     """Margins log(limit / peak) at n values of the parameter; negative where a limit is violated.
 
     - `coordinates`: (n,) rising coordinates of the values on the parameter's scale.
-    - `margins`: (n,) the smallest margin of all outputs, -inf where a run fails; with draws, that
-      of the quantile of the peaks over the draws.
+    - `margins`: (n,) the smallest margin of all outputs; with draws, that of the quantile of the
+      peaks over the draws. A failed run counts as an infinite peak, with the margin -inf. The
+      margin is +inf for a peak of zero or less, and NaN, a violation, for a peak that is NaN.
     - `low`, `high`: (n,) ends of the margins' 95 % confidence intervals; equal to `margins` without
       draws.
     - `peak`: text for an error message on the output with the smallest margin at the first
@@ -83,6 +84,8 @@ class LaneMargins:
         gap = self.gap()
         count = len(self.coordinates) - 1 if gap is None else gap[1]
         ends = self.margins[: count + 1]
+        # The infinite margin of a failed run or of a zero peak tells nothing about the rate at
+        # which the margin changes.
         changes = np.nan_to_num(np.abs(np.diff(ends)), posinf=0.0)
         around = np.pad(changes, NEIGHBOURS)
         largest_change = sliding_window_view(around, 2 * NEIGHBOURS + 1).max(axis=1)
@@ -95,8 +98,9 @@ class LaneMargins:
         """Return whether the margins only fall as the coordinate rises.
 
         A rise counts only if the lower end of a confidence interval exceeds the upper end of an
-        earlier one by more than `tolerance`. If the margins only fall, no violation is hidden
-        between two values that satisfy the limits.
+        earlier one by more than `tolerance`, a difference of logarithms and thus a relative change
+        of the peak. Margins that are NaN are left out. If the margins only fall, no violation is
+        hidden between two values that satisfy the limits.
         """
         known = ~np.isnan(self.margins)
         least = np.minimum.accumulate(np.where(known, self.high, np.inf))
@@ -137,6 +141,7 @@ def lane_margins(
         rows[name] = limit_margins(peaks, limit, quantile)
     # Each of the three is the smallest of all outputs.
     margins, low, high = np.min(np.array([*rows.values()]), axis=0)
+    # For the message about a limit that is violated from the first value on.
     smallest = min(rows, key=lambda name: float(rows[name][0][0]))
     first = float(rows[smallest][0][0])
     peak = "the run with this value fails"
@@ -162,7 +167,7 @@ def limit_margins(
     draws, 0 to 1.
 
     **Returns:** margins, lower ends and upper ends, (n,) each. The lower end is -inf if there are
-    too few draws for it.
+    too few draws for it. Both ends equal the margin for a single draw, and for the quantile 1.
     """
     from scipy.stats import binom
 
@@ -172,6 +177,7 @@ def limit_margins(
     # which must not raise the number to 56.
     middle = max(math.ceil(quantile * count - 1e-9), 1)
     below = above = middle
+    # The quantile 1 means that all these draws must satisfy the limit: their largest peak is exact.
     if count > 1 and quantile < 1.0:
         below = max(int(binom.ppf(tail, count, quantile)), 1)
         above = int(binom.ppf(1.0 - tail, count, quantile)) + 1

@@ -50,6 +50,7 @@ class LargestFeasible:
       exceeded.
     - `interval`: interval in which the first violation begins: the last value that satisfies the
       limits and the first that does not; with a quantile of draws, its 95 % confidence interval.
+      Both ends are `value` if no limit is exceeded.
     - `met`: whether a limit was reached within the range.
     - `monotone`: whether all computed margins fall with the parameter. If not, larger values may
       satisfy the limits again, and a violation narrower than `spacing` may have been missed.
@@ -58,7 +59,8 @@ class LargestFeasible:
     - `spacing`: largest distance between neighbouring values up to the first violation, relative to
       the larger neighbour.
     - `values`: (n,) all computed values, in `unit`.
-    - `margins`: (n,) margin of each value, -inf if the run failed.
+    - `margins`: (n,) margin of each value. A failed run, or a peak that is NaN, has the margin
+      -inf, and a peak of zero or less +inf.
 
     >>> speed, between = cj.quantities.Velocity("ball"), (100.0, 1000.0)  # 0.1 sqrt(k / m)
     >>> largest = cj.largest_feasible(
@@ -155,13 +157,15 @@ def largest_feasible(
       scale.
     - `quantity`: a scalar function of an `Instant`, whose peak is limited, or a reduction with one
       result, such as `ImpactCount`; or several by name.
-    - `limit`: largest allowed value, positive, in SI; for several quantities by name.
+    - `limit`: largest allowed value, positive, in SI; for several quantities by name, one for each.
     - `settings`: settings of the integration; by default `clearjoint.presets.derivatives`.
     - `between`: smallest and largest value considered; the smallest must satisfy the limits.
-    - `after`: s, time after which peaks count, to exclude a transient.
+    - `after`: s, time after which peaks of quantities count, to exclude a transient. Reductions
+      have times of their own.
     - `draws`: random numbers, such as the phase at the start: axes by name, of equal length, whose
-      i-th values form the i-th draw. `quantile`: share of the draws that must satisfy the limits.
-    - `lanes`: number of values in a row.
+      i-th values form the i-th draw. `quantile`: share of the draws that must satisfy the limits,
+      from 0 to 1.
+    - `lanes`: number of values in a row, at least 3.
     - `tolerance`: relative tolerance of the value.
     - `progress`: whether to show a bar while lanes run.
 
@@ -197,6 +201,8 @@ def largest_feasible(
 @dataclass(frozen=True)
 class _Search:
     """Search for the first violation by sweeps, each over a row of values of the parameter.
+
+    The argument `lanes` of methods has the margins of all values that have been computed so far.
 
     - `margins`: function that runs a sweep at rising coordinates (n,) and returns their margins.
     - `lanes`: number of values in a row.
@@ -252,6 +258,7 @@ class _Search:
             doubtful = lanes.doubtful() & (self._widths(lanes) > self.tolerance)
             if lanes.falls(self.tolerance) or not doubtful.any():
                 break
+            # Only doubtful intervals are divided.
             widths = np.where(doubtful, np.diff(lanes.coordinates), 0.0)
             parts = np.ones(len(widths), int)
             for _ in range(self.lanes):  # Each lane divides the interval with the widest parts.
@@ -264,10 +271,7 @@ class _Search:
         return lanes
 
     def _result(self, lanes: LaneMargins, value: float, unit: str) -> LargestFeasible:
-        """Return the result of the search: its answer `value`, in `unit`, and what the margins say.
-
-        **Arguments:** `lanes`: the margins of all computed values.
-        """
+        """Return the result of the search: `value`, in `unit`, and properties of all margins."""
         # Without a violation, `first` is the last index, so that the spacing is over all values.
         met = lanes.gap() is not None
         last_pass = int(np.flatnonzero(lanes.margins >= 0.0)[-1])
@@ -289,7 +293,9 @@ class _Search:
         """Return the two values between which the first violation begins.
 
         With draws these are the ends of a 95 % confidence interval: the last value before any
-        violation is possible by the margins' intervals, and the first at which it is certain.
+        violation is possible by the margins' intervals, and the first at which it is certain. If a
+        violation is possible from the smallest value on, the interval begins there; if it is
+        certain nowhere, the interval ends at the largest computed value.
         """
         possible = np.flatnonzero(~(lanes.low >= 0.0))
         certain = np.flatnonzero(~(lanes.high >= 0.0))

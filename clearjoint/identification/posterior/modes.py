@@ -4,7 +4,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 RISE = 3.84
-"""Smallest rise of chi squared between two minima that count as separate."""
+"""Smallest rise of chi squared between two minima that count as separate: the rise at the ends of a
+95 % interval of one parameter."""
 NEAREST = 10
 """Smallest number of nearest points that are the neighbours of a point."""
 SMALLEST = 0.01
@@ -36,7 +37,7 @@ def modes(
     neighbour |= neighbour.T  # Two points are neighbours if either is near the other.
     group = np.full(number, -1)  # Index of the lowest point of each point's group.
     for point in np.argsort(values, kind="stable"):
-        # Groups of the neighbours with a lower chi squared; the others have none yet, index -1.
+        # Groups of the neighbours with a lower chi squared; the others have no group yet, index -1.
         around = {int(one) for one in group[neighbour[point]] if one >= 0}
         if not around:
             group[point] = point
@@ -48,6 +49,7 @@ def modes(
                 group[group == other] = lowest
     # Groups with few points join the group of the nearest point in a large one. The largest group
     # is large even if all are small.
+    # Some versions of NumPy return the inverse of `unique` as a column, hence `ravel`.
     sizes = np.bincount(group[copies.ravel()], minlength=number)
     large = sizes >= min(SMALLEST * len(points), sizes.max())
     for small in np.flatnonzero((sizes > 0) & ~large):
@@ -65,7 +67,8 @@ def modes(
 
 
 def _distances(points: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n n"]:
-    """Return distances between points (n, p), with coordinates in their standard deviations."""
+    """Return distances (n, n) between points (n, p), with coordinates in their standard
+    deviations."""
     sizes = points.std(axis=0)
     scaled = points / np.where(sizes > 0.0, sizes, 1.0)
     return np.linalg.norm(scaled[:, None] - scaled, axis=2)

@@ -59,20 +59,23 @@ def posterior(
     - `scene`, `state`, `measurements`, `parameters`, `start_time` s: as in `identify`.
     - `settings`: by default `clearjoint.presets.identification`. Runs have no derivatives.
     - `guess`: values at the centre of the box, by name; by default those in the scene.
-    - `spread`: half the width of the box, in the coordinates of the scales (on a `Log` scale, 1 is
-      a factor of e in both directions): one number, or a number for each parameter by name.
+    - `spread`: half the width of the box, positive, in the coordinates of the scales (on a `Log`
+      scale, 1 is a factor of e in both directions): one number, or a number for each parameter by
+      name.
     - `log_prior`: logarithm of the prior density of the coordinates in the box, up to a constant: a
       function of the values by name, (n,) each, that returns (n,). By default the prior is uniform.
     - `number`: number of points, at least 32. With three parameters, about a hundred runs are
       needed for each point; 100 points give intervals that are too narrow where the region is thin
       and curved.
-    - `seed`: seed of the random numbers. Equal seeds give equal bits, for any number of threads.
+    - `seed`: seed of the random numbers, a whole number from 0. Equal seeds give equal bits, for
+      any number of threads.
     - `progress`: whether to show a line.
 
     **Returns:** a `clearjoint.results.Posterior`. A run that fails, or whose prediction is 1e6
     standard deviations off a sample, has the likelihood zero, and is counted in `failed`.
 
-    **Raises:** `ValueError` for unsupported arguments, and if all runs fail.
+    **Raises:** `ValueError` for unsupported arguments, and if all points are impossible: their runs
+    fail, or their prior is zero.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-3)
     >>> found = cj.posterior(
@@ -196,7 +199,7 @@ class TooManyRunsError(ArithmeticError):
 
 @dataclass
 class _Lanes:
-    """Chi squared of points by runs as lanes, which counts the runs.
+    """Computes chi squared of points by runs as lanes, and counts the runs.
 
     - `side_by_side`: the runs, and the samples with which they are compared.
     - `most_runs`: largest number of runs that are made.
@@ -232,7 +235,7 @@ def _prior(
 
     Points are coordinates; the user's function `log_prior` receives values by name instead. Without
     it, the prior is uniform. The function raises a `ValueError` if the user's function returns
-    another shape, NaN or infinity.
+    another shape, NaN or +infinity; -infinity is a density of zero.
     """
 
     def logarithms(points: np.ndarray) -> np.ndarray:

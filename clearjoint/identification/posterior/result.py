@@ -145,8 +145,8 @@ class Posterior(AbstractTabular):
         """Return an `xarray.Dataset` with mean, standard deviation and interval of each parameter.
 
         `mean` and `standard_deviation` are along "parameter", and the 95 % `interval` along
-        (parameter, bound), in the `unit` of each parameter. Evidence and numbers of runs are
-        attributes.
+        (parameter, bound), in the `unit` of each parameter. Attributes are `log_evidence`,
+        `log_evidence_error`, `effective_sample_size`, `runs`, `failed` and `seed`.
         """
         names, along = [*self.parameters], ("parameter",)
         variables = {
@@ -165,9 +165,9 @@ class Posterior(AbstractTabular):
         """Return the points as an `arviz.InferenceData` with one chain.
 
         ArviZ must be installed (``pip install 'clearjoint[arviz]'``). The group `posterior` has the
-        values of the parameters, `log_likelihood` that of the whole record, `sample_stats` the
-        number of each point's `mode`. Evidence, numbers of runs and the seed are attributes of the
-        group `posterior`.
+        values of the parameters, `log_likelihood` that of the whole record, by the name "record",
+        and `sample_stats` the number of each point's `mode`. The attributes of `to_xarray`, and the
+        `weights` of the modes, are attributes of the group `posterior`.
         """
         import arviz
 

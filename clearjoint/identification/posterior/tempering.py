@@ -96,11 +96,11 @@ class Cloud:
     log_priors: Float[np.ndarray, " n"]
 
     def taken(self, indices: np.ndarray) -> "Cloud":
-        """Return the points of the given indices, which may repeat."""
+        """Return a cloud of the points with the given indices (m,), which may repeat."""
         return Cloud(self.points[indices], self.curves[indices], self.log_priors[indices])
 
     def where(self, mask: np.ndarray, others: "Cloud") -> "Cloud":
-        """Return these points, with those of `others` where the mask (n,) is true."""
+        """Return these n points, with those of `others`, as many, where the mask (n,) is true."""
         wide = mask[:, None]
         return Cloud(
             np.where(wide, others.points, self.points),
@@ -149,6 +149,8 @@ def draw(
     # Number of times over which the points have been run, and number of times in the likelihood.
     ahead, reached, steps = 1, 0.0, 0
     cloud = evaluated(target, points, ahead)
+    # The points fill the box evenly. Resampled by the prior density, they are distributed as the
+    # prior.
     prior, _ = normalised(cloud.log_priors)
     cloud = cloud.taken(resampled(prior, generator))
     while True:
@@ -381,7 +383,8 @@ def bridge(
     at_draws = np.where(inside, logarithms, -np.inf)
     at_points = half.log_priors - 0.5 * half.curves[:, -1] - mixture.log_density(half.points)
     # With the right integral the means of `forward` and `backward` are equal. Each iteration
-    # multiplies the integral by their ratio.
+    # multiplies the integral by their ratio; all numbers here are logarithms. The small constants
+    # prevent divisions by zero if the mixture hardly overlaps the posterior.
     integral = float(np.median(at_points))
     for _ in range(BRIDGES):
         forward, backward = expit(at_draws - integral), expit(integral - at_points)
@@ -389,7 +392,7 @@ def bridge(
         integral += change
         if abs(change) < 1e-9:
             break
-    # Copies that resampling has made are no independent points.
+    # The error is that of both means. Copies that resampling has made are no independent points.
     copies = np.unique(half.points, axis=0, return_counts=True)[1]
     independent = n**2 / (copies**2).sum()
     variance = forward.var() / (n * max(forward.mean(), 1e-300) ** 2)

@@ -65,7 +65,7 @@ def apart(points: Float[np.ndarray, "n p"], number: int) -> Int[np.ndarray, " k"
     """Return indices (k,) of at most `number` points that are far apart, beginning with the first.
 
     The next point is always the one whose distance from the nearest point chosen before is largest.
-    Distances are in standard deviations of all points (n, p), along their principal axes.
+    Distances are in standard deviations of all points (n, p), n > 1, along their principal axes.
     """
     distances = _distances(points)
     chosen = [0]
@@ -87,7 +87,8 @@ def among(
     point's `neighbours` nearest points, so that new points follow a curved or disconnected region.
     New points beyond the `bounds`, low (p,) and high (p,), are reflected at them.
 
-    **Arguments:** `number`: number of new points; `neighbours`: including the point itself.
+    **Arguments:** `points`: two or more; `number`: number of new points; `neighbours`: number of
+    neighbours including the point itself, two or more.
     """
     neighbours = min(neighbours, len(points))
     near = np.argsort(_distances(points), axis=1)[:, :neighbours]

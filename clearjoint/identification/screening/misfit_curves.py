@@ -73,7 +73,7 @@ class SideBySide:
 
         **Arguments:** `coordinates`: (n, p) coordinates of the parameters in each run; `count`:
         number of times after which runs end; `smoothing`: number of times over which residuals are
-        averaged, 1 for none.
+        averaged, each with those before it, 1 for none.
         """
         curves = np.zeros((len(coordinates), count + 1))
         waiting: dict[int, np.ndarray] = {}
@@ -205,8 +205,8 @@ class SideBySide:
 
     @cached_property
     def _common(self) -> Common:
-        """Data that all lanes share: the method, the outputs, and what does not depend on the
-        parameters."""
+        """Data that all lanes share: the method, the outputs, and the part of the scene that is
+        independent of the parameters."""
         runs = self.runs
         plan = Plan(runs.scheme, {}, {}, True, runs.max_steps)
         folded_scene = fold_constants(runs.family.base[0], self._varied)

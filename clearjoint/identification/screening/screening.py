@@ -42,7 +42,8 @@ NEIGHBOURS = 2
 """Number of neighbours of a point, relative to p + 1, whose covariance is used to draw new points
 around it. A covariance of p parameters needs at least p + 1 points."""
 EIGHTH = 8
-"""Denominator of the fraction of the record over which the first round runs, 1/8."""
+"""Denominator of the fraction of the record over which the first round runs, 1/8: most points of
+the box fit only an early part. The runs are repeated over more of the record if it is too short."""
 
 
 @dataclass(frozen=True)
@@ -70,8 +71,9 @@ class Screening:
       noise doesn't explain the chi squared of the best search.
     - `seed`: seed of the random numbers.
 
-    **Raises:** `ValueError` for numbers below 1, a `spread` that is not positive, and a `keep` that
-    doesn't fit `finish` and `number`.
+    **Raises:** `ValueError` for a `number`, `finish`, `rounds`, `smoothing` or `passes` below 1,
+    for a `spread` that is not positive, and for a `keep` below 5 or `finish`, or above 4 times
+    `number`.
 
     >>> cj.Screening(number=80, spread={"clearance": 0.5}).finish
     4
@@ -144,6 +146,8 @@ def screen(
     they are compared; `centre`: (p,) coordinates of the guess; `names`: names of the p parameters;
     `number`: number of the pass, from 0, which changes the random numbers; `progress`: whether to
     show a line.
+
+    **Raises:** `ValueError` for a name in the `spread` of `screening` that is none of `names`.
     """
     from scipy.special import chdtri
     from scipy.stats import qmc
@@ -177,7 +181,8 @@ def screen(
             if count >= ahead:
                 ahead = min(lanes.count, ahead + ahead // 2 + 1)
                 continue
-            # Hardly any new point will fit more of the record than the best present ones.
+            # Hardly any new point will fit more of the record than the best present ones. The
+            # fraction is rounded up, and one time more shows where their fit ends.
             ahead = min(lanes.count, int(reached(curves, FEW, excess)) + 2)
             bounds = centre - spread, centre + spread
             new = among(kept, screening.number, NEIGHBOURS * (len(centre) + 1), bounds, generator)
