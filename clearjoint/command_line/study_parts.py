@@ -102,10 +102,11 @@ class AxisPart:
 
     def __post_init__(self) -> None:
         require_count("count", self.count, "give a number of values")
-        has_ends = self.start is not None and self.stop is not None
+        ends = [end for end in (self.start, self.stop) if end is not None]
         given = {"values": self.values, "start": self.start, "stop": self.stop}
         expected = "either `values`, or `start` and `stop`"
-        require((self.values is None) == has_ends, "values", given, expected, "give one")
+        fine = len(ends) == (2 if self.values is None else 0)
+        require(fine, "values", given, expected, "give one")
         if self.values is not None:
             is_row = isinstance(self.values, tuple | list) and len(self.values) > 0
             require(is_row, "values", self.values, "a list of values", "write [0.1, 0.2], say")

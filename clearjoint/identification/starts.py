@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from ..fields.checks import as_number, recheck, require, require_count
+from ..fields.checks import as_number, recheck, require, require_count, require_positive
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter
@@ -29,7 +29,8 @@ class Starts:
       within this distance.
     - `seed`: seed of the random numbers.
 
-    **Raises:** `ValueError` for a `number` below 1.
+    **Raises:** `ValueError` for a `number` below 1, and for a `spread` that is negative or not
+    finite.
 
     >>> cj.Starts(4, spread=0.5)
     Starts(number=4, spread=0.5, seed=0)
@@ -41,6 +42,10 @@ class Starts:
 
     def __post_init__(self) -> None:
         require_count("number", self.number, "ask for one start at least")
+        spreads = self.spread if isinstance(self.spread, Mapping) else {"": self.spread}
+        for name, spread in spreads.items():
+            argument = f"spread[{name!r}]" if name else "spread"
+            require_positive(argument, spread, "give a distance in coordinates", zero=True)
 
     def around(
         self, first: Float[np.ndarray, " p"], names: Sequence[str]

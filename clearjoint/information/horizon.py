@@ -246,6 +246,13 @@ def fit_horizon(
     times, points, contacts = times_of(by_name), growth.points(scene), growth.penetrations(scene)
     outputs = outputs_of(by_name) | points | contacts
     disturbance = {growth.DISTURBANCE: growth.disturbance(scene)}
+    # These names are used beside the user's.
+    for argument, given, own in (
+        ("parameters", parameters, disturbance),
+        ("sensors", outputs_of(by_name), points | contacts),
+    ):
+        taken = sorted(set(given) & set(own))
+        require(not taken, argument, taken, "of other names, which are used here", "rename them")
 
     def run_at(coordinates: np.ndarray, settings: Settings, throw: bool = True) -> Sensitivities:
         """Run the scene at coordinates (p,) of the parameters.

@@ -155,9 +155,9 @@ def over_angle(
     """
     axes = axes_or_new(axes)
     draw_lines(axes, ((label, np.degrees(x), y) for label, (x, y) in curves.items()), 1.4)
-    ends = [angle for angles, _ in curves.values() for angle in (angles[0], angles[-1])]
-    if ends:
-        axes.set_xlim(np.degrees(min(ends)), np.degrees(max(ends)))
+    if curves:
+        ends = np.degrees([(np.min(angles), np.max(angles)) for angles, _ in curves.values()])
+        axes.set_xlim(ends.min(), ends.max())
     axes.xaxis.set_major_locator(MultipleLocator(90.0))
     return dress(axes, f"{shaft} angle, °", quantity)
 

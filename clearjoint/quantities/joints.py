@@ -146,8 +146,8 @@ class EntrySpeed(AbstractContactQuantity):
     """Entry speed of the current contact, m/s; zero while the surfaces are apart.
 
     It is the rate of the penetration at the onset of the contact. It exists only for contacts whose
-    law uses the entry speed; for others a run raises a ``KeyError``. A contact that had begun
-    before the start of the run has an unknown entry speed, for which 1e9 m/s is returned.
+    law uses the entry speed. A contact that had begun before the start of the run has an unknown
+    entry speed, for which 1e9 m/s is returned.
 
     **Arguments:** `joint`: name of the joint. `contact`: label of the contact, such as "V".
 
@@ -156,6 +156,16 @@ class EntrySpeed(AbstractContactQuantity):
     """
 
     unit: ClassVar[str | None] = "m/s"
+
+    def check(self, scene: Scene) -> None:
+        """Check that the scene has the contact, and that its law uses the entry speed.
+
+        **Raises:** `ValueError` with the available names.
+        """
+        super().check(scene)
+        laws = scene.contact_joints()[self.joint].laws()
+        with_speed = [label for label, law in laws.items() if law.uses_entry_speed]
+        require_known("contact", self.contact, with_speed)
 
     def __call__(self, now: Instant) -> Scalar:
         """Return the entry speed, m/s."""

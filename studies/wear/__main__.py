@@ -39,7 +39,7 @@ PARAMETERS = {
 def worn(scene: cj.Scene, cycles: float | np.ndarray, quick: bool, **options) -> xr.Dataset:
     """Return the wear of the pin's bearing; `options` of `cj.wear`."""
     _, state = cj.mechanisms.slider_crank(CLEARANCE, RESTITUTION, speed=SPEED)
-    size = {"samples": 16, "stages": 3, "settle": 3} if quick else {"samples": 48, "settle": 6}
+    size = {"samples": 16, "stages": 3, "settle": 6} if quick else {"samples": 48, "settle": 6}
     given = scene, state, CYCLE, RATES, cycles
     return cj.wear(*given, tolerance=0.2, progress=False, **size, **options)
 

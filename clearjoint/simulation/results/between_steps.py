@@ -76,8 +76,7 @@ def states_between(times: Times, states: State, wanted: Wanted) -> State:
     states at these times; `wanted`: (M,) s, not decreasing, between the first and the last of
     `times`.
 
-    If a time occurs several times in `times`, the last state there counts; if it is the last time
-    of all, the last but one.
+    If a time occurs several times in `times`, the last state there counts.
 
     **Returns:** a state whose arrays have a first axis of length M.
 
@@ -86,11 +85,11 @@ def states_between(times: Times, states: State, wanted: Wanted) -> State:
     """
     wanted = checked_times(times[0], times[-1], wanted, "times")
     # The step of a wanted time begins at the last row whose time is not later. The last row of all
-    # begins no step: there, `left` is the start of the last step, and x is 1, or 0 if the last time
+    # begins no step: there, `left` is the start of the last step, and x is 1, also if the last time
     # is repeated, so that this step has no length.
     left = np.clip(np.searchsorted(times, wanted, "right") - 1, 0, len(times) - 2)
     h = (times[left + 1] - times[left])[:, None]
-    x = (wanted - times[left])[:, None] / np.where(h > 0.0, h, 1.0)
+    x = np.where(h > 0.0, (wanted - times[left])[:, None] / np.where(h > 0.0, h, 1.0), 1.0)
     bodies = {name: _body(body, left, x, h) for name, body in states.bodies.items()}
     ends = np.where(x[:, 0] == 1.0, left + 1, left)
 

@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...fields.checks import require, require_array_names, require_count
+from ...fields.checks import require, require_array_names, require_count, require_finite
 from ...fields.conversion import on_device
 from ...math.interpolation import secant_root
 from ...math.vectors import Scalar
@@ -217,6 +217,7 @@ class Section:
     def __post_init__(self) -> None:
         check_channels(self.channels)
         require_count("count", self.count, "pass a number of crossings")
+        require_finite("after", self.after)
 
     @property
     def recorder(self) -> SectionRecorder:

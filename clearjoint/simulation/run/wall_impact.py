@@ -11,7 +11,7 @@ import optimistix
 from jaxtyping import Float
 
 from ...compilation import Compiled
-from ...fields.checks import require
+from ...fields.checks import require, require_positive
 from ...fields.types import Single
 from ...math.interpolation import Parabola
 from ...math.vectors import Scalar
@@ -68,7 +68,7 @@ def free_impact(
     - `bearing_radius`, `clearance`: m, radius of the bearing and radial clearance, if the law's
       stiffness depends on them.
 
-    **Raises:** `ValueError` if the mass does not leave the wall within 100 s or 16 384 steps, or if
+    **Raises:** `ValueError` if the mass or the speed is not positive, if the mass does not leave the wall within 100 s or 16 384 steps, or if
     JAX computes in 32 bits.
 
     >>> impact = cj.free_impact(cj.laws.Hertz(1e6, exponent=1.0), mass=1.0, entry_speed=0.1)
@@ -76,6 +76,8 @@ def free_impact(
     100.00 N in 3.142 ms
     """
     check_precision(allow_float32=False)
+    require_positive("mass", mass, "give kg")
+    require_positive("entry_speed", entry_speed, "give m/s")
     wall = (bearing_radius, clearance)
     # The first run finds the duration.
     mass_and_speed = jnp.asarray(mass, dtype=float), jnp.asarray(entry_speed, dtype=float)
