@@ -43,7 +43,7 @@ BALL = {"socket_radius": 0.01, "clearance": 1e-3 / 3, "law": LAW}
 SLIDER = {"half_length": 0.1 / 3, "half_height": 0.01, "clearance": 1e-3 / 3, "law": LAW}
 EXAMPLES = {
     "ClearanceJoint": lambda: cj.ClearanceJoint(
-        "ground", "a", **PIN, friction=cj.frictions.Ambrosio(0.1)
+        "ground", "a", **PIN, friction=cj.frictions.Ambrosio(0.1), line_points=5
     ),
     "Backlash": lambda: cj.Backlash("a", "b", play_length=1e-4 / 3, radius=0.1, law=LAW),
     "GearBacklash": lambda: cj.GearBacklash(

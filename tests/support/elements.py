@@ -210,6 +210,9 @@ def contacts(lossless: bool) -> dict[str, Case]:
     pair = FIRST, SECOND
     found = {
         "bearing": case(cj.ClearanceJoint(*pair, **bearing, **shared), **near),
+        "bearing along its length": case(
+            cj.ClearanceJoint(*pair, **bearing, **shared, line_points=4), **near
+        ),
         "bearing with collars": case(
             cj.ClearanceJoint(*pair, **bearing, **shared, axial=collars), **near
         ),
