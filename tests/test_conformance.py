@@ -416,7 +416,7 @@ def pin(**options):
     [
         pin(
             friction=cj.frictions.RegularisedCoulomb(0.1),
-            axial=cj.EndPlay(1e-3, cj.laws.Hertz(1e9)),
+            axial=cj.EndPlay(1e-3, cj.laws.Hertz(1e9), cj.frictions.LinearCoulomb(0.2), 12e-3),
         ),
         pin(friction=cj.frictions.RegularisedCoulomb(0.1), line_points=3),
         pytest.param(pin(), marks=pytest.mark.slow),

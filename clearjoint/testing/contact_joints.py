@@ -248,6 +248,9 @@ def _failures(
             across = second.velocity_at(contact.arm_second) - first.velocity_at(contact.arm_first)
             sliding = across - normal * across.dot(normal)
             message = "its slip is not the tangential velocity of the surfaces"
+            if contact.face_radius is not None:
+                spin = second.direction(second.spin) - first.direction(first.spin)
+                sliding = sliding + normal * (spin.dot(normal) * contact.face_radius)
             failed[message] = _is_nonzero(contact.slip - sliding)
             if label not in joint.bristle_laws():
                 driven = loaded.friction.dot(contact.slip) > TOLERANCE * loaded.normal_force

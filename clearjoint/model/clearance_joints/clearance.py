@@ -278,7 +278,8 @@ class ClearanceJoint(AbstractCentredJoint):
         if self.axial.shoulder_law() is not None:
             facing = bases.facing()
             for side, label in zip(SIDES, SHOULDERS, strict=True):
-                contacts[label] = self._shoulder_contact(side, bases.at(side * facing))
+                base = bases.at(side * facing)
+                contacts[label] = self._shoulder_contact(motions, side, base)
         return contacts
 
     def _wall_contact(self, motions: Motions, base: JournalBase) -> Contact:
@@ -350,12 +351,27 @@ class ClearanceJoint(AbstractCentredJoint):
         difference = base.arm.dot(base.centre * 2.0 + base.arm)
         return (common + difference) / (eccentricity + self.clearance)
 
-    def _shoulder_contact(self, side: float, base: JournalBase) -> Contact:
+    def _shoulder_contact(self, motions: Motions, side: float, base: JournalBase) -> Contact:
         """Return the contact with the shoulder at the end -1.0 or 1.0 of the base that faces it."""
         outward = base.axis * side
         offset = side * base.height - 0.5 * self.journal_length
         gap = self.axial.shoulder_gap(side, offset, base.velocity.dot(outward))
-        return Contact(gap, outward, base.on_bearing, base.local, None)
+        slip = radius = None
+        if (face := self.axial.shoulder_friction()) is not None:
+            _, radius = face
+            bearing, journal = motions[self.bearing_body], motions[self.journal_body]
+            spin = journal.direction(journal.spin) - bearing.direction(bearing.spin)
+            slip = slip_velocity(base.velocity, outward, gap.rate)
+            slip = slip + outward * (spin.dot(outward) * radius)
+        return Contact(gap, outward, base.on_bearing, base.local, slip, face_radius=radius)
+
+    def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
+        """Return the friction on the journal's body, N; with bristles that of steady sliding."""
+        face = self.axial.shoulder_friction() if name in SHOULDERS else None
+        if face is None or contact.slip is None:
+            return super().friction_force(name, contact, normal_force)
+        friction, _ = face
+        return friction.force(normal_force, contact.slip)
 
     def journal_bases(self, motions: Motions) -> JournalBases:
         """Return the calculator of position and velocity of the journal's bases."""
