@@ -109,7 +109,13 @@ ADDED = {
     "friction": (scene(FORCED), scene(ROUGH), {}),
     "bristles": (scene(FORCED), scene(BRISTLED), {}),
     "smoothing": (scene(FORCED), scene(pin(Hertz(1e9, smoothing=1e-6))), {}),
+    "contact along the length": (scene(FORCED), scene(pin(ELASTIC, line_points=3)), {}),
     "end play": (scene(FORCED), scene(pin(ELASTIC, axial=EndPlay(0.01, ELASTIC))), {}),
+    "thrust faces": (
+        scene(pin(ELASTIC, axial=EndPlay(0.01, ELASTIC))),
+        scene(pin(ELASTIC, axial=EndPlay(0.01, ELASTIC, RegularisedCoulomb(0.1), 0.012))),
+        {},
+    ),
     "axial constraint": (scene(FORCED), scene(pin(ELASTIC, axial=FixedAxially())), {}),
 }
 

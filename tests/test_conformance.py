@@ -12,6 +12,7 @@ import pytest
 import clearjoint as cj
 from clearjoint.extend import AbstractDampedLaw, AbstractHertzianLaw
 from clearjoint.fields.declarations import optional_quantity, quantity
+from clearjoint.model.contact.weighted import WeightedLaw
 from clearjoint.model.joints.base import Row
 from clearjoint.testing import (
     check_bristles,
@@ -39,6 +40,7 @@ LIKE_OTHERS = (
         *(pytest.param(law, marks=pytest.mark.slow) for law in LIKE_OTHERS),
         cj.laws.LankaraniNikravesh(0.9, STEEL),
         cj.laws.LankaraniNikravesh(0.0, 1e8, exponent=1.0),
+        WeightedLaw.of(cj.laws.LankaraniNikravesh(0.9, STEEL, smoothing=1e-7), 0.3),
         cj.laws.LankaraniNikravesh(0.9, STEEL, smoothing=1e-7),
     ],
 )
@@ -414,12 +416,13 @@ def pin(**options):
     [
         pin(
             friction=cj.frictions.RegularisedCoulomb(0.1),
-            axial=cj.EndPlay(1e-3, cj.laws.Hertz(1e9)),
+            axial=cj.EndPlay(1e-3, cj.laws.Hertz(1e9), cj.frictions.LinearCoulomb(0.2), 12e-3),
         ),
+        pin(friction=cj.frictions.RegularisedCoulomb(0.1), line_points=3),
         pytest.param(pin(), marks=pytest.mark.slow),
         pytest.param(pin(friction=cj.frictions.Dahl(0.1)), marks=pytest.mark.slow),
     ],
-    ids=["friction and end play", "frictionless", "bristles"],
+    ids=["friction and end play", "along its length", "frictionless", "bristles"],
 )
 def test_contact_joints_conform(joint):
     check_contact_joint(joint, MOTIONS)

@@ -11,6 +11,7 @@ from ..fields.cautions import quiet
 from ..fields.checks import as_shown
 from ..model.bodies import State
 from ..model.clearance_joints.journal_bases import HasJournal
+from ..model.contact.weighted import whole_law
 from ..model.scene import Scene
 from ..parametrisation.paths import parameters
 from ..scene_files.locations import keys_of, written
@@ -82,7 +83,8 @@ def _contacts(scene: Scene, state: State) -> Iterator[str]:
         by_joint = depths(scene, state)
     for name, family in by_joint.items():
         joint = scene.contact_joints()[name]
-        laws = ", ".join(sorted({type(law).__name__ for law in joint.laws().values()}))
+        kinds = {type(whole_law(law)).__name__ for law in joint.laws().values()}
+        laws = ", ".join(sorted(kinds))
         play = f"clearance {_length(joint.clearance)}, " if isinstance(joint, HasJournal) else ""
         gaps = ", ".join(
             f"{label} {_length(abs(depth))} {'deep' if depth > 0.0 else 'apart'}"

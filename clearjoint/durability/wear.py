@@ -21,6 +21,7 @@ from ..fields.conversion import with_arrays
 from ..fields.types import ArrayLike
 from ..model.bodies import BodyState, State
 from ..model.clearance_joints.clearance import ClearanceJoint
+from ..model.clearance_joints.journal_bases import require_bases_only
 from ..model.profiles import PeriodicSpline
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter, check_parameters
@@ -104,7 +105,8 @@ def wear(
 
     - `scene`, `state`, `start_time` s: as in `simulate`. The drives must repeat after a cycle.
     - `cycle`: duration of a cycle, s.
-    - `rates`: wear rates of the joints that wear, each a `ClearanceJoint`, by name.
+    - `rates`: wear rates of the joints that wear, each a `ClearanceJoint` without `line_points`,
+      by name.
     - `cycles`: number of cycles to extrapolate to, such as 1e6; or the rising numbers of cycles
       before the stages after the first one, such as those of an earlier result with slightly
       different numbers.
@@ -670,6 +672,7 @@ def _check(
     known = [n for n, joint in scene.joints.items() if isinstance(joint, ClearanceJoint)]
     for name, of_joint in rates.items():
         require_known("rates", name, known)
+        require_bases_only("rates", name, scene.laws()[name])
         expected = "a WearRates"
         fine = isinstance(of_joint, WearRates)
         require(fine, f"rates[{name!r}]", of_joint, expected, "pass cj.WearRates(bearing=...)")

@@ -46,6 +46,8 @@ class LoadedContact:
     - `friction`: force on the second body, N, in global axes; ``None`` without friction.
     - `bristle_rate`: rate of the bristles' deflection, m/s, in the axes of the first body; ``None``
       without bristles.
+    - `friction_moment`: on the second body about the normal, N m; ``None`` except for faces with a
+      `face_radius`.
     """
 
     contact: Contact
@@ -53,6 +55,7 @@ class LoadedContact:
     elastic_force: Scalar
     friction: Vector | None
     bristle_rate: Vector | None = None
+    friction_moment: Scalar | None = None
 
 
 def contact_forces(
@@ -94,12 +97,14 @@ def contact_wrenches(
     normal_force: Scalar,
     friction: Vector | None,
     motions: Motions,
+    friction_moment: Scalar | None = None,
 ) -> Iterator[tuple[str, Wrench]]:
     """Yield name and wrench of each body, other than the ground, on which one contact of a joint
     acts.
 
     **Arguments:** `normal_force`: N; `friction`: force on the second body, N, in global axes, or
-    ``None``; `motions`: pose and velocities of each body.
+    ``None``; `motions`: pose and velocities of each body; `friction_moment`: on the second body
+    about the normal, N m, or ``None``.
     """
     first, second = joint.pair()
     if contact.turning is not None:
@@ -112,10 +117,15 @@ def contact_wrenches(
     if friction is not None:
         push = push + friction
     on_first, on_second = contact.points_of_force(friction is not None)
+    turning = None if friction_moment is None else contact.normal * friction_moment
     if second != GROUND:
         yield second, motions[second].wrench(push, on_second)
+        if turning is not None:
+            yield second, motions[second].torque(turning)
     if first != GROUND:
         yield first, motions[first].wrench(-push, on_first)
+        if turning is not None:
+            yield first, motions[first].torque(-turning)
 
 
 def contact_force(
@@ -163,12 +173,26 @@ def contact_force(
         rate = Vector(*(jnp.where(exists, part, 0.0) for part in to_first.components(rate)))
         return LoadedContact(contact, normal, elastic, friction, rate)
     if closed is None or not law.slope_jumps():
-        return LoadedContact(contact, normal, elastic, joint.friction_force(label, contact, normal))
+        friction = joint.friction_force(label, contact, normal)
+        return _with_friction(contact, normal, elastic, friction)
     # Friction laws expect a positive normal force. Where the continued force pulls, friction is
     # computed with its magnitude and reversed, so that it is an odd function as well.
     sense = jnp.where(normal < 0.0, -1.0, 1.0)
     friction = joint.friction_force(label, contact, normal * sense)
-    return LoadedContact(contact, normal, elastic, None if friction is None else friction * sense)
+    friction = None if friction is None else friction * sense
+    return _with_friction(contact, normal, elastic, friction)
+
+
+def _with_friction(
+    contact: Contact, normal: Scalar, elastic: Scalar, friction: Vector | None
+) -> LoadedContact:
+    """Return a contact with its forces, N; friction between faces acts partly as a moment."""
+    if friction is None or contact.face_radius is None:
+        return LoadedContact(contact, normal, elastic, friction)
+    along = friction.dot(contact.normal)
+    moment = along * contact.face_radius
+    across = friction - contact.normal * along
+    return LoadedContact(contact, normal, elastic, across, friction_moment=moment)
 
 
 def _continued(

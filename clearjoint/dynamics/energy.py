@@ -36,6 +36,9 @@ def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scal
             book("normal damping", (force.normal_force - force.elastic_force) * rate)
             if force.friction is not None and force.contact.slip is not None:
                 book("friction", -force.friction.dot(force.contact.slip))
+                if force.friction_moment is not None and force.contact.face_radius is not None:
+                    along = force.contact.slip.dot(force.contact.normal)
+                    book("friction", -force.friction_moment * along / force.contact.face_radius)
     for joint in scene.contact_joints().values():
         for name, wrench in joint.film_wrenches(dynamics.motions).items():
             book("film", -dynamics.motions[name].power(wrench))

@@ -88,8 +88,8 @@ def applied_wrenches(
     for joint_name, joint in scene.contact_joints().items():
         apply(joint.film_wrenches(motions).items())
         for force in forces.get(joint_name, {}).values():
-            friction = force.friction
-            apply(contact_wrenches(joint, force.contact, force.normal_force, friction, motions))
+            given = force.contact, force.normal_force, force.friction, motions
+            apply(contact_wrenches(joint, *given, force.friction_moment))
     return wrenches
 
 

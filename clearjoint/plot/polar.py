@@ -50,7 +50,7 @@ def contact_rose(
 
     - `observation`: from `cj.observe`, along every accepted step, or at instants that resolve the
       impacts.
-    - `joint`: name of the clearance joint.
+    - `joint`: name of the clearance joint. Contacts between its bases are left out.
     - `weight`: "impulse", the time integral of the normal force in each sector, with base W stacked
       on base V; or "force", the largest normal force of each base in each sector. Bases with equal
       forces share their bars, which show the sum of the impulses, or the force of one base.

@@ -5,6 +5,7 @@ from dataclasses import fields
 
 import numpy as np
 
+from ..model.contact.weighted import whole_law
 from ..model.joints.base import AbstractConstraint, AbstractContactJoint
 from ..model.scene import Scene
 from ..result_codes import RESULTS
@@ -57,7 +58,7 @@ def _joint_row(name: str, joint: AbstractConstraint | AbstractContactJoint) -> C
     if not isinstance(joint, AbstractContactJoint):
         return head
     # Contacts with equal laws share one text: the keys of a dictionary are unique and ordered.
-    laws = dict.fromkeys(_law(law) for law in joint.laws().values())
+    laws = dict.fromkeys(_law(whole_law(law)) for law in joint.laws().values())
     friction = getattr(joint, "friction", None)
     frictions = [friction] if friction is not None else joint.bristle_laws().values()
     texts = dict.fromkeys(_law(law) for law in frictions)

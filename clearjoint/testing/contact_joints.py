@@ -251,6 +251,9 @@ def _failures(
             across = second.velocity_at(contact.arm_second) - first.velocity_at(contact.arm_first)
             sliding = across - normal * across.dot(normal)
             message = "its slip is not the tangential velocity of the surfaces"
+            if contact.face_radius is not None:
+                spin = second.direction(second.spin) - first.direction(first.spin)
+                sliding = sliding + normal * (spin.dot(normal) * contact.face_radius)
             failed[message] = _is_nonzero(contact.slip - sliding)
             # Bristles store energy, so that their friction may drive the slip for a while.
             if label not in joint.bristle_laws():

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..model.clearance_joints.journal_bases import axial_positions
 from ..simulation.results.observation import MotionMode, Observation
 from . import meshes
 from .parts import FORCE, LOAD, DrawnPart, between
@@ -117,6 +118,7 @@ def _contact_forces(
     for joint, family in observation.contacts.items():
         if joint not in pen.drawn:
             continue
+        on_axis = axial_positions(family)
         for label, contact in family.items():
             normal = np.asarray(contact.normal)
             # The normal points outwards from the bearing's axis; the wall pushes the journal, which
@@ -126,9 +128,8 @@ def _contact_forces(
                 force = force + np.asarray(contact.friction_force)
             point = np.asarray(contact.point_on_journal)
             # Journals are drawn with enlarged eccentricities, so their points are elsewhere.
-            if joint in pen.journals:
-                touching = pen.journals[joint].touching_point(label, normal)
-                point = point if touching is None else touching
+            if joint in pen.journals and label in on_axis:
+                point = pen.journals[joint].touching_point(on_axis[label], normal)
             # Without contact, the direction of the force may be undefined (NaN).
             result[f"{joint} {label}"] = point, np.nan_to_num(force)
     return result

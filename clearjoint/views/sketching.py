@@ -16,7 +16,7 @@ from ..fields.types import ArrayLike, Single, Triple
 from ..math.rotations import transverse_axes
 from ..math.vectors import Vector
 from ..model.bodies import GROUND, Body
-from ..model.clearance_joints.journal_bases import BASES, SIDES
+from ..model.clearance_joints.journal_bases import SIDES
 from ..model.pen import AbstractPen, Marker
 from ..model.scene import Scene
 from . import meshes
@@ -47,17 +47,16 @@ class DrawnJournal:
     radius: float
 
     def touching_point(
-        self, contact: str, normal: Float[np.ndarray, "N 3"]
-    ) -> Float[np.ndarray, "N 3"] | None:
-        """Return the points at which a base touches the bearing in the drawing, (N, 3) m in global
-        axes; ``None`` for contacts other than "V" and "W".
+        self, position: float, normal: Float[np.ndarray, "N 3"]
+    ) -> Float[np.ndarray, "N 3"]:
+        """Return the points at which the journal touches the bearing in the drawing, (N, 3) m in
+        global axes.
 
-        **Arguments:** `contact`: label of the contact; `normal`: (N, 3) unit vectors from the
-        base's centre to the contact points.
+        **Arguments:** `position`: on the journal's axis, -1 at base V and 1 at base W; `normal`:
+        (N, 3) unit vectors from the axis to the contact points.
         """
-        if contact not in BASES:
-            return None
-        return self.ends[BASES.index(contact)] + self.radius * normal
+        centre = 0.5 * ((1.0 - position) * self.ends[0] + (1.0 + position) * self.ends[1])
+        return centre + self.radius * normal
 
 
 def drawn_journal(

@@ -26,7 +26,7 @@ def checks(quick: bool) -> list[Check]:
     """Check each clearance joint; none is quick."""
     if quick:
         return []
-    return [_backlash(), _gears(), _ball(), _pin(), _slider(), _clearance()]
+    return [_backlash(), _gears(), _ball(), _pin(), _slider(), _clearance(), _line()]
 
 
 def impacts(scene: cj.Scene, state: cj.State, end: float) -> cj.results.Impacts:
@@ -122,6 +122,39 @@ def _clearance() -> Check:
     largest = off(hits.onset[0], math.sqrt(2.0 * clearance / GRAVITY))
     against = "fall of the journal to the wall: closed form"
     return Check("ClearanceJoint", "the paper", against, largest, 1e-7, FIGURE)
+
+
+def _line() -> Check:
+    """Check the rocking of a journal that gravity presses on the wall along its whole length."""
+    mass, inertia, stiffness, length, clearance = 1.0, 2e-4, 1e8, 40e-3, 1e-3
+    joint = cj.ClearanceJoint(
+        "ground",
+        "b",
+        bearing_radius=10e-3,
+        clearance=clearance,
+        journal_length=length,
+        law=cj.laws.Hertz(stiffness, exponent=1.0),
+        axial=cj.FixedAxially(),
+        line_points=3,
+    )
+    scene = cj.Scene(
+        {"b": cj.Body(mass, (inertia, inertia, inertia))},
+        {"joint": joint},
+        gravity=(0, -GRAVITY, 0),
+    )
+    depth, rate = mass * GRAVITY / stiffness, math.sqrt(stiffness * length**2 / (12.0 * inertia))
+    # Both ends stay in the wall.
+    spin = 0.5 * rate * depth / (0.5 * length)
+    state = cj.body_state((0.0, -clearance - depth, 0.0), spin=(spin, 0.0, 0.0))
+    times = np.linspace(0.0, 10.0 * math.pi / rate, 201)
+    run = cj.simulate(
+        scene, cj.State({"b": state}), times[-1], TIGHT, cj.Saving(times), progress=False
+    )
+    angles = 2.0 * np.asarray(run.states.bodies["b"].orientation)[:, 1]
+    largest = float(np.abs(angles - spin / rate * np.sin(rate * times)).max() / (spin / rate))
+    against = "rocking of a journal on the wall, with the stiffness K L^2/12: closed form"
+    source = "Winkler foundation"
+    return Check("ClearanceJoint(line_points=3)", source, against, largest, 1e-7, FIGURE)
 
 
 def figure() -> Figure:

@@ -1,5 +1,7 @@
 """Wear over many cycles: closed forms, worn volumes, convergence, continuation and refusals."""
 
+import dataclasses
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -231,6 +233,19 @@ def test_unsuitable_arguments_are_refused(change, name):
     given = {"cycle": CYCLE, "rates": {"pin": cj.WearRates(bearing=RATE)}, "cycles": 10.0}
     with pytest.raises(ValueError, match=name):
         cj.wear(scene, state, **given | {"progress": False} | change)
+
+
+def test_points_between_the_bases_are_refused():
+    scene, state = whirling()
+    pin = dataclasses.replace(scene.joints["pin"], line_points=3)
+    scene = dataclasses.replace(scene, joints={**scene.joints, "pin": pin})
+    refused = (
+        r"at its bases, not at \['point 2'\] too, but is 'pin': give the joint no `line_points`"
+    )
+    with pytest.raises(ValueError, match=f"`rates` must be a joint .* {refused}"):
+        cj.wear(scene, state, CYCLE, {"pin": cj.WearRates(bearing=RATE)}, 10.0)
+    with pytest.raises(ValueError, match=f"`joint` must be a joint .* {refused}"):
+        cj.ArchardWear("pin", coefficient=RATE, hardness=1.0).check(scene)
 
 
 def test_wear_rates_are_positive():

@@ -43,7 +43,7 @@ BALL = {"socket_radius": 0.01, "clearance": 1e-3 / 3, "law": LAW}
 SLIDER = {"half_length": 0.1 / 3, "half_height": 0.01, "clearance": 1e-3 / 3, "law": LAW}
 EXAMPLES = {
     "ClearanceJoint": lambda: cj.ClearanceJoint(
-        "ground", "a", **PIN, friction=cj.frictions.Ambrosio(0.1)
+        "ground", "a", **PIN, friction=cj.frictions.Ambrosio(0.1), line_points=5
     ),
     "Backlash": lambda: cj.Backlash("a", "b", play_length=1e-4 / 3, radius=0.1, law=LAW),
     "GearBacklash": lambda: cj.GearBacklash(
@@ -62,7 +62,9 @@ EXAMPLES = {
     ),
     "PinInSlot": lambda: cj.PinInSlot("ground", "a", play=1e-3 / 3, pin_radius=0.01, law=LAW),
     "LubricatedJoint": lambda: cj.LubricatedJoint(DRY, cj.films.CaponeFilm(0.1 / 3), 1e-6 / 3),
-    "EndPlay": lambda: cj.EndPlay(1e-4 / 3, cj.laws.Hertz(1e9)),
+    "EndPlay": lambda: cj.EndPlay(
+        1e-4 / 3, cj.laws.Hertz(1e9), cj.frictions.Ambrosio(0.1), 0.01 / 3
+    ),
     "Stribeck": lambda: cj.frictions.Stribeck(0.2, 0.1 / 3, stribeck_speed=1e-3 / 3),
     "LuGre": lambda: cj.frictions.LuGre(0.2, 0.1 / 3, stribeck_speed=1e-3 / 3),
     "ElastoPlastic": lambda: cj.frictions.ElastoPlastic(

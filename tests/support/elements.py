@@ -205,11 +205,15 @@ def contacts(lossless: bool) -> dict[str, Case]:
     axes = {"bearing_axis": AXIS, "journal_axis": AXIS}
     sizes = {"clearance": PLAY, "journal_length": 20e-3}
     bearing = {**points, **axes, **sizes, "bearing_radius": 10e-3}
-    collars = cj.EndPlay(0.1e-3, law(lossless))
+    face = {} if rub is None else {"friction": rub, "radius": 12e-3}
+    collars = cj.EndPlay(0.1e-3, law(lossless), **face)
     near = {"rotation": 0.02, "shift": 1.5 * PLAY}
     pair = FIRST, SECOND
     found = {
         "bearing": case(cj.ClearanceJoint(*pair, **bearing, **shared), **near),
+        "bearing along its length": case(
+            cj.ClearanceJoint(*pair, **bearing, **shared, line_points=4), **near
+        ),
         "bearing with collars": case(
             cj.ClearanceJoint(*pair, **bearing, **shared, axial=collars), **near
         ),

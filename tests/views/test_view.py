@@ -111,6 +111,19 @@ def test_arrows_end_at_contact_points(seen):
         np.testing.assert_allclose(across, bore, rtol=1e-9)
 
 
+def test_arrows_between_the_bases_end_on_the_drawn_journal(seen):
+    observed = recorded.observed()
+    ends = observed.contacts["pin"]
+    contacts = {"pin": {**ends, "point 2": ends["W"]}}
+    observed = dataclasses.replace(observed, contacts=contacts)
+    view = cj.view(recorded.arm_in_bearing(), recorded.motion(), observation=observed)
+    tips = {part.name: part.poses[:, :3, 3] + part.poses[:, :3, 2] for part in view.parts}
+    middle = 0.5 * (tips["pin V"] + tips["pin W"])
+    np.testing.assert_allclose(
+        tips["pin point 2"][recorded.TOUCHING], middle[recorded.TOUCHING], atol=1e-12
+    )
+
+
 def test_long_arrows_are_cut_for_a_given_scale(seen):
     long = cj.view(
         recorded.arm_in_bearing(),

@@ -2,10 +2,12 @@
 
 from typing import ClassVar
 
+from ...fields.checks import require
 from ...fields.conversion import AbstractConverting
-from ...fields.declarations import quantity
+from ...fields.declarations import optional_quantity, quantity
 from ...fields.types import Single
 from ...math.vectors import Scalar
+from ..contact.friction import AbstractFriction
 from ..contact.gap import Gap
 from ..contact.laws import AbstractContactLaw, require_flat_law
 
@@ -41,6 +43,12 @@ class AbstractAxialPolicy(AbstractConverting):
 
     def shoulder_law(self) -> AbstractContactLaw | None:
         """Return the normal law of the shoulders; ``None``, the default, for no shoulders."""
+        return None
+
+    def shoulder_friction(self) -> tuple[AbstractFriction, Scalar] | None:
+        """Return the friction law of the shoulders and their mean radius, m; ``None``, the default,
+        for shoulders without friction.
+        """
         return None
 
     def shoulder_gap(self, side: float, offset: Scalar, rate: Scalar) -> Gap:
@@ -87,13 +95,24 @@ class EndPlay(AbstractAxialPolicy):
     """Shoulders at both ends of the bearing that stop the journal after half the play to each side.
 
     Each shoulder's force acts along the bearing's axis, at the centre of the base that touches the
-    shoulder. The shoulders have no friction.
+    shoulder.
+
+    A shoulder with friction is a thrust face. It resists sliding across the axis and rotation about
+    it: for the sliding velocity v of the base's centre and the relative spin w about the axis, the
+    slip speed is sqrt(v^2 + (r w)^2) with the mean radius r of the face. If the face only rotates,
+    the moment of friction is r times the law's friction force. A face does not resist tilting.
 
     **Arguments:**
 
     - `play`: m, total axial travel between the shoulders.
     - `law`: normal law of a shoulder; it needs an explicit stiffness, because the surfaces are
       flat.
+    - `friction`: an `AbstractFriction`, or ``None``, the default, for no friction.
+    - `radius`: mean radius of the faces, m, if and only if they have friction. For a face between
+      the radii a and b, (2/3) (b^3 - a^3)/(b^2 - a^2) gives the moment of a uniform pressure.
+
+    **Raises:** `ValueError` if only one of `friction` and `radius` is given, or a value is outside
+    its range.
 
     >>> collars = cj.EndPlay(play=0.2e-3, law=cj.laws.Hertz(1e9))
     >>> gap = collars.shoulder_gap(1.0, offset=0.15e-3, rate=0.0)
@@ -103,13 +122,29 @@ class EndPlay(AbstractAxialPolicy):
 
     play: Single = quantity("m", positive=True, zero=True, remedy="give the axial travel in m")
     law: AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
+    friction: AbstractFriction | None = None
+    radius: Single | None = optional_quantity("m", positive=True, remedy="give the radius in m")
 
     def __check_init__(self):
         require_flat_law(self.law, "shoulders")
+        friction, remedy = self.friction, "pass a law such as RegularisedCoulomb(0.1)"
+        known = friction is None or isinstance(friction, AbstractFriction)
+        require(known, "friction", friction, "an AbstractFriction or None", remedy)
+        both = (friction is None) == (self.radius is None)
+        expected = "given if and only if `friction` is"
+        require(both, "radius", self.radius, expected, "pass both, or none of the two")
 
     def shoulder_law(self) -> AbstractContactLaw:
         """Return the law of both shoulders."""
         return self.law
+
+    def shoulder_friction(self) -> tuple[AbstractFriction, Scalar] | None:
+        """Return the friction law and the mean radius of both shoulders, m; ``None`` without
+        friction.
+        """
+        if self.friction is None or self.radius is None:
+            return None
+        return self.friction, self.radius
 
     def shoulder_gap(self, side: float, offset: Scalar, rate: Scalar) -> Gap:
         """Return the penetration into a shoulder: the offset beyond half the play, m, and its rate,

@@ -3,7 +3,8 @@
 The first body carries the bearing, the second the journal. Both bases V and W of the journal are
 checked against the bearing's wall, and each base applies the full normal law. The tilt between
 journal and bearing is assumed small, so that the bases' circles lie in the bearing's cross-section
-(as in the paper). Contact along a line of the wall is not modelled.
+(as in the paper). With `line_points`, circles between the bases touch the wall as well, and the
+force is the mean of the normal law over the journal's length.
 """
 
 import itertools
@@ -21,6 +22,7 @@ from ...fields.checks import (
     concrete,
     require,
     require_axis,
+    require_count,
     require_point,
 )
 from ...fields.declarations import quantity
@@ -33,6 +35,7 @@ from ..contact.bristles import AbstractBristleFriction
 from ..contact.friction import AbstractFriction
 from ..contact.gap import Gap, Limit, caution_beyond, slip_velocity
 from ..contact.laws import AbstractContactLaw
+from ..contact.weighted import WeightedLaw
 from ..joints.base import (
     AbstractConstraint,
     Attachment,
@@ -57,7 +60,7 @@ from .common import (
     require_smaller_clearance,
     slip_at,
 )
-from .journal_bases import BASES, SIDES, JournalBase, JournalBases
+from .journal_bases import BASES, SIDES, AxialPoint, JournalBase, JournalBases, axial_points
 
 WIDEST_CLEARANCE = 0.1
 """Ratio of clearance to bearing radius above which a warning is issued."""
@@ -65,6 +68,8 @@ LARGEST_BEARING = 2.0
 """Bearing radius above which a warning is issued, m."""
 SHOULDERS = ("lower shoulder", "upper shoulder")
 """Contact labels of the shoulders: at the lower and at the upper end of the bearing's axis."""
+MOST_POINTS = 64
+"""Largest number of points along the journal."""
 LONGEST_JOURNAL = 100.0
 """Ratio of journal length to bearing radius above which a warning is issued."""
 
@@ -82,7 +87,8 @@ class ClearanceJoint(AbstractCentredJoint):
     - `journal_radius` or `clearance`: m, exactly one of them, positive; `clearance` is the
       difference of the radii. The joint stores the clearance, because it is small and often varied.
     - `journal_length`: m, distance between the bases.
-    - `law`: normal law of the contact of each base, "V" and "W".
+    - `law`: normal law of the contact of each base, "V" and "W"; with `line_points`, of the contact
+      along the journal's whole length.
     - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``.
     - `axial`: `FreeAxially()`, the default, if other joints support the journal along the axis;
       otherwise `EndPlay(...)` or `FixedAxially()`.
@@ -90,6 +96,16 @@ class ClearanceJoint(AbstractCentredJoint):
       circles, such as `clearjoint.profiles.Harmonics`; ``None``, the default, for circles. Laws
       get the radii of the circles. A wall that is somewhere curved more strongly than the journal
       touches it at two points at once; only the deeper one has a force then, with a warning.
+    - `line_points`: ``None``, the default, for contact at the two bases only. A number of points n,
+      2 or more, for contact along the whole length: `law` at the local penetration, divided by the
+      length, is then the force per unit of length. The Gauss-Lobatto rule with n points integrates
+      it along the axis, and each point is a contact: "V", "point 2", "point 3" and so on, "W". The
+      wall thus presses a parallel journal with the force of `law`, not with that of two bases,
+      which is twice as large. `cj.quantities.Reaction` gives the sum over all points. The error of
+      force and moment is largest if a journal touches along a part of its length only. It then
+      decreases as n^-2 for a linear law and as n^-2.5 for one with the exponent 1.5. With 5 points
+      it is typically 3 % of the force that the penetration of the deepest point would cause along
+      the whole length, and 1 % with 8 points.
 
     **Raises:** `ValueError` if the journal is not smaller than the bearing, an axis has zero
     length, a profile leaves a centred journal no room, or another value is outside its range.
@@ -123,6 +139,7 @@ class ClearanceJoint(AbstractCentredJoint):
     axial: AbstractAxialPolicy  # pyright: ignore[reportGeneralTypeIssues]
     bearing_profile: AbstractProfile | None  # pyright: ignore[reportGeneralTypeIssues]
     journal_profile: AbstractProfile | None  # pyright: ignore[reportGeneralTypeIssues]
+    line_points: int | None = eqx.field(static=True)  # pyright: ignore[reportGeneralTypeIssues]
 
     def __init__(
         self,
@@ -142,6 +159,7 @@ class ClearanceJoint(AbstractCentredJoint):
         axial: AbstractAxialPolicy | None = None,
         bearing_profile: AbstractProfile | None = None,
         journal_profile: AbstractProfile | None = None,
+        line_points: int | None = None,
     ):
         require(
             (journal_radius is None) != (clearance is None),
@@ -172,6 +190,7 @@ class ClearanceJoint(AbstractCentredJoint):
         self.law, self.friction = law, friction
         self.axial = FreeAxially() if axial is None else axial
         self.bearing_profile, self.journal_profile = bearing_profile, journal_profile
+        self.line_points = line_points
 
     def __check_init__(self):
         require(
@@ -181,6 +200,11 @@ class ClearanceJoint(AbstractCentredJoint):
             "an AbstractAxialPolicy",
             "subclass AbstractAxialPolicy or pass one of clearjoint's",
         )
+        if (points := self.line_points) is not None:
+            remedy = "give the number of points along the journal, or None for its two bases"
+            require_count("line_points", points, remedy)
+            expected = f"from {len(BASES)} to {MOST_POINTS}"
+            require(len(BASES) <= points <= MOST_POINTS, "line_points", points, expected, remedy)
 
     def _check_together(self) -> None:
         require_smaller_clearance(self.clearance, self.bearing_radius, "the bearing's radius")
@@ -209,8 +233,13 @@ class ClearanceJoint(AbstractCentredJoint):
         return self.bearing_radius - self.clearance
 
     def contact_labels(self) -> tuple[str, ...]:
-        """Return the labels of the contacts that use `law` and `friction`: bases "V" and "W"."""
-        return BASES
+        """Return the labels of the contacts that use `law` and `friction`: "V" and "W" for the
+        bases, and points between them if there are any."""
+        return tuple(self._axial_points())
+
+    def _axial_points(self) -> dict[str, AxialPoint]:
+        """Return the points of the journal's axis where it touches the wall, by label."""
+        return axial_points(len(BASES) if self.line_points is None else self.line_points)
 
     def attachments(self) -> tuple[Attachment, ...]:
         """Return the centres of the bearing and the journal, m in body axes."""
@@ -220,30 +249,37 @@ class ClearanceJoint(AbstractCentredJoint):
         )
 
     def laws(self) -> dict[str, AbstractContactLaw]:
-        """Return the normal law by label: "V" and "W", and those of shoulders."""
+        """Return the normal law by label: "V" and "W", points between them, and shoulders."""
         laws, shoulder_law = super().laws(), self.axial.shoulder_law()
+        if self.line_points is not None:
+            for label, point in self._axial_points().items():
+                laws[label] = WeightedLaw.of(self.law, point.weight)
         return laws if shoulder_law is None else laws | dict.fromkeys(SHOULDERS, shoulder_law)
 
     def deepest(self) -> dict[str, Scalar]:
         """Return the journal's radius, m: there the journal's axis leaves the bearing."""
-        return dict.fromkeys(BASES, subtract(self.bearing_radius, self.clearance))
+        radius = subtract(self.bearing_radius, self.clearance)
+        return dict.fromkeys(self.contact_labels(), radius)
 
     def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        """Return the validity limits of the law of a base or shoulder at a penetration, m."""
-        radii = (self.bearing_radius, self.clearance) if name in BASES else ()
+        """Return the validity limits of the law of a contact at a penetration, m."""
+        is_flat = name in SHOULDERS
+        radii = () if is_flat else (self.bearing_radius, self.clearance)
         return self.laws()[name].limits(Gap(depth, 0.0, *radii))
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Return the geometry of each contact by label: bases, and shoulders if there are any."""
+        """Return the geometry of each contact by label: bases, and points between them and
+        shoulders if there are any."""
         bases = self.journal_bases(motions)
         contacts = {
-            label: self._wall_contact(motions, bases.at(sign))
-            for sign, label in zip(SIDES, BASES, strict=True)
+            label: self._wall_contact(motions, bases.at(point.position))
+            for label, point in self._axial_points().items()
         }
         if self.axial.shoulder_law() is not None:
             facing = bases.facing()
             for side, label in zip(SIDES, SHOULDERS, strict=True):
-                contacts[label] = self._shoulder_contact(side, bases.at(side * facing))
+                base = bases.at(side * facing)
+                contacts[label] = self._shoulder_contact(motions, side, base)
         return contacts
 
     def _wall_contact(self, motions: Motions, base: JournalBase) -> Contact:
@@ -315,12 +351,27 @@ class ClearanceJoint(AbstractCentredJoint):
         difference = base.arm.dot(base.centre * 2.0 + base.arm)
         return (common + difference) / (eccentricity + self.clearance)
 
-    def _shoulder_contact(self, side: float, base: JournalBase) -> Contact:
+    def _shoulder_contact(self, motions: Motions, side: float, base: JournalBase) -> Contact:
         """Return the contact with the shoulder at the end -1.0 or 1.0 of the base that faces it."""
         outward = base.axis * side
         offset = side * base.height - 0.5 * self.journal_length
         gap = self.axial.shoulder_gap(side, offset, base.velocity.dot(outward))
-        return Contact(gap, outward, base.on_bearing, base.local, None)
+        slip = radius = None
+        if (face := self.axial.shoulder_friction()) is not None:
+            _, radius = face
+            bearing, journal = motions[self.bearing_body], motions[self.journal_body]
+            spin = journal.direction(journal.spin) - bearing.direction(bearing.spin)
+            slip = slip_velocity(base.velocity, outward, gap.rate)
+            slip = slip + outward * (spin.dot(outward) * radius)
+        return Contact(gap, outward, base.on_bearing, base.local, slip, face_radius=radius)
+
+    def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
+        """Return the friction on the journal's body, N; with bristles that of steady sliding."""
+        face = self.axial.shoulder_friction() if name in SHOULDERS else None
+        if face is None or contact.slip is None:
+            return super().friction_force(name, contact, normal_force)
+        friction, _ = face
+        return friction.force(normal_force, contact.slip)
 
     def journal_bases(self, motions: Motions) -> JournalBases:
         """Return the calculator of position and velocity of the journal's bases."""
@@ -336,13 +387,14 @@ class ClearanceJoint(AbstractCentredJoint):
         Components are in the bearing's frame: x and y across its axis, z along it. With a
         `bearing_axis` of (0, 0, 1) this is the frame of the bearing's body.
 
-        **Arguments:** `base`: "V" or "W", or ``None``, the default, for the journal's centre.
+        **Arguments:** `base`: "V" or "W", or the label of a point between them, or ``None``, the
+        default, for the journal's centre.
         """
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         offset = self._offset(motions)
         if base is not None:
-            signs: dict[str, float] = dict(zip(BASES, SIDES, strict=True))
-            offset = offset + journal.direction(self._half()) * signs[base]
+            position = self._axial_points()[base].position
+            offset = offset + journal.direction(self._half()) * position
         offset = bearing.components(offset)
         axis = unit(self.bearing_axis)
         first, second = transverse_axes(axis)

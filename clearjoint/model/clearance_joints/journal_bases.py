@@ -1,8 +1,14 @@
-"""Position and velocity of the journal's two bases in the bearing."""
+"""Position and velocity of the journal's two bases in the bearing, and of points between them."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cache
 from typing import Protocol, runtime_checkable
 
+import numpy as np
+from numpy.polynomial import Legendre
+
+from ...fields.checks import require
 from ...fields.types import Single
 from ...math.functions import where
 from ...math.vectors import Scalar, Vector
@@ -13,6 +19,54 @@ BASES = ("V", "W")
 """Names of the bases at the lower and the upper end of the journal's axis."""
 SIDES = (-1.0, 1.0)
 """Signs of the two ends of a journal or bearing: against its axis, and along it."""
+BETWEEN = "point "
+"""Start of the labels "point 2", "point 3" and so on of contacts between the bases."""
+
+
+@dataclass(frozen=True)
+class AxialPoint:
+    """A point of a Gauss-Lobatto rule of quadrature along a journal.
+
+    - `position`: on the journal's axis, -1 at base V and 1 at base W.
+    - `weight`: share of the journal's length; all weights of a rule add up to 1.
+    """
+
+    position: float
+    weight: float
+
+
+@cache
+def axial_points(count: int) -> dict[str, AxialPoint]:
+    """Return the points of the Gauss-Lobatto rule with `count` points, 2 or more, by the contact's
+    label: "V", "point 2", "point 3" and so on, and "W".
+    """
+    # The rule includes the ends: the eccentricity of a straight axis is largest at an end, so that
+    # no contact is missed. The other points are the extrema of the Legendre polynomial.
+    polynomial = Legendre.basis(count - 1)
+    positions = np.array([-1.0, *polynomial.deriv().roots(), 1.0])
+    # The rule is symmetric, which rounding of the roots must not change.
+    positions = 0.5 * (positions - positions[::-1])
+    weights = 1.0 / (count * (count - 1) * polynomial(positions) ** 2)
+    labels = (BASES[0], *(f"{BETWEEN}{k}" for k in range(2, count)), BASES[1])
+    numbers = zip(positions.tolist(), weights.tolist(), strict=True)
+    return {label: AxialPoint(*pair) for label, pair in zip(labels, numbers, strict=True)}
+
+
+def axial_positions(labels: Iterable[str]) -> dict[str, float]:
+    """Return the position on the journal's axis, -1 at base V and 1 at base W, by label, of those
+    contacts of a joint that are on its journal's axis. `labels` are those of all its contacts.
+    """
+    on_axis = [label for label in labels if label in BASES or label.startswith(BETWEEN)]
+    points = axial_points(len(on_axis)) if len(on_axis) >= len(BASES) else {}
+    return {label: point.position for label, point in points.items()}
+
+
+def require_bases_only(argument: str, name: str, labels: Iterable[str]) -> None:
+    """Check that the journal of the joint `name` has no contacts between its bases; `labels` are
+    those of all contacts."""
+    between = sorted(axial_positions(labels).keys() - {*BASES})
+    expected = f"a joint whose journal touches at its bases, not at {between} too"
+    require(not between, argument, name, expected, "give the joint no `line_points`")
 
 
 @runtime_checkable
@@ -35,7 +89,8 @@ class HasJournal(Protocol):
 
 @dataclass(frozen=True)
 class JournalBase:
-    """Position and velocity of one base of the journal relative to the bearing.
+    """Position and velocity of one base of the journal, or of a point between the bases, relative
+    to the bearing.
 
     - `axis`: of the bearing, a global unit vector.
     - `height`: of the base above the bearing's centre along the axis, m.
@@ -58,7 +113,7 @@ class JournalBase:
 
 
 class JournalBases:
-    """Position and velocity of the two bases of a journal, from the motions of both bodies.
+    """Position and velocity of the bases of a journal, from the motions of both bodies.
 
     **Arguments:**
 
@@ -85,12 +140,13 @@ class JournalBases:
         self._arm_velocity = journal.direction(journal.spin.cross(half))
         self._centre_velocity = journal.velocity_at(journal_point)
 
-    def at(self, sign: Scalar) -> JournalBase:
-        """Return position and velocity of base V for a `sign` of -1, of base W for 1."""
-        local, arm = self._journal_point + self._half * sign, self._arm * sign
+    def at(self, position: Scalar) -> JournalBase:
+        """Return position and velocity of base V for a `position` of -1, of base W for 1, and of a
+        point between them for a number between."""
+        local, arm = self._journal_point + self._half * position, self._arm * position
         offset = self._centre + arm
         on_bearing = self._bearing_point + self._bearing.components(offset)
-        base_velocity = self._centre_velocity + self._arm_velocity * sign
+        base_velocity = self._centre_velocity + self._arm_velocity * position
         velocity = base_velocity - self._bearing.velocity_at(on_bearing)
         across = _across(self._centre, self._axis), _across(arm, self._axis)
         height = offset.dot(self._axis)

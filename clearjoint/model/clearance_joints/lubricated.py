@@ -27,7 +27,7 @@ from ..joints.base import (
     Motions,
 )
 from .clearance import ClearanceJoint
-from .journal_bases import BASES, SIDES, JournalBase
+from .journal_bases import SIDES, JournalBase
 
 NODES, WEIGHTS = (
     0.5 * (rule + shift)
@@ -191,10 +191,11 @@ class LubricatedJoint(AbstractContactJoint):
     draw = _of_dry_joint("draw")
 
     def laws(self) -> dict[str, AbstractContactLaw]:
-        """Return the normal law by label: blended for the bases, unchanged for shoulders."""
+        """Return the normal law by label: blended for the wall, unchanged for shoulders."""
+        walls = self.dry.contact_labels()
         return {
             name: BlendedContactLaw(law, self.transition, law.uses_entry_speed)
-            if name in BASES
+            if name in walls
             else law
             for name, law in self.dry.laws().items()
         }

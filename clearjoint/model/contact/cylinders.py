@@ -38,7 +38,7 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
     - `young_modulus`, `poisson_ratio`: of the bearing, Pa and dimensionless.
     - `journal_young_modulus`, `journal_poisson_ratio`: of the journal; the bearing's by default.
     - `length`: of the line, m. Each base of a `ClearanceJoint` (the journal's two end circles)
-      applies the full law: use half the journal's length.
+      applies the full law: use half the journal's length, or the whole length with `line_points`.
 
     **Raises:** `ValueError` if a modulus or the length is not positive, or a Poisson's ratio is
     outside [-1, 0.5].

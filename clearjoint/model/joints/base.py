@@ -236,6 +236,9 @@ class Contact:
       derivatives of the penetration's rate by the first and the second body's spin, m in body axes.
       A normal force F acts as the moments -F times these vectors, without a net force. `normal` is
       the axis about which the second body rotates into the first, and there is no friction.
+    - `face_radius`: ``None``, except for two flat faces whose friction resists their relative
+      rotation as well. It is the mean radius of the faces, m. `slip` then has a component along the
+      normal: this radius times the spin of the second body relative to the first about the normal.
 
     >>> gap = extend.Gap(depth=1e-6, rate=0.0)
     >>> arms = extend.Vector(0.0, 0.0, 0.0), extend.Vector(0.0, 0.0, -0.01)
@@ -252,6 +255,7 @@ class Contact:
     line_first: Vector | None = None
     line_second: Vector | None = None
     turning: tuple[Vector, Vector] | None = None
+    face_radius: Scalar | None = None
 
     def points_of_force(self, has_friction: bool) -> tuple[Vector, Vector]:
         """Return the points where the force acts on the first and the second body.
@@ -313,6 +317,9 @@ class AbstractContactJoint(AbstractElement):
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
         """Return the friction force on the second body, N in global axes; ``None`` without
         friction.
+
+        For faces with a `face_radius`, its component along the normal, times this radius, acts as a
+        moment about the normal.
 
         **Arguments:** `name`: label of the contact. `contact`: its geometry. `normal_force`: N.
         """

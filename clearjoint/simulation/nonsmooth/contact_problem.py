@@ -25,6 +25,7 @@ from ...dynamics.coordinates import AbstractMechanics, Motions, Speeds
 from ...dynamics.equations_of_motion import flattened
 from ...dynamics.multipliers import response, row_rate, row_weights
 from ...dynamics.system import System
+from ...fields.checks import require
 from ...math.linear_solvers import inner
 from ...math.rotations import transverse_axes
 from ...math.smoothing import norm_and_direction
@@ -104,6 +105,13 @@ def _touch(
 ) -> Touch:
     """Return one contact of a joint, given its name and label, its geometry, and pose and
     velocities of the bodies."""
+    require(
+        contact.face_radius is None,
+        f"scene.joints[{name!r}]",
+        type(joint).__name__,
+        f"without a moment of friction at {label!r}",
+        "leave `friction` and `radius` out of EndPlay, or take simulate()",
+    )
     on_first, on_second = contact.points_of_force(contact.slip is not None)
 
     def row(direction: Vector) -> Row:

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from ...fields.checks import require_count, require_positive
 from ...math.smoothing import norm_and_direction
 from ...math.vectors import Condition, Scalar, Vector, add
-from ...model.clearance_joints.journal_bases import BASES, HasJournal
+from ...model.clearance_joints.journal_bases import BASES, HasJournal, require_bases_only
 from ...model.contact.gap import slip_velocity
 from ...model.scene import Scene
 from ...quantities.base import require_known
@@ -286,13 +286,16 @@ class ArchardWear(AbstractWindowedReduction):
         require_count("sectors", self.sectors, "give a number of sectors")
 
     def check(self, scene: Scene) -> None:
-        """Check that the scene has the joint, and that the joint has a journal.
+        """Check that the scene has the joint, and that the joint has a journal that touches the
+        wall at its bases only.
 
-        **Raises:** `ValueError` that lists the names of such joints.
+        **Raises:** `ValueError` that lists the names of joints with a journal, or that names the
+        contacts between the bases.
         """
         joints = scene.contact_joints()
         journals = [name for name, joint in joints.items() if isinstance(joint, HasJournal)]
         require_known("joint", self.joint, journals)
+        require_bases_only("joint", self.joint, joints[self.joint].laws())
 
     def start(self, now: Instant) -> WearTally:
         """Return the tally at the start of the run: its time, the rates of wear then, and worn

@@ -73,9 +73,9 @@ class ContactObservation(eqx.Module):
     - `penetration`: (N,) m, depth of overlap, negative where the surfaces are apart (eq. 13).
     - `penetration_rate`: (N,) m/s, positive while the surfaces approach (eq. 21).
     - `eccentricity`: (N,) m, distance of the base's centre from the bearing's axis (eq. 11);
-      ``None`` for contacts that are not bases of a journal.
+      ``None`` for contacts that are not bases of a journal or points between them.
     - `offset`: (N, 3) m, the base's centre in the frame of the bearing: two components across the
-      bearing's axis, then the one along it; ``None`` for contacts that are not bases.
+      bearing's axis, then the one along it; ``None`` where `eccentricity` is.
     - `normal_force`: (N,) N, magnitude.
     - `friction_force`: (N, 3) N, on the journal, in global axes; ``None`` without a friction law.
     - `normal`: (N, 3), unit vector in global axes, the direction in which the second body

@@ -21,7 +21,7 @@ from ...fields.conversion import with_arrays
 from ...math.smoothing import norm_and_direction
 from ...math.vectors import ConstantFolded, Scalar, Vector, fold_constants, pack, unpack
 from ...model.bodies import GROUND, NO_WRENCH, State, Wrench
-from ...model.clearance_joints.journal_bases import BASES, HasJournal
+from ...model.clearance_joints.journal_bases import BASES, HasJournal, axial_positions
 from ...model.scene import Scene
 from ...native import Native, over_rows
 from ..step.types import Integers, Numbers, Vectors
@@ -188,10 +188,11 @@ def _contacts(scene: Scene, dynamics: Dynamics) -> dict[str, dict[str, ContactOb
         joint = scene.contact_joints()[name]
         first, second = (dynamics.motions[body] for body in joint.pair())
         observations[name] = {}
+        on_axis = axial_positions(family) if isinstance(joint, HasJournal) else {}
         for label, force in family.items():
             contact = force.contact
             eccentricity = offset = None
-            if isinstance(joint, HasJournal) and label in BASES:
+            if isinstance(joint, HasJournal) and label in on_axis:
                 # In the frame of the bearing z is along the axis, so x and y are the eccentricity.
                 across = joint.journal_offset(dynamics.motions, label)
                 eccentricity = norm_and_direction(Vector(across.x, across.y, 0.0))[0]

@@ -68,8 +68,8 @@ def free_impact(
     - `bearing_radius`, `clearance`: m, radius of the bearing and radial clearance, if the law's
       stiffness depends on them.
 
-    **Raises:** `ValueError` if the mass or the speed is not positive, if the mass does not leave the wall within 100 s or 16 384 steps, or if
-    JAX computes in 32 bits.
+    **Raises:** `ValueError` if the mass or the speed is not positive, if the mass does not leave
+    the wall within 100 s or 16 384 steps, or if JAX computes in 32 bits.
 
     >>> impact = cj.free_impact(cj.laws.Hertz(1e6, exponent=1.0), mass=1.0, entry_speed=0.1)
     >>> print(f"{impact.peak_force:.2f} N in {impact.duration * 1e3:.3f} ms")

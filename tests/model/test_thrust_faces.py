@@ -1,0 +1,102 @@
+"""Friction of the thrust faces at the ends of a bearing: forces, and a shaft that runs down."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import clearjoint as cj
+from clearjoint.dynamics.contact_forces import contact_forces, contact_wrenches
+from clearjoint.math.vectors import unpack
+from clearjoint.model.bodies import GROUND, GROUND_MOTION
+from clearjoint.testing import moving
+
+AXIS = np.array([2.0, -1.0, 2.0]) / 3.0
+ACROSS = np.array([1.0, 2.0, 0.0]) / np.sqrt(5.0)
+COEFFICIENT, FULL_SPEED, RADIUS, STIFFNESS, PLAY = 0.15, 0.05, 12e-3, 1e8, 0.2e-3
+MASS, INERTIA, GRAVITY = 2.0, 4e-4, 9.81
+
+
+def shaft_on_face(axis=AXIS, house=GROUND):
+    """A shaft whose weight presses it on the lower shoulder of a bearing."""
+    friction = cj.frictions.LinearCoulomb(COEFFICIENT, FULL_SPEED)
+    joint = cj.ClearanceJoint(
+        house,
+        "shaft",
+        bearing_axis=axis,
+        journal_axis=axis,
+        bearing_radius=10e-3,
+        clearance=0.1e-3,
+        journal_length=20e-3,
+        law=cj.laws.Hertz(1e9),
+        axial=cj.EndPlay(PLAY, cj.laws.Hertz(STIFFNESS), friction, RADIUS),
+    )
+    shaft = cj.Body(MASS, (3e-4, 3e-4, INERTIA))
+    bodies = {"shaft": shaft} | ({} if house == GROUND else {house: shaft})
+    return cj.Scene(bodies, {"pin": joint}, gravity=-GRAVITY * axis)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+@pytest.mark.parametrize(
+    ("speed", "spin"), [(0.3, 0.0), (0.0, 40.0), (0.0, -40.0), (0.4, 70.0), (0.01, 1.0)]
+)
+def test_friction_opposes_sliding_and_rotation_at_the_mean_radius(side, speed, spin):
+    """With mu N v/s and mu N r^2 w/s at the slip speed s above the full speed, and s/v_d of that
+    below it; and the bearing with the opposite."""
+    scene, depth = unpack(shaft_on_face(house="house")), 1e-5
+    centre, velocity = side * (0.5 * PLAY + depth) * AXIS, speed * ACROSS
+    turn = Rotation.from_rotvec(0.7 * AXIS)
+    about = turn.inv().apply(spin * AXIS)
+    shaft = moving(centre, turn.as_quat(scalar_first=True), velocity, about)
+    motions = {"house": GROUND_MOTION, "shaft": shaft}
+    name = "upper shoulder" if side > 0.0 else "lower shoulder"
+    one = contact_forces(scene, motions, {})["pin"][name]
+    push, slip = STIFFNESS * depth**1.5, np.hypot(speed, RADIUS * spin)
+    expected = COEFFICIENT * push / max(slip, FULL_SPEED)
+    total = {name: np.zeros(6) for name in motions}
+    given = one.contact, one.normal_force, one.friction, motions, one.friction_moment
+    for body, wrench in contact_wrenches(scene.joints["pin"], *given):
+        total[body] += [*wrench.force, *motions[body].direction(wrench.moment)]
+    force, torque = np.split(total["shaft"], 2)
+    sliding = -expected * velocity
+    np.testing.assert_allclose(force, -side * push * AXIS + sliding, rtol=1e-9, atol=1e-12)
+    arm = 0.5 * 20e-3 * side * AXIS
+    turning = np.cross(arm, sliding) - expected * RADIUS**2 * spin * AXIS
+    np.testing.assert_allclose(torque, turning, rtol=1e-9, atol=1e-12)
+    back = np.concatenate([-force, -torque - np.cross(centre, force)])
+    np.testing.assert_allclose(total["house"], back, rtol=1e-9, atol=1e-12)
+
+
+def test_a_shaft_on_a_face_runs_down_at_a_constant_rate():
+    """By mu m g r/I, until its slip is too slow; the ledger has the lost energy as friction."""
+    scene, spin = shaft_on_face(np.array([0.0, 0.0, 1.0])), 60.0
+    height = -0.5 * PLAY - (MASS * GRAVITY / STIFFNESS) ** (2 / 3)
+    state = cj.State({"shaft": cj.body_state((0.0, 0.0, height), spin=(0.0, 0.0, spin))})
+    times = np.linspace(0.0, 0.5, 11)
+    run = cj.simulate(scene, state, 0.5, cj.Settings(ledger=True), save=cj.Saving(times))
+    rate = COEFFICIENT * MASS * GRAVITY * RADIUS / INERTIA
+    expected = spin - rate * times
+    assert RADIUS * expected[-1] > FULL_SPEED
+    np.testing.assert_allclose(run.states.bodies["shaft"].spin[:, 2], expected, rtol=1e-6)
+    energies = cj.observe(scene, run).energies
+    lost = 0.5 * INERTIA * (spin**2 - expected**2)
+    np.testing.assert_allclose(energies["friction"], lost, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"radius": 0.01}, "`radius` must be given if and only if `friction` is, but is 0.01"),
+        ({"friction": cj.frictions.Ambrosio(0.1)}, "`radius` must be given .*, but is None"),
+        ({"friction": cj.frictions.Dahl(0.1), "radius": 0.01}, "`friction` must be an AbstractFr"),
+        ({"friction": cj.frictions.Ambrosio(0.1), "radius": -0.01}, "`radius` must be positive"),
+    ],
+)
+def test_other_faces_are_refused(given, message):
+    with pytest.raises(ValueError, match=message):
+        cj.EndPlay(PLAY, cj.laws.Hertz(STIFFNESS), **given)
+
+
+def test_rigid_faces_with_friction_are_refused():
+    state = cj.State({"shaft": cj.body_state((0.0, 0.0, 0.0))})
+    with pytest.raises(ValueError, match="moment of friction at 'lower shoulder', but is"):
+        cj.simulate_nonsmooth(shaft_on_face(), state, 0.01, step=1e-3, restitution=0.5)
