@@ -120,6 +120,7 @@ def _within(least: float, a: Symbol, largest: float) -> Symbol:
 
 
 def _has_bit(a: Symbol, bit: int) -> Symbol:
+    """Return whether an integer has the binary digit of the value `bit`: 1, 2, 4, ..."""
     return (a & bit).compare("ne", 0)
 
 
@@ -172,6 +173,7 @@ def _with_library(name: str, fits: Symbol, usual: Symbol, *arguments: Symbol) ->
 
 def _sine(angle: Symbol, name: str = "sin") -> Symbol:
     """Return the sine of an angle in rad, or with `name` "cos" the cosine."""
+    # The sine of an angle that is known already needs no operation in the program.
     known = angle.ops.number(angle.value)
     if known is not None:
         return angle.like(getattr(math, name)(float(known)))
@@ -283,6 +285,8 @@ def _logarithm(x: Symbol) -> Symbol:
 
 
 def _log1p(x: Symbol) -> Symbol:
+    """Return log(1 + x) as log(u) + rest/u, where u is the rounded sum 1 + x, and `rest` its
+    rounding error."""
     u, rest = _sum(x.like(1.0), x)
     high, low = _logarithm_of(u)
     usual = _keeping_zero(x, high + (low + rest / u))

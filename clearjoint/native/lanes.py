@@ -78,7 +78,10 @@ class AbstractLaneLoop(abc.ABC):
         columns.integers[self.occupied, lane] = 0
 
     def status_of(self, columns: Memory) -> dict[str, np.ndarray]:
-        """Return the status of all columns by name, (lanes,) each; the arrays are views."""
+        """Return the status of all columns by name, (lanes,) each, as the last `run` has left it.
+
+        The arrays are views of the memory, which the next `run` changes.
+        """
         return {
             name: numbers_of(columns.floats, region.dtype)[region.start]
             for name, region in self.status.items()
