@@ -133,6 +133,7 @@ def drivers_are_smooth(
     - `rtol`: tolerance relative to the driver's speed over the step.
     """
 
+    # The rows are evaluated at eight times, and traced once for all of them.
     @traced_once
     def prescribed(system: System, variables: MotionVariables, t: Scalar) -> list[Row]:
         return system.prescribed(variables, t)

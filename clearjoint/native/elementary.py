@@ -129,6 +129,7 @@ def _sine_and_cosine(angle: Symbol) -> tuple[Symbol, Symbol, Symbol]:
 
     Angles are in rad. The third result is an integer whose last bits are n.
     """
+    # `shifted` has n in its last bits, and `minus` is -n as a float.
     shifted = _fma(angle, 2.0 / math.pi, _ROUNDING)
     minus = -(shifted - _ROUNDING)
     # x + tail = angle - n pi/2, with pi/2 as a sum of three doubles. The first difference is exact.
@@ -229,9 +230,11 @@ def _exponential_of(x: Symbol, x_low: Symbol | float) -> tuple[Symbol, Symbol, S
     n is the integer nearest to x/log(2), r is the rounded remainder x + x_low - n log(2), and p is
     the small rest.
     """
+    # `shifted` has n in its last bits, and `minus` is -n as a float.
     shifted = x * (1.0 / math.log(2.0)) + _ROUNDING
     minus = -(shifted - _ROUNDING)
     r, r_low = _sum(_fma(minus, _LN_2[0], x), _fma(minus, _LN_2[1], x_low))
+    # exp(r) - 1 - r = r^2 (1/2 + r (1/6 + ...)), and r_low enters to first order.
     cube = r * _polynomial(r, _EXPONENTIAL)
     return r, _fma(r * r, r.like(0.5) + cube, r_low), _bits(shifted)
 

@@ -123,8 +123,10 @@ class LaneLoop(AbstractLaneLoop):
         ops = lowering.ops
         regions = [lowering.region(aval_of(v)) for v in steps.jaxpr.invars]
         arguments = [lowering.argument(region) for region in regions]
+        # `ends` divides the regions and arguments into those of `shared`, `own` and `state`.
         ends = np.cumsum([0, *(len(jax.tree.leaves(tree)) for tree in arrays)]).tolist()
         parts = [regions[a:b] for a, b in zip(ends, ends[1:], strict=False)]
+        # Each step reads `shared` and `own`, so no step may overwrite them.
         fixed = [borrowed(array) for array in arguments[: ends[2]]]
 
         # Two further cells tell the loop which columns are occupied, and when it must return.

@@ -59,6 +59,7 @@ def condensed(scene: Scene) -> Scene:
     group_of = {member: group for group in bodies for member in group.members}
 
     def bodies_of(name: str) -> list[int]:
+        """Return the places of a joint's two bodies, the later one first; -1 for the ground."""
         return sorted((order.get(body, -1) for body in contacts[name].pair()), reverse=True)
 
     # Joints are sorted by their bodies' places in the chain, so that neighbouring joints of a group
