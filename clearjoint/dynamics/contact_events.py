@@ -22,7 +22,7 @@ from ..model.scene import Scene
 from .contact_forces import Closed, EntrySpeeds
 
 SLOWEST = 1e-12
-"""Entry speed, m/s, that is stored for a closed contact whose penetration rate is not positive,
+"""Entry speed, m/s, that is stored for a closed contact if its penetration rate is not positive,
 since zero stands for an open contact. It is also the rate above which a depth is divided by the
 rate to estimate the time since the onset."""
 TOUCHING = 1e-12
@@ -201,8 +201,9 @@ def updated_entry_speeds(
 ) -> EntrySpeeds:
     """Return the entry speeds after an accepted step, m/s, by joint and contact label.
 
-    A contact that began in the step gets its penetration rate at the onset, or `SLOWEST` if that is
-    not positive. An open contact gets zero, and any other keeps its entry speed.
+    A contact that began in the step gets its penetration rate at the onset. If the estimate of this
+    rate is not positive, it gets the rate at the end of the step, or `SLOWEST` if that is larger.
+    An open contact gets zero, and any other keeps its entry speed.
 
     **Arguments:**
 
