@@ -81,7 +81,8 @@ def configure(threads: int | None = None, cache: str | os.PathLike | None = None
     ``JAX_ENABLE_COMPILATION_CACHE=0`` switches all saving off.
 
     Files in the folder are executed. A new folder is accessible to you alone. A folder to which
-    other users may write is not used, with a warning. A read-only folder is read, not written.
+    other users may write, or which cannot be made, is not used, with a warning. A read-only folder
+    is read, not written.
 
     **Arguments:**
 
@@ -90,8 +91,8 @@ def configure(threads: int | None = None, cache: str | os.PathLike | None = None
     - `cache`: folder of compiled programs. Default: the environment variable ``CLEARJOINT_CACHE``,
       or ``clearjoint`` in the user's cache folder.
 
-    **Raises:** `ValueError` if `threads` is not a positive whole number, if `cache` is a file, or
-    if ``CLEARJOINT_KEEP_PROGRAMS`` is neither 0 nor 1.
+    **Raises:** `ValueError` if `threads` is not a positive whole number, if `cache` is a file or
+    leads through one, or if ``CLEARJOINT_KEEP_PROGRAMS`` is neither 0 nor 1.
 
     >>> cj.configure()
     >>> jnp.asarray(1.0).dtype

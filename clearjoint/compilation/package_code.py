@@ -84,7 +84,8 @@ def source_digest() -> str:
     """Return the digest, as hexadecimal text, of the package's source files when its import began.
 
     **Raises:** `ChangedCodeError` if the code of this process differs from these files, or has
-    differed at an earlier call.
+    differed at an earlier call, or if `remember_contents` has not been called, so that it cannot be
+    compared.
     """
     with _STATE.lock:
         if not (_STATE.changed or _is_as_imported()):
@@ -95,7 +96,8 @@ def source_digest() -> str:
 
 
 def _is_as_imported() -> bool:
-    """Return whether the source files and the objects of the package are those of its import."""
+    """Return whether the source files and the objects of the package are those of its import, as
+    far as they were recorded; false without a record."""
     if not _STATE.names or not _STATE.files:
         return False
     loaded = sum(name.startswith(PACKAGE) for name in sys.modules)

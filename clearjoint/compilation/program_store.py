@@ -91,9 +91,11 @@ def is_private(folder: Path) -> bool:
 class ProgramStore:
     """Folder of compiled programs, with a file for each key.
 
-    Each file consists of a digest of key and content, and of the compressed content.
+    Each file consists of a digest of key and content, and of the compressed content. Keys are
+    digests as hexadecimal text, which name the files.
 
-    **Arguments:** `folder`: path of the folder; `most_bytes`: largest total size of its files.
+    **Arguments:** `folder`: path of the folder, which is made when a file is first written;
+    `most_bytes`: largest total size of its files, in bytes.
     """
 
     def __init__(self, folder: Path, most_bytes: int = MOST_BYTES):
@@ -161,4 +163,5 @@ class ProgramStore:
 
 
 def _digest(key: str, content: bytes) -> bytes:
+    # BLAKE2 takes at most 64 bytes as its key.
     return hashlib.blake2b(content, key=key.encode()[:64], digest_size=_DIGEST).digest()

@@ -100,6 +100,7 @@ class HostFirst(Generic[Arguments, Result]):
                 # for known numbers, by which it is detected.
                 jax.eval_shape(lambda: results.append(function(*arguments, **options)))
             except Exception:
+                # An error of the function itself is raised again when XLA compiles the function.
                 return []
         return [] if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(results)) else results
 

@@ -84,7 +84,8 @@ class AbsoluteCoordinates(AbstractCoordinates):
         return AbsoluteMechanics(scene, variables, self.motions(scene, variables))
 
     def without_drift(self, scene: Scene, variables: Bodies) -> Bodies:
-        """Return the variables with Euler parameters of unit norm."""
+        """Return the variables with Euler parameters whose norm is corrected to 1 if it has drifted
+        (see `kept_unit`)."""
         del scene
         return {name: normalised_body(body) for name, body in variables.items()}
 
@@ -140,8 +141,8 @@ class AbsoluteMechanics(AbstractMechanics):
         return rates
 
     def bias(self, row: Row) -> Scalar:
-        """Return zero, the second time derivative of a row's value, without the row's own `bias`,
-        if the time derivatives of all speeds are zero: no body accelerates then."""
+        """Return zero. If the time derivatives of all speeds are zero, no body accelerates, so that
+        the row's own `bias` is the whole second time derivative of its value."""
         del row
         return 0.0
 

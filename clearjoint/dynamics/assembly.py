@@ -46,7 +46,8 @@ that the variables cannot represent is of the order of one."""
 
 def check_names(scene: Scene, state: State) -> None:
     """Check that scene and state have the right types, that the state has exactly the scene's
-    bodies, and that all its numbers are finite, with Euler parameters of about unit norm.
+    bodies, and that all its numbers are finite, with Euler parameters of about unit norm (0.9 to
+    1.1). Numbers that JAX traces are not checked.
 
     **Raises:** `ValueError` that names the argument and a remedy.
     """
@@ -93,7 +94,10 @@ def assemble(
 
     **Raises:** `ValueError`
 
+    - if `scene` or `state` has another type, if the state's bodies are not those of the scene, or
+      if a number of the state is not finite, or Euler parameters are far from unit norm;
     - if no state near the guess satisfies the constraints; the message names the worst constraint;
+    - if `resting` is a single string;
     - if a name in `resting` is not that of a clearance joint;
     - if a journal in `resting` has no load across its axis.
 

@@ -133,6 +133,7 @@ def drivers_are_smooth(
     - `rtol`: tolerance relative to the driver's speed over the step.
     """
 
+    # The rows are evaluated at eight times, and traced once for all of them.
     @traced_once
     def prescribed(system: System, variables: MotionVariables, t: Scalar) -> list[Row]:
         return system.prescribed(variables, t)
@@ -148,6 +149,8 @@ def drivers_are_smooth(
     # If the step ends at a breakpoint, the rate may change there, but the value must be continuous.
     # So the value is taken on the far side of the end, and rates on the near side.
     past_end = one_sided_time(system, end, end)
+    # The relative error of a driver's rates. As a time, s, it also covers the rounding of `end`: at
+    # a given speed, the value then has an error of speed times this time.
     rounding = DRIVER_ROUNDINGS * eps * (1.0 + jnp.abs(system.clock(end)))
     smooth: Condition | None = None
     at_times = [prescribed(system, variables, t) for t in (past_end, *within)]

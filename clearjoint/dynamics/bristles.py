@@ -67,8 +67,9 @@ def updated_bristles(
 ) -> Bristles:
     """Return the bristle deflections after an accepted step, m, by joint and contact label.
 
-    An open contact gets zero. If steps end at onsets, a contact that began in the step gets its
-    displacement since the onset added, slip velocity times time (see the module).
+    An open contact gets zero. If steps end at onsets, a contact that began in the step and whose
+    penetration still grows gets its displacement since the onset added: slip velocity times the
+    time since the onset, which is depth over rate.
 
     **Arguments:**
 

@@ -22,8 +22,9 @@ from ..model.scene import Scene
 from .contact_forces import Closed, EntrySpeeds
 
 SLOWEST = 1e-12
-"""Smallest entry speed that is stored, m/s, since zero stands for an open contact. It is also the
-smallest penetration rate by which a depth is divided to estimate the time since the onset."""
+"""Entry speed, m/s, that is stored for a closed contact if its penetration rate is not positive,
+since zero stands for an open contact. It is also the rate above which a depth is divided by the
+rate to estimate the time since the onset."""
 TOUCHING = 1e-12
 """Largest depth, m, positive or negative, at which a contact counts as being at the wall at the
 start of a run. Its true depth is zero, and the sign is due to rounding."""
@@ -95,7 +96,7 @@ def initial_entry_speeds(scene: Scene, start: ContactGaps) -> EntrySpeeds:
 
     - An open contact gets zero.
     - A contact that is just beginning (depth positive, but at most `TOUCHING`) gets its penetration
-      rate.
+      rate, or `SLOWEST` if that is larger.
     - A deeper contact gets `UNKNOWN_ENTRY_SPEED`, with which its force is elastic, since its impact
       was before the start.
 
@@ -164,10 +165,12 @@ def time_since_onset(before: ContactGaps, after: ContactGaps) -> Scalar:
     `after`, to the second instant; infinity if no contact begins.
 
     It is depth over rate at the second instant, correct to first order, and is not differentiated.
+    If a contact begins, but its rate at the second instant is at most `SLOWEST`, it is zero.
     """
     latest: Scalar = jnp.inf
     for start, end in gap_pairs(before, after):
         began = (start.depth <= 0.0) & (end.depth > 0.0)
+        # Without a penetration rate, no time can be estimated, and zero is taken.
         since = end.depth / jnp.where(end.rate > SLOWEST, end.rate, jnp.inf)
         latest = jnp.minimum(latest, min_(jnp.where(began, since, jnp.inf)))
     return jax.lax.stop_gradient(latest)
@@ -198,8 +201,9 @@ def updated_entry_speeds(
 ) -> EntrySpeeds:
     """Return the entry speeds after an accepted step, m/s, by joint and contact label.
 
-    A contact that began in the step gets its penetration rate at the onset, an open contact zero,
-    and any other keeps its entry speed.
+    A contact that began in the step gets its penetration rate at the onset. If the estimate of this
+    rate is not positive, it gets the rate at the end of the step, or `SLOWEST` if that is larger.
+    An open contact gets zero, and any other keeps its entry speed.
 
     **Arguments:**
 
@@ -218,7 +222,8 @@ def updated_entry_speeds(
         # instant depends on the parameters.
         back = end.depth / jnp.where(usable, end.rate, 1.0)
         entry = jnp.where(usable, end.rate - second_rates[name][label] * back, end.rate)
-        # If a contact hardly touches the wall, the correction may exceed the rate.
+        # If a contact hardly touches the wall, the correction may exceed the rate. The entry speed
+        # must be positive, since zero stands for an open contact.
         entry = jnp.where(entry > 0.0, entry, jnp.maximum(end.rate, SLOWEST))
         return jnp.where(end.depth > 0.0, jnp.where(began, entry, entry_speeds[name][label]), 0.0)
 

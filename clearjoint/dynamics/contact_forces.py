@@ -70,8 +70,9 @@ def contact_forces(
     **Arguments:**
 
     - `motions`: pose and velocities of each body.
-    - `entry_speeds`: m/s, by joint and contact label. A closed contact whose entry speed is zero is
-      treated as elastic, like a contact that exists at the start of a run.
+    - `entry_speeds`: m/s, by joint and contact label. If `closed` is given, a closed contact whose
+      entry speed is zero is treated as elastic, like a contact that exists at the start of a run.
+      Otherwise, its present penetration rate replaces the entry speed.
     - `closed`: whether each contact has a force, whatever its depth (see `contact_force`); if
       ``None``, the contacts that penetrate have one.
     - `bristles`: deflections, m, of the contacts with bristle laws.
@@ -108,7 +109,8 @@ def contact_wrenches(
     """
     first, second = joint.pair()
     if contact.turning is not None:
-        # A backlash about an axis is a contact that transmits a moment only.
+        # A backlash about an axis is a contact that transmits a moment only: the force times the
+        # vectors in `turning`, which are in m, in body axes.
         for name, turning in zip((first, second), contact.turning, strict=True):
             if name != GROUND:
                 yield name, Wrench(ZERO, turning * -normal_force)
@@ -151,7 +153,8 @@ def contact_force(
     - `label`: of the contact in the joint.
     - `law`: contact law for the normal force.
     - `contact`: geometry at this instant.
-    - `entry_speed`: m/s, positive; ``None`` if the law does not use it.
+    - `entry_speed`: m/s; ``None`` if the law does not use it. It is positive if `closed` is given;
+      otherwise it may be zero, which stands for the present penetration rate.
     - `closed`: whether the contact has a force, whatever its depth; if ``None``, it has one if it
       penetrates.
     - `motions`: pose and velocities of each body.
@@ -204,9 +207,10 @@ def _continued(
     **Arguments:**
 
     - `force`: function that returns the law's normal force or its elastic part, N, at a gap.
-    - `closed`: whether the contact is closed. An open contact has no force. The force of a closed
-      contact outside the wall is the point reflection, about the wall, of the force inside. With
-      ``None`` the result is `force` at the gap.
+    - `closed`: whether the contact is closed. An open contact has no force. If the slope of the
+      law's force jumps at the wall, the force of a closed contact outside the wall is the point
+      reflection, about the wall, of the force inside; a force without a kink needs no continuation.
+      With ``None`` the result is `force` at the gap.
     """
     if closed is None:
         return force(gap)

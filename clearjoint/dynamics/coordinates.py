@@ -191,7 +191,8 @@ def anchors(scene: Scene) -> dict[str, tuple[Vector, Vector]]:
 
 
 def normalised_body(body: BodyState) -> BodyState:
-    """Return the state of a body with Euler parameters of unit norm."""
+    """Return the state of a body with Euler parameters whose norm is corrected to 1 if it has
+    drifted (see `kept_unit`)."""
     return BodyState(body.position, kept_unit(body.orientation), body.velocity, body.spin)
 
 

@@ -68,7 +68,7 @@ def applied_wrenches(
     scene: Scene, motions: Motions, forces: ByLabel[LoadedContact], t: Scalar
 ) -> Wrenches:
     """Return the wrench (force and moment) that force elements, films and contacts exert on each
-    body, by name.
+    body, by name; zero for a body on which none acts.
 
     Gravity is not included, because the coordinates add it as an acceleration.
 

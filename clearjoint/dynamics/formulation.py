@@ -80,6 +80,8 @@ class Baumgarte(AbstractStabilisation):
     `value` and `rate` are those of the constraint. `alpha` and `beta` are in 1/s; 5 is usual. In
     the paper, the first term lacks the dot that marks the rate.
 
+    **Raises:** `ValueError` if `alpha` or `beta` is negative or not finite.
+
     >>> feedback = cj.Baumgarte(alpha=5.0, beta=5.0).target(value=1e-3, rate=0.0)
     >>> print(f"{feedback:.3f}")  # -beta^2 value
     -0.025

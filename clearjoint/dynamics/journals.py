@@ -41,7 +41,8 @@ Depths: TypeAlias = ByLabel[float]
 
 
 def depths(scene: Scene, state: State) -> Depths:
-    """Return the penetration of each contact of a state, m, by joint and contact."""
+    """Return the penetration of each contact of a state, m, by joint and contact label; an empty
+    dictionary without clearance joints."""
     if not scene.contact_joints():
         return {}
     by_joint = contact_depths(scene, state.bodies)

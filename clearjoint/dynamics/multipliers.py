@@ -88,6 +88,8 @@ def row_weights(bodies: Mapping[str, Body], rows: Sequence[Row]) -> list[Scalar]
         total: Scalar = 0.0
         for name, pair in row.jacobian.items():
             if name != GROUND:
+                # The sum of these terms is J M^-1 J^T, for the row's Jacobian J and the matrix M of
+                # masses and inertias: the inverse of the mass that the multiplier accelerates.
                 by_force = pair.force.dot(pair.force) / bodies[name].mass
                 by_moment = pair.moment.dot(pair.moment) / _mean_inertia(bodies[name])
                 total = add(total, add(by_force, by_moment))
@@ -97,7 +99,10 @@ def row_weights(bodies: Mapping[str, Body], rows: Sequence[Row]) -> list[Scalar]
 
 
 def _mean_inertia(body: Body) -> Scalar:
-    """Return the mean of the principal moments of inertia, kg m^2, of a body in scalar form."""
+    """Return the mean of the principal moments of inertia, kg m^2, of a body in scalar form.
+
+    The mean suffices for weights, which need not be exact.
+    """
     inertia = body.inertia
     if isinstance(inertia, Matrix):
         return (inertia.row_x.x + inertia.row_y.y + inertia.row_z.z) / 3.0

@@ -36,7 +36,7 @@ def polar_angle(sine: Scalar, cosine: Scalar) -> Scalar:
 
 
 def wrapped(value: Scalar, period: Scalar) -> Scalar:
-    """Return a value minus the nearest multiple of a period.
+    """Return a value minus the nearest multiple of a period, such as an angle within half a turn.
 
     The absolute value of the result is at most half a period.
     """

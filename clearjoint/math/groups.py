@@ -75,7 +75,8 @@ def element(tree: PyTree, index: int) -> PyTree:
 def by_group(by_member: Mapping[str, PyTree], names: Iterable[str]) -> dict[str, PyTree]:
     """Return values by names of elements and groups, from values by names of elements.
 
-    The values of the elements of a group become arrays (n,). Names without a value are omitted.
+    The values of the elements of a group become arrays (n,). Names without a value are omitted, as
+    are groups whose first element has none.
 
     **Arguments:** `by_member`: PyTrees of scalars by name of the element; `names`: the names of
     elements and groups.

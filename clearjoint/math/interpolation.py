@@ -137,7 +137,7 @@ class Quintic(NamedTuple):
         return a + x * (da + x * (half + x * (c3 + x * (c4 + x * c5))))
 
     def rate(self, x: Scalar) -> Scalar:
-        """Return the rate at position x; zero in a step of zero length."""
+        """Return the rate at position x; zero in a step of zero length, whose ends are equal."""
         _, da, half, c3, c4, c5 = self.coefficients
         slope = da + x * (2.0 * half + x * (3 * c3 + x * (4 * c4 + x * 5 * c5)))
         return slope / jnp.where(self.h > 0.0, self.h, 1.0)
@@ -207,6 +207,7 @@ def vertex(first: Point, middle: Point, last: Point) -> Scalar:
     left = _slope(first, middle)
     right = _slope(middle, last)
     bend = (right - left) / _positive(last.x - first.x)
+    # The slope of the parabola at the middle point, from which its maximum is a Newton step away.
     slope = left + bend * (middle.x - first.x)
     # Without a maximum, the divisor is infinite, and the shift is zero.
     shift = -0.5 * slope / jnp.where(bend < 0.0, bend, -jnp.inf)
@@ -316,8 +317,11 @@ def _either(condition: Scalar, one: Point, other: Point) -> Point:
 
 
 def _slope(first: Point, second: Point) -> Scalar:
+    """Return the slope of the straight line through two points; zero if the points are equal."""
     return (second.value - first.value) / _positive(second.x - first.x)
 
 
 def _positive(length: Scalar) -> Scalar:
+    """Return a distance of two positions as a divisor: 1 in place of zero, at which points are
+    equal, so that the quotient is zero instead of NaN."""
     return jnp.where(length > 0.0, length, 1.0)

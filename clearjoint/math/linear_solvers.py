@@ -15,7 +15,7 @@ import jax.scipy.linalg
 from .vectors import Scalar, add, is_zero, multiply, subtract
 
 LARGEST_UNROLLED = 12
-"""Largest number of rows of a system that is solved by unrolled arithmetic."""
+"""Largest number of rows of a system that is solved by unrolled arithmetic; see the module."""
 Rows = Sequence[Sequence[Scalar]]
 """Rows of a matrix; of a symmetric one, only the entries up to the diagonal are read, so that row i
 may have only i + 1 entries."""
@@ -36,6 +36,8 @@ class UnrolledFactorisation:
         self._inverse_diagonal: list[Scalar] = []
         # The product L D, column by column.
         scaled: list[list[Scalar]] = [[0.0] * n for _ in range(n)]
+        # With the pivots d, a_jj = sum_k l_jk^2 d_k + d_j, and for i > j
+        # a_ij = sum_k l_ik (l_jk d_k) + l_ij d_j, where k runs from 0 to j - 1.
         for j in range(n):
             pivot = self._reduced(matrix[j][j], self._lower[j], scaled[j][:j])
             self._inverse_diagonal.append(1.0 / pivot)

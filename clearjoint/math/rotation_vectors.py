@@ -53,6 +53,8 @@ def rotation_vector(rotation: Matrix) -> RotationVector:
     zero.
     """
     x, y, z = rotation.rows
+    # The antisymmetric part of the matrix is that of sine times axis, and the trace is
+    # 1 + 2 cosine.
     sine_vector = Vector(z.y - y.z, x.z - z.x, y.x - x.y) * 0.5
     cosine = 0.5 * (x.x + y.y + z.z - 1.0)
     squared_sine = sine_vector.dot(sine_vector)

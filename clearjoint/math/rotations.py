@@ -85,7 +85,7 @@ def conjugate(p: EulerParameters) -> EulerParameters:
 
 
 def normalised(p: EulerParameters) -> EulerParameters:
-    """Return Euler parameters divided by their norm.
+    """Return Euler parameters, of which one at least is not zero, divided by their norm.
 
     >>> p = extend.normalised(extend.EulerParameters(2.0, 0.0, 0.0, 0.0))
     >>> print(f"{p.e0:.1f}")

@@ -34,7 +34,8 @@ def positive_power(x: Scalar, exponent: Scalar) -> Scalar:
 def norm_and_direction(vector: Vector) -> tuple[Scalar, Vector]:
     """Return the norm of a vector, and the unit vector in its direction.
 
-    For the zero vector, both are zero, with zero derivatives.
+    For the zero vector, both are zero, with zero derivatives. A vector shorter than 1e-100, whose
+    squared norm is at most `_TINY`, counts as zero.
 
     >>> norm, direction = extend.norm_and_direction(extend.Vector(3.0, 4.0, 0.0))
     >>> print(f"{norm:.1f}, {direction.x:.1f}, {direction.y:.1f}")

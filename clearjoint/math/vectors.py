@@ -320,6 +320,8 @@ def _is_in_table(node: PyTree, path: jax.tree_util.KeyPath) -> bool:
 
 
 def _pattern(leaf: ArrayLike) -> Pattern:
+    """Return the structural components of an array; ``None`` for tracers and for other shapes than
+    (3,) and (3, 3)."""
     if isinstance(leaf, Tracer) or np.shape(leaf) not in ((3,), (3, 3)):
         return None
     numbers = np.asarray(leaf, dtype=float).ravel().tolist()
@@ -327,6 +329,7 @@ def _pattern(leaf: ArrayLike) -> Pattern:
 
 
 def _unpack_leaf(leaf: jax.Array, pattern: Pattern, leading: int) -> PyTree:
+    """Return the scalar form of one array, or the array itself if it has none; see `unpack`."""
     shape, front = jnp.shape(leaf)[leading:], (slice(None),) * leading
     if shape == (4,):
         return EulerParameters(*(leaf[(*front, k)] for k in range(4)))

@@ -87,8 +87,9 @@ class Memory:
 class Cells:
     """Conversion of PyTrees to rows of numbers, as they stand in memory, and back.
 
-    A row has the numbers of one PyTree, one array after the other. All PyTrees have the structure,
-    shapes, dtypes and static leaves of an example.
+    A row has the numbers of one PyTree, one array after the other, as float64; integers and bools
+    are int64 numbers whose bits are stored in its place. All PyTrees have the structure, shapes,
+    dtypes and static leaves of an example.
 
     - `size`: number of cells of a PyTree.
 
@@ -113,6 +114,7 @@ class Cells:
         """Return the numbers of n PyTrees, (n, size).
 
         **Arguments:** `trees`: the n PyTrees as one, whose arrays have a leading axis of length n.
+        Without arrays, n counts as 0.
         """
         leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(eqx.filter(trees, eqx.is_array))]
         floats = np.zeros((len(leaves[0]) if leaves else 0, self.size))

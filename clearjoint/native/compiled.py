@@ -37,8 +37,9 @@ class Native(Generic[Arguments, Result]):
     """A function that is compiled when it is first called, on CPUs to native code.
 
     XLA compiles the function on accelerators, inside of JAX's transformations (such as `jax.jit`
-    and `jax.grad`), for calls with keyword arguments, and if the function uses a primitive without
-    a rule. Arrays in results of native code are NumPy arrays.
+    and `jax.grad`), for calls with keyword arguments, if the function uses a primitive without a
+    rule, and if the environment variable `SWITCH` is 0. Arrays in results of native code are NumPy
+    arrays.
 
     - `native`: the function in native code.
 

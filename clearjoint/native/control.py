@@ -40,6 +40,8 @@ def _cond(lower: Lowering, equation: Equation, condition: Array, *arguments: Arr
 
     The condition is a bool, or the index of a branch. Only the chosen branch is added if the
     condition is known, both are computed if they are short, and otherwise the program jumps.
+
+    **Raises:** `UnsupportedPrimitiveError` for more than two branches, unless the index is known.
     """
     branches = equation.params["branches"]
     ops = lower.ops
@@ -140,7 +142,8 @@ def _branch(
             if not first_results:
                 first_results[:] = results
                 return lower.flatten(results)
-            # The second branch must leave its arrays in the same cells as the first one.
+            # Later operations read the same cells whichever branch was executed, so the second
+            # branch must leave its arrays in the cells of the first one.
             for new, old in zip(results, first_results, strict=True):
                 if isinstance(new, InMemory) and isinstance(old, InMemory):
                     if new.start == old.start:
@@ -200,9 +203,12 @@ def loop(
     - `holds`: adds the condition for a further iteration, as a function of the carries.
     - `iterate`: adds the loop's body, as a function of the carries that returns the next ones.
     - `uniform`: whether the condition is the same in all lanes.
+
+    **Raises:** `UnsupportedPrimitiveError` for carries in memory in a program of several lanes,
+    unless the condition is uniform. Lanes that have finished could not keep these arrays.
     """
     ops = lower.ops
-    # The body overwrites its carries, so others' arrays are copied.
+    # The body overwrites its carries, so arrays that must not be overwritten are copied.
     first = [lower.copied(a) if isinstance(a, InMemory) and not a.owned else a for a in first]
     if ops.width > 1 and not uniform and any(isinstance(a, InMemory) for a in first):
         raise UnsupportedPrimitiveError("loops over large arrays in lanes")
@@ -227,7 +233,9 @@ def loop(
         following = lower.flatten(results)
         if ops.width == 1 or uniform:
             return following
-        # Lanes in which the condition no longer holds keep their values.
+        # The body is executed as long as the condition holds in any lane. Lanes in which it no
+        # longer holds keep the values from before this iteration. The condition is added a second
+        # time here, because operations of the block that computes it are not reused in the body.
         goes_on = holds(arrays(values))
         pairs = zip(following, values, strict=True)
         return [ops.emit("select", ops.kinds[new], goes_on, new, old) for new, old in pairs]

@@ -120,6 +120,7 @@ def _within(least: float, a: Symbol, largest: float) -> Symbol:
 
 
 def _has_bit(a: Symbol, bit: int) -> Symbol:
+    """Return whether an integer has the binary digit of the value `bit`: 1, 2, 4, ..."""
     return (a & bit).compare("ne", 0)
 
 
@@ -128,6 +129,7 @@ def _sine_and_cosine(angle: Symbol) -> tuple[Symbol, Symbol, Symbol]:
 
     Angles are in rad. The third result is an integer whose last bits are n.
     """
+    # `shifted` has n in its last bits, and `minus` is -n as a float.
     shifted = _fma(angle, 2.0 / math.pi, _ROUNDING)
     minus = -(shifted - _ROUNDING)
     # x + tail = angle - n pi/2, with pi/2 as a sum of three doubles. The first difference is exact.
@@ -172,6 +174,7 @@ def _with_library(name: str, fits: Symbol, usual: Symbol, *arguments: Symbol) ->
 
 def _sine(angle: Symbol, name: str = "sin") -> Symbol:
     """Return the sine of an angle in rad, or with `name` "cos" the cosine."""
+    # The sine of an angle that is known already needs no operation in the program.
     known = angle.ops.number(angle.value)
     if known is not None:
         return angle.like(getattr(math, name)(float(known)))
@@ -227,9 +230,11 @@ def _exponential_of(x: Symbol, x_low: Symbol | float) -> tuple[Symbol, Symbol, S
     n is the integer nearest to x/log(2), r is the rounded remainder x + x_low - n log(2), and p is
     the small rest.
     """
+    # `shifted` has n in its last bits, and `minus` is -n as a float.
     shifted = x * (1.0 / math.log(2.0)) + _ROUNDING
     minus = -(shifted - _ROUNDING)
     r, r_low = _sum(_fma(minus, _LN_2[0], x), _fma(minus, _LN_2[1], x_low))
+    # exp(r) - 1 - r = r^2 (1/2 + r (1/6 + ...)), and r_low enters to first order.
     cube = r * _polynomial(r, _EXPONENTIAL)
     return r, _fma(r * r, r.like(0.5) + cube, r_low), _bits(shifted)
 
@@ -283,6 +288,8 @@ def _logarithm(x: Symbol) -> Symbol:
 
 
 def _log1p(x: Symbol) -> Symbol:
+    """Return log(1 + x) as log(u) + rest/u, where u is the rounded sum 1 + x, and `rest` its
+    rounding error."""
     u, rest = _sum(x.like(1.0), x)
     high, low = _logarithm_of(u)
     usual = _keeping_zero(x, high + (low + rest / u))

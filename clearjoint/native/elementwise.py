@@ -114,7 +114,13 @@ def _divide(a: Symbol, b: Symbol) -> Symbol:
 
 
 def _whole_division(name: str, a: Symbol, b: Symbol, by_zero: Symbol) -> Symbol:
-    """Divide integers; a division by zero, which LLVM leaves undefined, returns `by_zero`."""
+    """Return the quotient or remainder of integers, or `by_zero`, which is XLA's result, if the
+    divisor is zero.
+
+    LLVM leaves a division by zero undefined, so the operation divides by one in that case.
+
+    **Arguments:** `name`: the operation, "divide_whole" or "remainder_whole".
+    """
     is_zero = b.compare("eq", 0)
     return is_zero.select(by_zero, a.emit(name, is_zero.select(b.like(1), b)))
 
@@ -181,7 +187,8 @@ def _remainder(a: Symbol, b: Symbol) -> Symbol:
 
 
 def _select(index: Symbol, *cases: Symbol) -> Symbol:
-    """Return the case that a bool or an integer selects; the last one for larger integers."""
+    """Return the case that a bool or an integer selects: the first one for negative integers, and
+    the last one for integers that are too large."""
     if index.letter == "b":
         return index.select(cases[1], cases[0])
     result = cases[-1]
@@ -192,7 +199,11 @@ def _select(index: Symbol, *cases: Symbol) -> Symbol:
 
 def convert(a: Symbol, letter: str) -> Symbol:
     """Convert a value to the kind with the given first letter: "f" (float64), "i" (int64), "w"
-    (int32) or "b" (bool)."""
+    (int32) or "b" (bool).
+
+    A float beyond the range of the integers becomes the nearest of them, and NaN zero. Of an int64,
+    int32 keeps the lower 32 bits. A bool is true for all numbers but zero.
+    """
     old = a.letter
     if old == letter:
         return a

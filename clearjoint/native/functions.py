@@ -106,14 +106,16 @@ class NativeProgram:
         """Return the program as a function of the numbers of some arguments.
 
         The function takes rows (n, cells), which have for each of n calls the numbers of these
-        arguments, one array after the other. It returns the numbers of the results, (n, cells) too.
-        Only one thread may call it at a time.
+        arguments, one array after the other, as in `Cells`. It returns such rows of the numbers of
+        the results, with as many columns as these have cells. Only one thread may call it at a
+        time.
 
         **Arguments:** `leaves`: the jaxpr's arguments; `varied`: indices of those that the rows
         replace.
         """
         memory = self._memory(leaves)
-        # Cells of the arguments that the program uses: in a row, and in memory.
+        # Cells of the arguments that the program uses: in a row, and in memory. All other arguments
+        # are written to memory once, here.
         starts = np.cumsum([0, *(np.size(leaves[k]) for k in varied)]).tolist()
         regions = zip(map(slice, starts, starts[1:]), (self.inputs[k] for k in varied), strict=True)
         used = [(row, region.cells) for row, region in regions if region is not None]
@@ -198,7 +200,7 @@ class FlatArguments(NamedTuple):
 
     - `arguments`: the arguments as given.
     - `leaves`, `structure`: their leaves and structure, as `jax.tree.flatten` returns them.
-    - `arrays`: the arrays among the leaves.
+    - `arrays`: the arrays of NumPy and JAX among the leaves.
     - `key`: structure, shapes and dtypes of the arrays, and all other leaves. Arguments with equal
       keys need the same program.
     """

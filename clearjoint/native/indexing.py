@@ -160,7 +160,11 @@ def _dynamic_update_slice(
 
 
 def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -> list[Array]:
-    """Return one block of the array for each row of indices (see `jax.lax.gather`)."""
+    """Return one block of the array for each row of indices (see `jax.lax.gather`).
+
+    **Raises:** `UnsupportedPrimitiveError` for arrays with batching dimensions, and for a large
+    result in which the axes of the blocks do not come last.
+    """
     ops, parameters = lower.ops, equation.params
     numbers, sizes = parameters["dimension_numbers"], parameters["slice_sizes"]
     if numbers.operand_batching_dims:
@@ -174,6 +178,7 @@ def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -
     block_axes = [k for k in range(len(shape)) if k not in numbers.collapsed_slice_dims]
     block = [sizes[axis] for axis in block_axes]
     offsets = _offsets(block, [strides[axis] for axis in block_axes])
+    # In all other modes, a block that lies partly outside of the array is moved inside.
     fills = "FILL" in str(parameters["mode"])
 
     def block_at(starts: list[Value], read: Callable[[Value], list[Value]]) -> list[Value]:
@@ -267,6 +272,8 @@ def _scatter(
     update.
 
     **Arguments:** `name`: primitive that combines an element and an update; "" to replace it.
+
+    **Raises:** `UnsupportedPrimitiveError` for large arrays or arrays with batching dimensions.
     """
     shape, index_shape, update_shape = (aval_of(v).shape for v in equation.invars)
     numbers, depth = equation.params["dimension_numbers"], index_shape[-1]

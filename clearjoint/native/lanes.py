@@ -78,7 +78,10 @@ class AbstractLaneLoop(abc.ABC):
         columns.integers[self.occupied, lane] = 0
 
     def status_of(self, columns: Memory) -> dict[str, np.ndarray]:
-        """Return the status of all columns by name, (lanes,) each; the arrays are views."""
+        """Return the status of all columns by name, (lanes,) each, as the last `run` has left it.
+
+        The arrays are views of the memory, which the next `run` changes.
+        """
         return {
             name: numbers_of(columns.floats, region.dtype)[region.start]
             for name, region in self.status.items()
@@ -120,8 +123,10 @@ class LaneLoop(AbstractLaneLoop):
         ops = lowering.ops
         regions = [lowering.region(aval_of(v)) for v in steps.jaxpr.invars]
         arguments = [lowering.argument(region) for region in regions]
+        # `ends` divides the regions and arguments into those of `shared`, `own` and `state`.
         ends = np.cumsum([0, *(len(jax.tree.leaves(tree)) for tree in arrays)]).tolist()
         parts = [regions[a:b] for a, b in zip(ends, ends[1:], strict=False)]
+        # Each step reads `shared` and `own`, so no step may overwrite them.
         fixed = [borrowed(array) for array in arguments[: ends[2]]]
 
         # Two further cells tell the loop which columns are occupied, and when it must return.

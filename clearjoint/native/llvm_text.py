@@ -108,6 +108,7 @@ class _Writer:
             # On an unaligned stack, vectors would extend across two cache lines.
             function.attributes.alignstack = 64
             if not last:
+                # Inlined, a function would be compiled once for each call, which it is to avoid.
                 function.linkage = "internal"
                 function.attributes.add("noinline")
             (self._memory,) = function.args
@@ -133,13 +134,15 @@ class _Writer:
 
         **Returns:** whether the block has an effect other than the values that it computes.
         """
+        # A list, since `any` alone would stop at the first effect and leave entries unmarked.
         effects = [self._mark_entry(entry) for entry in reversed(block)]
         return any(effects)
 
     def _mark_entry(self, entry: Entry) -> bool:
         """Count the uses of values in an entry, and note whether the entry is needed.
 
-        **Returns:** whether the entry has an effect other than the values that it computes.
+        **Returns:** whether the entry has an effect other than the values that it computes. A
+        branch or loop that is needed always counts as one that has.
         """
         uses = self._uses
         if isinstance(entry, Operation):
@@ -171,7 +174,8 @@ class _Writer:
     def _fuse(self, block: Block) -> None:
         """Find products whose only use is in a sum of the same block.
 
-        If both terms of a sum are such products, only the first one is fused with the sum.
+        If both terms of a sum are such products, only the first one is fused with the sum. The
+        product of a sum in an inner block is not fused, since a loop would compute it repeatedly.
         """
         # Products that have been passed on the way and are not fused yet, with their factors.
         candidates: dict[Value, tuple[Value, ...]] = {}
@@ -236,10 +240,11 @@ class _Writer:
     def _by_need(self, entries: list[Operation]) -> list[Operation]:
         """Return operations in an order in which each comes right before its first use.
 
-        Loads, stores, calls and operations whose results other blocks use keep their order. Of the
-        operations that one needs, that with the longest chain of dependent operations before it
-        comes first. LLVM roughly keeps the given order. In this one, fewer values occupy registers,
-        and a single run takes 0.93 of the time.
+        Loads, stores, calls and operations whose results only other blocks use keep their order. Of
+        the operations that one needs, that with the longest chain of dependent operations before it
+        comes first. LLVM roughly keeps the order in which operations are written. In this one,
+        fewer values occupy registers than in the given one, and a single run takes 0.93 of the
+        time.
         """
         # Operations that have not been placed and may be moved, by their results, and the lengths
         # of the longest chains that end with them.
@@ -275,7 +280,11 @@ class _Writer:
         return [value for group in groups for value in group]
 
     def _written(self, entry: Operation) -> Word | None:
-        """Write an operation and return its result."""
+        """Write an operation and return its result.
+
+        A store has none, and the result is ``None``. For a call of a function of the program, the
+        call instruction is returned, which has no value. Both have no `out` that would name it.
+        """
         name, arguments, builder = entry.name, entry.arguments, self._builder
         if name == "call":
             return builder.call(self._functions[entry.number], [self._memory])
@@ -294,6 +303,8 @@ class _Writer:
         if name in _CONVERSIONS:
             return getattr(builder, _CONVERSIONS[name])(*given, form)
         if name == "float_to_int":
+            # Saturating: numbers out of range become the nearest integer, and NaN zero, whereas
+            # the result of LLVM's plain instruction is undefined for them.
             return self._intrinsic(f"fptosi.sat.{_mangled(form)}", form, given)
         if name in _INTRINSICS:
             return self._intrinsic(_INTRINSICS[name], form, given)
@@ -302,11 +313,15 @@ class _Writer:
         if name == "splat":
             return self._splat(form, given[0])
         if name == "build":
-            # The elements after the last tangent repeat that of the last tangent.
+            # Vectors of the processor have lengths that are powers of two, so the vector is longer
+            # than the list of tangents unless their number is one too. The further elements repeat
+            # the last tangent, so that conditions on them never differ from those on the tangents.
+            # With undefined numbers, the program might take a branch that no tangent needs.
             return self._vector(form, given + given[-1:] * (form.count - len(given)))
         if name == "element":
             return self._element(given[0], int(self._program.constants[arguments[1]]))
         if name == "any":
+            # The result is the same in all lanes.
             condition = self._holds_in_any(given[0])
             return condition if self._width == 1 else self._splat(form, condition)
         raise NotImplementedError(name)
@@ -372,7 +387,10 @@ class _Writer:
         return self._intrinsic("vector.reduce.or", _BASES["b"], [condition])
 
     def _pointer(self, start: int, index: Value | None, lane: int = 0) -> Word:
-        """Return the address of a lane's number in the cell `start`, or in `start` + `index`."""
+        """Return the address of a lane's number in the cell `start`, or in `start` + `index`.
+
+        That of lane 0, the default, is also the address of the cell with the numbers of all lanes.
+        """
         number, builder = _BASES["i"], self._builder
         offset = number(start * self._width + lane)
         if index is not None:
@@ -392,6 +410,7 @@ class _Writer:
         kind, builder = self._program.kinds[entry.out], self._builder
         cell, index = self._type(_CELL[kind[0]] + kind[1:]), next(iter(entry.arguments), None)
         if self._is_one_cell(index):
+            # Only 8 bytes of alignment are known: a vector of tangents may begin at any cell.
             content = builder.load(self._pointer(entry.number, index), align=8, typ=cell)
         else:
             pointers = (self._pointer(entry.number, index, lane) for lane in range(self._width))
@@ -408,6 +427,7 @@ class _Writer:
         assert value is not None
         kind, builder = self._program.kinds[value], self._builder
         cell, content = self._type(_CELL[kind[0]] + kind[1:]), self._value(value)
+        # In memory, integers and bools have 64 bits.
         if kind[0] in "bw":
             extend = builder.zext if kind[0] == "b" else builder.sext
             content = extend(content, cell)
@@ -441,9 +461,14 @@ class _Writer:
             self._values[out] = phi
 
     def _write_loop(self, entry: Loop) -> None:
-        """Write a loop whose head computes the condition, and either the body or the end follows.
+        """Write a loop, which consists of a head and a body.
 
-        Phi instructions in the head give the carries their first values, or those from the body.
+        The head computes the condition. If it holds in any lane, the program jumps to the body,
+        which ends with a jump back to the head; otherwise it jumps to the end. Phi instructions in
+        the head give the carries their first values when the head is entered from outside, and the
+        values that the body has computed when it is entered from there. Nothing is written here for
+        lanes that have finished before others: the body itself contains the operations "select" by
+        which they keep their values (see `control.loop`).
         """
         builder, append = self._builder, self._builder.append_basic_block
         before, head, body, end = builder.block, append(), append(), append()
@@ -457,6 +482,8 @@ class _Writer:
         builder.cbranch(self._holds_in_any(self._value(entry.condition)), body, end)
         builder.position_at_end(body)
         self._write(entry.body)
+        # A phi names the basic block from which the jump comes. If the body contains branches or
+        # loops, that is not `body` but the block in which its writing has ended.
         for phi, following in zip(phis, entry.following, strict=True):
             phi.add_incoming(self._value(following), builder.block)
         builder.branch(head)

@@ -55,7 +55,7 @@ class UnsupportedPrimitiveError(NotImplementedError):
     """Raised for a primitive, or a use of one, for which there is no rule.
 
     **Arguments:** `what`: name of the primitive, and what about its use is not supported;
-    `location`: source line of the call.
+    `location`: source line of the call, "" while it is not known.
     """
 
     def __init__(self, what: str, location: str = ""):
@@ -99,14 +99,20 @@ program and returns its results."""
 
 
 def aval_of(atom: Atom) -> ShapedArray:
-    """Return the shape and dtype of a variable or a number in a jaxpr."""
+    """Return the shape and dtype of a variable or a number in a jaxpr.
+
+    **Raises:** `UnsupportedPrimitiveError` for a variable that is no array.
+    """
     if not isinstance(atom.aval, ShapedArray):
         raise UnsupportedPrimitiveError(f"values of type {type(atom.aval).__name__}")
     return atom.aval
 
 
 def kind_of(array: ShapedArray | Region | np.ndarray) -> str:
-    """Return the kind (see `.operations`) of the elements of an array."""
+    """Return the kind (see `.operations`) of the elements of an array.
+
+    **Raises:** `UnsupportedPrimitiveError` for a dtype that is not in `KINDS`, such as float32.
+    """
     kind = _KINDS.get(array.dtype)
     if kind is None:
         raise UnsupportedPrimitiveError(f"arrays of {array.dtype}")
@@ -120,7 +126,7 @@ def element_indices(aval: ShapedArray) -> np.ndarray:
 
 
 def is_contiguous(indices: np.ndarray) -> bool:
-    """Return whether each of the indices, (n,), is the previous one plus 1; n must not be 0."""
+    """Return whether each of the indices, (n,), is the previous one plus 1; false if n is 0."""
     return indices.size > 0 and np.array_equal(
         indices, np.arange(indices[0], indices[0] + indices.size)
     )
@@ -145,7 +151,8 @@ def tangents_of(jaxpr: core.Jaxpr) -> int:
     """Return the number of tangents, which is the most frequent length of arrays of one axis.
 
     A jaxpr does not say which arrays are tangents, but programs with tangents add and multiply many
-    arrays of their number. Only such operations count. The result is 0 if there are few of them.
+    arrays of their number. Only such operations count. The result is 0 if no length from 2 to
+    `LONGEST_PACKED` has at least `FEWEST_PACKED` of them.
     """
     lengths: Counter[int] = Counter()
 
@@ -404,6 +411,8 @@ class Lowering:
         **Arguments:** `rule`: adds the operations for one element of each argument, and returns
         the result; `kind`, `shape`: those of the array of results; `arguments`: arrays in memory,
         and scalars, which are the same for all elements.
+
+        **Raises:** `UnsupportedPrimitiveError` for an argument of another form.
         """
         out = self.new_array(shape, kind)
 
@@ -489,6 +498,7 @@ class Lowering:
                 raise
             location = source_info_util.summarize(equation.source_info)
             raise UnsupportedPrimitiveError(str(error), location) from error
+        # In most equations the result is a scalar, which is not in memory.
         if len(outs) == 1 and isinstance(outs[0], int):
             known[equation.outvars[0]] = outs[0]
             return
@@ -532,6 +542,8 @@ class Lowering:
         # Arguments that are the same in all calls are used directly; the others are passed.
         ops, pairs = self.ops, list(zip(arguments, repeated.shared, strict=True))
         varied = [array for array, shared in pairs if not shared]
+        # An array in memory cannot be passed, since the code of a function names the cells that it
+        # reads.
         if any(isinstance(array, InMemory) for array in varied):
             return self.inline(closed, arguments)
         values = self.flatten(varied)

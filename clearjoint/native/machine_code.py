@@ -133,6 +133,7 @@ def _saved_object_file(text: str) -> bytes:
     if code is None:
         code = _object_file(text)
         if store is not None:
+            # The program can be used even if it cannot be saved.
             with suppress(OSError):
                 store.write(key, code)
     return code

@@ -105,6 +105,7 @@ Block = list[Entry]
 
 
 def _divided(a: float, b: float) -> float:
+    """Return a/b as the processor computes it: infinite or NaN, without an error, if b is zero."""
     with np.errstate(all="ignore"):
         return float(np.float64(a) / np.float64(b))
 
@@ -138,7 +139,8 @@ class Operations:
     - `block`: the block to which entries are added.
     - `functions`: blocks of the program's functions.
     - `packed`: number of elements of a vector of tangents, the smallest power of two that is not
-      below `tangents`. Elements after the last tangent repeat that of the last tangent.
+      below `tangents`, since the processor's vectors have such lengths. Elements after the last
+      tangent repeat that of the last tangent.
     - `packed_length`: number of tangents.
 
     **Arguments:** `width`: number of lanes; `tangents`: number of tangents in a vector of tangents,
@@ -191,6 +193,7 @@ class Operations:
             key = ("constant", kind, number)
         value = self._known.get(key)
         if value is None:
+            # A constant is known everywhere, so its key belongs to no block and stays.
             value = self._known[key] = self._new(kind, 0)
             self.constants[value] = number
         return value
@@ -430,6 +433,7 @@ class Operations:
         with self.inside(inner), self.masked(None):
             build()
         self._outside.pop()
+        # Inside of the function, the load defines the value of the same name.
         loads: list[Entry] = []
         for value in _used(inner):
             if value not in self.constants and self._depths.get(value, 0) <= depth:

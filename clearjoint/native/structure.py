@@ -98,6 +98,9 @@ def _joined(lower: Lowering, equation: Equation, *arrays: Array, join: Join) -> 
     """Return one array with the elements of several arrays.
 
     **Arguments:** `join`: gives the order of the elements, which are numbered through all arrays.
+
+    **Raises:** `UnsupportedPrimitiveError` for a large result, unless it has the elements of one
+    array after those of the other. Only such a result can be copied by loops over the arrays.
     """
     avals = [aval_of(v) for v in equation.invars]
     starts = np.cumsum([0, *(aval.size for aval in avals)]).tolist()
@@ -157,6 +160,9 @@ def _reduce(lower: Lowering, equation: Equation, array: Array, name: str) -> lis
     """Return the array in which the elements along some axes are combined to one.
 
     **Arguments:** `name`: primitive that combines two elements.
+
+    **Raises:** `UnsupportedPrimitiveError` for an array without elements, and for a large array
+    unless its elements are combined along all axes.
     """
     aval, axes = _nonempty(equation), tuple(equation.params["axes"])
     out, combine = aval_of(equation.outvars[0]), partial(apply, lower.ops, name)
@@ -169,8 +175,9 @@ def _reduce(lower: Lowering, equation: Equation, array: Array, name: str) -> lis
     # One row for each element of the result, with the elements that are combined to it.
     others = [k for k in range(values.ndim) if k not in axes]
     rows = values.transpose([*others, *axes]).reshape(out.size, -1)
-    # A sum one by one can absorb a product at each addition (a fused multiply-add); for all other
-    # operations a tree has the shorter chain of dependent instructions.
+    # Sums and products are computed one by one. A sum can then absorb a product at each addition (a
+    # fused multiply-add). For all other operations, a tree has the shorter chain of dependent
+    # instructions.
     fold = partial(reduce, combine) if name in ("add", "mul") else partial(_by_halves, combine)
     return [lower.array([fold(row) for row in rows.tolist()], tuple(out.shape))]
 
@@ -216,6 +223,8 @@ def _cumulate(lower: Lowering, equation: Equation, array: Array, name: str) -> l
     cumulative sums.
 
     **Arguments:** `name`: primitive that combines two elements.
+
+    **Raises:** `UnsupportedPrimitiveError` for a large array of several axes or in reverse order.
     """
     aval = aval_of(equation.invars[0])
     combine = partial(apply, lower.ops, name)
@@ -238,7 +247,11 @@ def _cumulate(lower: Lowering, equation: Equation, array: Array, name: str) -> l
 
 
 def _arg_extreme(lower: Lowering, equation: Equation, array: Array, compare: str) -> list[Array]:
-    """Return the indices of the largest ("gt") or smallest ("lt") elements along an axis."""
+    """Return the indices of the largest ("gt") or smallest ("lt") elements along an axis; of equal
+    elements, the first index.
+
+    **Raises:** `UnsupportedPrimitiveError` for arrays that are large or have no elements.
+    """
     aval, (axis,) = _nonempty(equation), equation.params["axes"]
     out, ops = aval_of(equation.outvars[0]), lower.ops
     if isinstance(array, InMemory):
@@ -259,7 +272,10 @@ def _arg_extreme(lower: Lowering, equation: Equation, array: Array, compare: str
 
 
 def _dot_general(lower: Lowering, equation: Equation, first: Array, second: Array) -> list[Array]:
-    """Return the products of two small arrays, summed along some axes (`jax.lax.dot_general`)."""
+    """Return the products of two small arrays, summed along some axes (`jax.lax.dot_general`).
+
+    **Raises:** `UnsupportedPrimitiveError` for large arrays.
+    """
     (left, right), (left_batch, right_batch) = equation.params["dimension_numbers"]
     if isinstance(first, InMemory) or isinstance(second, InMemory):
         raise UnsupportedPrimitiveError("dot_general of large arrays")

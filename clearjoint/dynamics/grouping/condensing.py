@@ -46,7 +46,8 @@ def condensed(scene: Scene) -> Scene:
     The keys of the groups in ``bodies`` and ``joints`` are `GroupName`s.
 
     **Arguments:** `scene`: a scene with each vector as three separate scalars. In a group of n
-    elements, each of the returned scene's scalars is an array (n,).
+    elements, each of the returned scene's scalars is an array (n,), except exact zeros and ones,
+    which are the same in all elements.
     """
     order, constrained, contacts = _order(scene), _constrained_bodies(scene), scene.contact_joints()
     free = {name: _structure(scene.bodies[name]) for name in order if name not in constrained}
@@ -58,6 +59,7 @@ def condensed(scene: Scene) -> Scene:
     group_of = {member: group for group in bodies for member in group.members}
 
     def bodies_of(name: str) -> list[int]:
+        """Return the places of a joint's two bodies, the later one first; -1 for the ground."""
         return sorted((order.get(body, -1) for body in contacts[name].pair()), reverse=True)
 
     # Joints are sorted by their bodies' places in the chain, so that neighbouring joints of a group
@@ -150,6 +152,8 @@ def _joint_structure(joint: AbstractContactJoint, group_of: Mapping[str, GroupNa
     **Arguments:** `group_of`: the group of each grouped body, by the body's name.
     """
     pair = joint.pair()
+    # A group of joints has only forces on two groups of bodies. So a joint that acts on further
+    # bodies, has an anchor or has constraints is not grouped.
     if set(joint.body_names()) != set(pair) or joint.anchor() is not None or _has_rows(joint):
         return None
     anonymous = _renamed(joint, ROLES)
@@ -178,6 +182,7 @@ def _renamed(joint: AbstractContactJoint, names: tuple[str, str]) -> AbstractCon
     """
     new_names = dict(zip(joint.pair(), _roles(joint, names), strict=True))
     renamed = copy.copy(joint)
+    # Names are static fields. A field with another string, such as a label, is kept.
     for field in dataclasses.fields(joint):
         name = getattr(joint, field.name)
         if field.metadata.get("static", False) and isinstance(name, str):

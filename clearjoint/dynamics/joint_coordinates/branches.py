@@ -176,7 +176,8 @@ class FreeBranch(AbstractBranch):
         return BodyState(state.position, state.orientation, velocity, spin)
 
     def without_drift(self, state: BodyState) -> BodyState:
-        """Return the state with Euler parameters of unit norm."""
+        """Return the state with Euler parameters whose norm is corrected to 1 if it has drifted
+        (see `kept_unit`)."""
         return normalised_body(state)
 
     def with_speeds(self, state: BodyState, other: BodyState) -> BodyState:
@@ -225,6 +226,7 @@ class JointedBranch(AbstractBranch):
         relative, twist = subspace.rotation(state.position), subspace.twist(state)
         rotation = parent.rotation @ relative
         spin = relative.transposed_times(parent.spin) + twist.angular
+        # From the joint's point on the parent to the body's centre of mass, in body axes.
         arm = subspace.displacement(state.position) - subspace.point_child
         position = parent.point(point) + rotation @ arm
         velocity = parent.velocity_at(point) + rotation @ (spin.cross(arm) + twist.linear)

@@ -118,7 +118,7 @@ class JointMechanics(AbstractMechanics):
         for k in reversed(range(len(self._links))):
             columns, first = self._links[k].columns, self._firsts[k]
             # Momentum of the composite for a unit of each speed; its products with the columns are
-            # the diagonal block. The joint transmits the momentum without these components.
+            # the diagonal block. The joint transmits the momentum without that about its free axes.
             wholes = [composites[k].momentum(column) for column in columns]
             block = [[_product(column, whole) for column in columns] for whole in wholes]
             rests = [_transmitted(columns, *pair) for pair in zip(wholes, block, strict=True)]
@@ -284,12 +284,18 @@ def _product(first: Twist, second: Twist) -> Scalar:
 
 
 def _transmitted(columns: tuple[Twist, ...], load: Twist, along: Speeds) -> Twist:
-    """Return the part of a load or momentum that a joint transmits to the carrier.
+    """Return the part of a load or momentum of carried bodies that acts on their carrier, in the
+    equations for the rates r.
 
-    It has no moments about the free axes of the joint.
+    It has no moments about the free axes of the joint, but all forces. The reason is the choice of
+    unknowns. At constant r, the carried bodies do not follow an angular acceleration of the carrier
+    about a free axis, so a moment about this axis does no work with it. Along a free translation, r
+    is relative to the carrier, whose acceleration the carried bodies do follow at constant r.
 
-    **Arguments:** `columns`: twists of the joint's free directions; `load`: moment and force, or
-    momentum, of the carried bodies; `along`: products of `load` with each of the columns.
+    **Arguments:** `columns`: twists of the joint's free directions, whose angular part is zero for
+    a translation; `load`: its `angular` part is the moment, N m, or angular momentum about the
+    tree's origin, and its `linear` part the force, N, or momentum; `along`: products of `load` with
+    each of the columns, which for a rotation are the moments about the joint's axis.
     """
     moment = load.angular
     for column, part in zip(columns, along, strict=True):

@@ -143,8 +143,10 @@ class Inertia:
         """Return the inertia of carried bodies that a joint transmits to its carrier, if these
         bodies do not follow the carrier's rotation about the joint's axis.
 
-        The part subtracted is the outer product of `axis` with the momentum `whole`, plus the
-        transposed product of `axis` with `rest`, so that the result stays symmetric.
+        Let M be the 6x6 matrix of this inertia and P = 1 - column axis^T, which takes the rotation
+        about the axis from a twist. The result is P^T M P = M - axis whole^T - rest axis^T, in
+        which `axis` has a linear part of zero. For a joint of several axes, the method is called
+        once for each of them.
 
         **Arguments:**
 
