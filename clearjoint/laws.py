@@ -5,6 +5,8 @@ a line also from the length of the journal. A contact law is passed as `law=` to
 clearance."""
 
 from .fields.readable import without_modules as _without_modules
+from .model.contact.asperities import GreenwoodTripp as GreenwoodTripp
+from .model.contact.asperities import RoughCylinders as RoughCylinders
 from .model.contact.bounded_damping import ElastoGap as ElastoGap
 from .model.contact.bounded_damping import FloresKelvinVoigt as FloresKelvinVoigt
 from .model.contact.bounded_damping import ImpactFunction as ImpactFunction

@@ -8,6 +8,7 @@ the extrapolation. `life` compares derivatives of the number of cycles to a dept
 
 import argparse
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import xarray as xr
@@ -19,39 +20,42 @@ from clearjoint.plot import style
 from studies.common.output import Output, add_options
 
 PIN = "slider pin"
-CLEARANCE, RESTITUTION, SPEED = 50e-6, 0.1, 300.0
-"""Radial clearance, m, restitution, and speed of the crank, rad/s."""
+CLEARANCE, LOAD, SPEED = 50e-6, 1500.0, 300.0
+"""Radial clearance, m, force that presses the slider towards the crank, N, and speed of the crank,
+rad/s."""
 CYCLE = 2.0 * np.pi / SPEED
-RATES = {PIN: cj.WearRates(bearing=3e-16)}
-"""About that of steel on steel with poor lubrication."""
-CYCLES, DEPTH = 1e6, 2e-6
-"""Number of cycles of the profile, and depth, m, at which the pin's life ends."""
-CHANGES = (4e-7, 2e-7, 1e-7)
+LAW = cj.laws.ElastoGap(stiffness=1e8, damping=1e4, exponent=1.0)
+RATES = {PIN: cj.WearRates(bearing=1e-16)}
+CYCLES, DEPTH = 1e6, 5e-6
+"""Number of cycles of the profile, and mean depth, m, at which the pin's life ends."""
+CHANGES = (2e-6, 1e-6, 5e-7)
 """Largest changes of the depth in a stage, m."""
 DIFFERENCE = 0.01
-"""Change of a parameter's logarithm for differences."""
+"""Relative change of a parameter for differences."""
 PARAMETERS = {
-    "clearance": cj.Parameter(lambda scene: scene.joints[PIN].clearance, cj.Log()),
-    "mass of the slider": cj.Parameter(lambda scene: scene.bodies["slider"].mass, cj.Log()),
+    "clearance": cj.Parameter(lambda scene: scene.joints[PIN].clearance),
+    "slider's mass": cj.Parameter(lambda scene: scene.bodies["slider"].mass),
+    "load": cj.Parameter(lambda scene: scene.forces["press"].force[0]),
 }
+
+
+def press() -> tuple[cj.Scene, cj.State]:
+    """Return a slider-crank with a load that keeps the pin's contact closed, and its state."""
+    scene, state = cj.mechanisms.slider_crank(CLEARANCE, law=LAW, speed=SPEED)
+    load = cj.AppliedLoad("slider", force=(-LOAD, 0.0, 0.0))
+    return replace(scene, forces={**scene.forces, "press": load}), state
 
 
 def worn(scene: cj.Scene, cycles: float | np.ndarray, quick: bool, **options) -> xr.Dataset:
     """Return the wear of the pin's bearing; `options` of `cj.wear`."""
-    _, state = cj.mechanisms.slider_crank(CLEARANCE, RESTITUTION, speed=SPEED)
-    size = {"samples": 16, "stages": 3, "settle": 6} if quick else {"samples": 48, "settle": 6}
-    given = scene, state, CYCLE, RATES, cycles
-    return cj.wear(*given, tolerance=0.2, progress=False, **size, **options)
-
-
-def crank() -> cj.Scene:
-    """Return the slider-crank."""
-    return cj.mechanisms.slider_crank(CLEARANCE, RESTITUTION, speed=SPEED)[0]
+    size = {"samples": 16, "stages": 3} if quick else {"samples": 48}
+    given = scene, press()[1], CYCLE, RATES, cycles
+    return cj.wear(*given, settle=3, progress=False, **size, **options)
 
 
 def profile(output: Output) -> list[str]:
     """Draw the worn wall, and compare it with that of other lengths of stages."""
-    found = [worn(crank(), CYCLES, output.quick, largest_change=change) for change in CHANGES]
+    found = [worn(press()[0], CYCLES, output.quick, largest_change=change) for change in CHANGES]
     end = min(float(one["cycles"][-1]) for one in found)
     depths = [one["bearing_depth"].sel(joint=PIN) for one in found]
     at_end = [
@@ -83,27 +87,28 @@ def _at(cycles: np.ndarray, depths: np.ndarray, number: float) -> np.ndarray:
 
 
 def life(output: Output) -> list[str]:
-    """Compare derivatives of the life by the mean depth with central differences."""
-    quick = output.quick
+    """Compare derivatives of the life to a mean depth with central differences; each is multiplied
+    by the value of the parameter."""
+    quick, scene = output.quick, press()[0]
     given = {"parameters": PARAMETERS, "settings": cj.presets.derivatives}
-    found = worn(crank(), CYCLES, quick, largest_change=CHANGES[0], **given)
+    found = worn(scene, CYCLES, quick, largest_change=CHANGES[0], **given)
     mean = found.mean("angle", keepdims=True)
     depth = min(DEPTH, 0.9 * float(mean["bearing_depth"][0, -1].max()))
     derivatives = cj.life_derivatives(mean, depth, PIN)
     lines = [f"life to a mean depth of {depth * 1e6:.2f} µm: {_life(mean, depth):.4g} cycles"]
     for name, parameter in PARAMETERS.items():
-        lives = []
+        path, lives = parameter.variation.function, []
+        value = float(path(scene))
         for sign in (1.0, -1.0):
-            path = parameter.variation.function
-            value = float(path(crank())) * np.exp(sign * DIFFERENCE)
-            other = cj.set_value(crank(), path, value)
+            other = cj.set_value(scene, path, value * (1.0 + sign * DIFFERENCE))
             cycles = found["cycles"].values[1:]
             run = worn(other, cycles, quick, settings=cj.presets.derivatives)
             lives.append(_life(run.mean("angle", keepdims=True), depth))
         difference = (lives[0] - lives[1]) / (2.0 * DIFFERENCE)
-        lines.append(f"by the logarithm of {name}: {derivatives[name]:.4g}, {difference:.4g}")
+        derivative = value * derivatives[name]
+        lines.append(f"{name}: {derivative:.5g} cycles, by differences {difference:.5g}")
     name = f"{PIN} bearing rate"
-    return [*lines, f"by the logarithm of the wear rate: {derivatives[name]:.4g}"]
+    return [*lines, f"wear rate: {derivatives[name]:.5g} cycles"]
 
 
 def _life(found: xr.Dataset, depth: float) -> float:

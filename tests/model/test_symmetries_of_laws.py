@@ -74,6 +74,9 @@ def contact_laws(lossless: bool = False) -> list[cj.extend.AbstractContactLaw]:
             laws.FloresKelvinVoigt(restitution, 1e5),
             *(laws.Hertz(kind(1e8, 0.3, length=20e-3)) for kind in line_contacts),
             laws.Hertz(laws.RavnStiffness(1e8, 0.3)),
+            laws.RoughCylinders(
+                laws.GreenwoodTripp(1e-6, 1e8, 0.1, 0.1), 20e-3, laws.Hertz(STIFFNESS)
+            ),
         ]
 
 

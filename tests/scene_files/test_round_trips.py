@@ -42,6 +42,9 @@ DRY = cj.ClearanceJoint("ground", "a", **PIN)
 BALL = {"socket_radius": 0.01, "clearance": 1e-3 / 3, "law": LAW}
 SLIDER = {"half_length": 0.1 / 3, "half_height": 0.01, "clearance": 1e-3 / 3, "law": LAW}
 EXAMPLES = {
+    "RoughCylinders": lambda: cj.laws.RoughCylinders(
+        cj.laws.GreenwoodTripp(1e-6 / 3, 1e11 / 3), 1e-2 / 3, LAW
+    ),
     "ClearanceJoint": lambda: cj.ClearanceJoint(
         "ground", "a", **PIN, friction=cj.frictions.Ambrosio(0.1), line_points=5
     ),

@@ -13,7 +13,7 @@ from jaxtyping import Complex, Float, PyTree
 from ...compilation import Compiled
 from ...fields.checks import require, require_positive, require_shape
 from ...fields.conversion import on_device
-from ...fields.declarations import quantity
+from ...fields.declarations import optional_quantity, quantity
 from ...fields.types import ArrayLike, Single
 from ...math.rotations import unit
 from ...math.smoothing import norm_and_direction, ramp
@@ -125,7 +125,10 @@ class LubricatedJoint(AbstractContactJoint):
     - `dry`: the `ClearanceJoint` without the film, which defines the geometry.
     - `film`: the `AbstractFilm`.
     - `transition`: m, depth at which contact has replaced the film; a few hundredths of the
-      clearance.
+      clearance. ``None`` for contact beside the film (mixed lubrication): neither is faded out. Use
+      it with a law that carries load before the film is gone, such as
+      `clearjoint.laws.RoughCylinders`. The film is then that of smooth surfaces, and the ratio of
+      the smallest film thickness to the roughness determines the shares of film and asperities.
     - `largest_ratio`: largest eccentricity ratio used for the film, 0.5 to 0.999. The limit is
       approached smoothly over a tenth of the remaining gap.
 
@@ -146,7 +149,9 @@ class LubricatedJoint(AbstractContactJoint):
 
     dry: ClearanceJoint
     film: AbstractFilm
-    transition: Single = quantity("m", positive=True, remedy="give a depth in m, such as 1e-6")
+    transition: Single | None = optional_quantity(
+        "m", positive=True, remedy="give a depth in m, such as 1e-6"
+    )
     largest_ratio: Single = quantity(
         "1",
         default=0.99,
@@ -192,12 +197,14 @@ class LubricatedJoint(AbstractContactJoint):
 
     def laws(self) -> dict[str, AbstractContactLaw]:
         """Return the normal law by label: blended for the wall, unchanged for shoulders."""
-        walls = self.dry.contact_labels()
+        walls, laws = self.dry.contact_labels(), self.dry.laws()
+        if self.transition is None:
+            return laws
         return {
             name: BlendedContactLaw(law, self.transition, law.uses_entry_speed)
             if name in walls
             else law
-            for name, law in self.dry.laws().items()
+            for name, law in laws.items()
         }
 
     def film_wrenches(self, motions: Motions) -> dict[str, Wrench]:
@@ -249,6 +256,8 @@ class LubricatedJoint(AbstractContactJoint):
         )
 
     def _film_factor(self, eccentricity: Vector) -> Scalar:
+        if self.transition is None:
+            return 1.0
         size, _ = norm_and_direction(eccentricity)
         return 1.0 - blending_factor(size - self.dry.clearance, self.transition)
 
@@ -264,14 +273,19 @@ It isn't zero, because the force of a film may not be differentiable for a centr
 
 
 class CarriedJournal(NamedTuple):
-    """Equilibrium of a journal in its film, and the film's linearised force near the equilibrium.
+    """Equilibrium of a journal in its film, and the linearised force near the equilibrium.
+
+    The force is that of the film and, for a joint without `transition`, that of the contact and its
+    friction.
 
     Components refer to two fixed directions x and y across the bearing's axis z, which form a
     right-handed frame.
 
     - `offset`: (2,) m, from the bearing's axis to the journal's.
-    - `stiffness`: (2, 2) N/m, minus the derivative of the film force by the offset.
-    - `damping`: (2, 2) N s/m, minus the derivative of the film force by the offset's rate.
+    - `stiffness`: (2, 2) N/m, minus the derivative of the force by the offset.
+    - `damping`: (2, 2) N s/m, minus the derivative of the force by the offset's rate.
+    - `moment`: N m, on the journal about z. Its amount over load and bearing radius is the friction
+      coefficient of the bearing, whose curve over the speed is Stribeck's.
 
     >>> scene, _ = cj.mechanisms.rotor_in_bearing(film=cj.films.CaponeFilm(0.02))
     >>> carried = cj.carried_journal(scene.joints["bearing"], load=(0.0, -196.2), speed=200.0)
@@ -282,6 +296,7 @@ class CarriedJournal(NamedTuple):
     offset: Float[jax.Array, "2"]
     stiffness: Float[jax.Array, "2 2"]
     damping: Float[jax.Array, "2 2"]
+    moment: Scalar
 
     def growth(self, mass: Scalar) -> Complex[jax.Array, "4"]:
         """Return the eigenvalues of small motions about the equilibrium, (4,) complex, 1/s.
@@ -321,8 +336,8 @@ def carried_journal(joint: LubricatedJoint, load: ArrayLike, speed: Scalar) -> C
       z that form a right-handed frame.
     - `speed`: angular velocity of the journal about z, rad/s, positive.
 
-    **Returns:** `CarriedJournal` with the offset, (2,) m, the stiffness, (2, 2) N/m, and the
-    damping, (2, 2) N s/m, in the same directions as the load.
+    **Returns:** `CarriedJournal` with the offset, (2,) m, the stiffness, (2, 2) N/m, the damping,
+    (2, 2) N s/m, in the same directions as the load, and the moment, N m.
 
     **Raises:** `ValueError` if the load doesn't have the shape (2,) or the speed is not positive.
     """
@@ -350,21 +365,48 @@ def _solve_equilibrium(joint: LubricatedJoint, load: jax.Array, speed: jax.Array
     start = jnp.full(2, NEARLY_CENTRED)
     offset = offset_of(optimistix.root_find(residual, solver, start).value)
     stiffness, damping = jax.jacfwd(_force, argnums=(2, 3))(joint, speed, offset, rest)
-    return CarriedJournal(offset, -stiffness, -damping)
+    _, moment = _load(joint, speed, offset, rest)
+    return CarriedJournal(offset, -stiffness, -damping, moment)
+
+
+def _load(
+    joint: LubricatedJoint, speed: Scalar, offset: jax.Array, velocity: jax.Array
+) -> tuple[Vector, Scalar]:
+    """Return the force on the journal, N, and the moment about its axis, N m.
+
+    They are those of the film and, without `transition`, of the contact.
+
+    **Arguments:** `speed`: of the journal, rad/s. `offset`: (2,) m. `velocity`: its rate, (2,) m/s.
+    """
+    dry = joint.dry
+    position, own_velocity = (Vector(row[0], row[1], 0.0) for row in (offset, velocity))
+    eccentricity = position * (1.0 / dry.clearance)
+    # The film sees the motion relative to the mean rotation of both surfaces, half the speed.
+    rate = own_velocity * (1.0 / dry.clearance) - UNIT_Z.cross(eccentricity) * (0.5 * speed)
+    sizes = dry.bearing_radius, dry.clearance, dry.journal_length
+    film = FilmGap(UNIT_Z, eccentricity, rate, speed, *sizes)
+    force, moment = joint.film.force(film), joint.film.drag(film)
+    if joint.transition is not None:
+        return force, moment
+    size, normal = norm_and_direction(position)
+    approach = own_velocity.dot(normal)
+    gap = Gap(size - dry.clearance, approach, dry.bearing_radius, dry.clearance)
+    push: Scalar = 0.0
+    for label in dry.contact_labels():
+        law = dry.laws()[label]
+        # An entry speed is that of an impact; a contact in equilibrium has none.
+        push = push + (law.elastic_force(gap) if law.uses_entry_speed else law.force(gap, None))
+    force = force - normal * push
+    if dry.friction is None:
+        return force, moment
+    sliding = own_velocity + UNIT_Z.cross(normal) * (speed * dry.journal_radius)
+    friction = dry.friction.force(push, sliding - normal * approach)
+    return force + friction, moment + dry.journal_radius * UNIT_Z.dot(normal.cross(friction))
 
 
 def _force(
     joint: LubricatedJoint, speed: Scalar, offset: jax.Array, velocity: jax.Array
 ) -> jax.Array:
-    """Return the film force on the journal, (2,) N.
-
-    **Arguments:** `speed`: of the journal, rad/s. `offset`: (2,) m. `velocity`: its rate, (2,) m/s.
-    """
-    dry = joint.dry
-    eccentricity = Vector(offset[0], offset[1], 0.0) * (1.0 / dry.clearance)
-    own_rate = Vector(velocity[0], velocity[1], 0.0) * (1.0 / dry.clearance)
-    # The film sees the motion relative to the mean rotation of both surfaces, half the speed.
-    rate = own_rate - UNIT_Z.cross(eccentricity) * (0.5 * speed)
-    sizes = dry.bearing_radius, dry.clearance, dry.journal_length
-    force = joint.film.force(FilmGap(UNIT_Z, eccentricity, rate, speed, *sizes))
+    """Return the force of `_load` as an array, (2,) N."""
+    force, _ = _load(joint, speed, offset, velocity)
     return jnp.stack([jnp.asarray(force.x), jnp.asarray(force.y)])

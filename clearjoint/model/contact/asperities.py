@@ -9,6 +9,7 @@ import math
 
 import equinox as eqx
 
+from ...fields.checks import require
 from ...fields.conversion import AbstractConverting
 from ...fields.declarations import quantity
 from ...fields.types import Single
@@ -97,52 +98,87 @@ class GreenwoodTripp(AbstractConverting):
         )
 
 
-class AsperityLaw(AbstractContactLaw):
-    """Contact of asperities, and of the walls themselves once the mean surfaces meet.
+class RoughCylinders(AbstractContactLaw):
+    """Contact of a rough journal with its bearing: of asperities first, then of the walls.
 
-    The penetration is counted from the distance at which the asperities begin to touch.
+    The force begins at a distance of four times the roughness, with the pressure of the asperities
+    along the arc of contact. The force of the walls is added where the mean surfaces meet. In a
+    `LubricatedJoint` without `transition`, film and asperities share the load.
 
-    - `asperities`: their pressure.
-    - `length`: of the part of the journal to which the contact belongs, m.
-    - `law`: of the walls; its penetration begins where the mean surfaces meet.
-    - `uses_entry_speed`: that of `law`.
+    **Arguments:**
+
+    - `asperities`: a `GreenwoodTripp`.
+    - `length`: of the part of the journal to which the contact belongs, m. Each base of a
+      `ClearanceJoint` applies the full law: use half the journal's length, or the whole length with
+      `line_points`.
+    - `law`: of the walls. Its force begins with zero slope, such as Hertz's with an exponent above
+      one.
+
+    **Raises:** `ValueError` if the length is not positive, or the force of `law` begins with a jump
+    or a slope.
+
+    ```python
+    import clearjoint as cj
+
+    rough = cj.laws.GreenwoodTripp(roughness=0.5e-6, modulus=1.14e11)
+    law = cj.laws.RoughCylinders(rough, length=10e-3, law=cj.laws.Hertz(1e10))
+    dry = cj.ClearanceJoint(
+        "ground", "rotor", bearing_radius=25e-3, clearance=50e-6, journal_length=20e-3,
+        law=law, friction=cj.frictions.RegularisedCoulomb(0.1), axial=cj.FixedAxially(),
+    )
+    joint = cj.LubricatedJoint(dry, cj.films.CaponeFilm(viscosity=0.02), transition=None)
+    ```
     """
 
     asperities: GreenwoodTripp
-    length: Single
-    law: AbstractContactLaw
-    uses_entry_speed: bool = eqx.field(static=True)  # pyright: ignore
+    length: Single = quantity("m", positive=True, remedy="give the length of the contact in m")
+    law: AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
+    uses_entry_speed: bool = eqx.field(static=True, init=False)  # pyright: ignore
     force_jumps = False
+
+    def __init__(self, asperities: GreenwoodTripp, length: Scalar, law: AbstractContactLaw):
+        self.asperities, self.length, self.law = asperities, length, law
+        self.uses_entry_speed = bool(getattr(law, "uses_entry_speed", False))
+
+    def __check_init__(self):
+        for name, kind in (("asperities", GreenwoodTripp), ("law", AbstractContactLaw)):
+            given = type(getattr(self, name)).__name__
+            fine = isinstance(getattr(self, name), kind)
+            require(fine, name, given, f"a {kind.__name__}", f"pass a {kind.__name__}")
+        # The mean surfaces meet within the contact, where no step ends.
+        fine = not (self.law.force_jumps or self.law.slope_jumps())
+        given, remedy = type(self.law).__name__, "pass for example Hertz(1e10)"
+        require(fine, "law", given, "a law whose force begins with zero slope", remedy)
 
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
         """Return the normal force of asperities and walls, N."""
-        return self._of_asperities(gap) + self.law.force(self._between_walls(gap), entry_speed)
+        return self._of_asperities(gap) + self.law.force(gap, entry_speed)
 
     def elastic_force(self, gap: Gap) -> Scalar:
         """Return the elastic force of asperities and walls, N."""
-        return self._of_asperities(gap) + self.law.elastic_force(self._between_walls(gap))
+        return self._of_asperities(gap) + self.law.elastic_force(gap)
 
     def stored_energy(self, gap: Gap) -> Scalar:
         """Return the integral of the elastic force over the penetration, J."""
-        of_asperities = self._of_asperities(gap) * gap.depth / (EXPONENT + 1.5)
-        return of_asperities + self.law.stored_energy(self._between_walls(gap))
+        depth = gap.depth + self.asperities.reach
+        # The force of the asperities is a power of the depth.
+        of_asperities = self._of_asperities(gap) * depth / (EXPONENT + 1.5)
+        return of_asperities + self.law.stored_energy(gap)
+
+    def onset_offset(self) -> Scalar:
+        """Return the distance of the mean surfaces at which asperities begin to touch, m."""
+        return self.asperities.reach
 
     def slope_jumps(self) -> bool:
-        """Return ``False``: the force of asperities starts with zero slope."""
+        """Return ``False``: the force of asperities begins with zero slope."""
         return False
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
         """Return the validity limits of the law of the walls at a gap."""
-        return self.law.limits(self._between_walls(gap))
+        return self.law.limits(gap)
 
     def _of_asperities(self, gap: Gap) -> Scalar:
-        walls = self._between_walls(gap)
-        assert walls.bearing_radius is not None and walls.clearance is not None
-        sizes = walls.bearing_radius, walls.clearance, self.length
-        return self.asperities.force(gap.depth, *sizes)
-
-    def _between_walls(self, gap: Gap) -> Gap:
-        """Return the gap of the mean surfaces."""
-        reach = self.asperities.reach
-        clearance = None if gap.clearance is None else gap.clearance + reach
-        return Gap(gap.depth - reach, gap.rate, gap.bearing_radius, clearance)
+        radius, clearance = gap.bearing_radius, gap.clearance
+        assert radius is not None and clearance is not None
+        depth = gap.depth + self.asperities.reach
+        return self.asperities.force(depth, radius, clearance, self.length)

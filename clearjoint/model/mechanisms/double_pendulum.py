@@ -44,7 +44,7 @@ def double_pendulum(
 
     **Raises:** `ValueError` if a value is outside its range.
 
-     scene, state = cj.mechanisms.double_pendulum()
+    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> list(scene.joints)
     ['shoulder', 'elbow']
     """

@@ -235,7 +235,7 @@ def spatial_four_bar(
 
     **Raises:** `ValueError` if a value is outside its range.
 
-     scene, state = cj.mechanisms.spatial_four_bar()
+    >>> scene, state = cj.mechanisms.spatial_four_bar()
     >>> list(scene.joints)
     ['crank bearing', 'rocker bearing', 'crank ball', 'tip']
     """

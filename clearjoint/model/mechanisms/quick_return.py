@@ -56,7 +56,7 @@ def quick_return(
 
     **Raises:** `ValueError` if a value is outside its range.
 
-     scene, state = cj.mechanisms.quick_return()
+    >>> scene, state = cj.mechanisms.quick_return()
     >>> list(scene.joints)
     ['crank bearing', 'lever bearing', 'motor', 'slot']
     """

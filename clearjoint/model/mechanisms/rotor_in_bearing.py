@@ -57,7 +57,7 @@ def rotor_in_bearing(
 
     **Raises:** `ValueError` if a value is outside its range.
 
-     scene, state = cj.mechanisms.rotor_in_bearing()
+    >>> scene, state = cj.mechanisms.rotor_in_bearing()
     >>> list(scene.joints)
     ['bearing', 'motor']
     """

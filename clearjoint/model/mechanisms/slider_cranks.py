@@ -73,7 +73,7 @@ def slider_crank(
 
     **Raises:** `ValueError` if a value is outside its range.
 
-     scene, state = cj.mechanisms.slider_crank()
+    >>> scene, state = cj.mechanisms.slider_crank()
     >>> list(scene.joints)
     ['crank bearing', 'crank pin', 'slider pin', 'guide', 'motor']
     """

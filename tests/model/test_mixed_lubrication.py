@@ -1,0 +1,125 @@
+"""Asperities beside a film: their pressure and force by quadrature, and Stribeck's curve."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+import clearjoint as cj
+from clearjoint.extend import Gap
+from clearjoint.testing import check_law
+
+RADIUS, CLEARANCE, LENGTH, MU, VISCOSITY = 25e-3, 50e-6, 20e-3, 0.1, 0.005
+ROUGH = cj.laws.GreenwoodTripp(roughness=0.5e-6, modulus=1.14e11)
+LAW = cj.laws.RoughCylinders(ROUGH, 0.5 * LENGTH, cj.laws.Hertz(1e10))
+DRY = cj.ClearanceJoint(
+    "ground",
+    "rotor",
+    bearing_radius=RADIUS,
+    clearance=CLEARANCE,
+    journal_length=LENGTH,
+    law=LAW,
+    friction=cj.frictions.RegularisedCoulomb(MU, 1e-6),
+    axial=cj.FixedAxially(),
+)
+JOINT = cj.LubricatedJoint(DRY, cj.films.CaponeFilm(VISCOSITY), transition=None)
+LOAD = 1000.0
+
+
+def test_the_pressure_is_that_of_normally_distributed_heights():
+    sigma = 0.5e-6
+    for ratio in (0.0, 0.5, 1.0, 1.5, 2.0):
+
+        def density(s, ratio=ratio):
+            return (s - ratio) ** 2.5 * math.exp(-0.5 * s * s) / math.sqrt(2.0 * math.pi)
+
+        integral = quad(density, ratio, ratio + 12.0)[0]
+        factor = 16.0 * math.sqrt(2.0) * math.pi / 15.0 * 0.04**2 * math.sqrt(1e-3) * 1.14e11
+        assert float(ROUGH.pressure(ratio * sigma)) == pytest.approx(factor * integral, rel=0.11)
+
+
+@pytest.mark.parametrize("distance", [0.2e-6, 0.8e-6, 1.5e-6])
+def test_the_force_is_the_integral_of_the_pressure_around_the_journal(distance):
+    """To an error of the order of roughness over clearance, 1e-2."""
+    eccentricity = CLEARANCE - distance
+
+    def along_the_load(angle):
+        here = CLEARANCE - eccentricity * math.cos(angle)
+        return float(ROUGH.pressure(here)) * math.cos(angle) * RADIUS * LENGTH
+
+    integral = 2.0 * quad(along_the_load, 0.0, 0.4, points=(0.1, 0.2, 0.3))[0]
+    depth = float(ROUGH.reach) - distance
+    force = float(ROUGH.force(depth, RADIUS, CLEARANCE, LENGTH))
+    assert force == pytest.approx(integral, rel=2.5e-2)
+
+
+def test_the_law_keeps_what_laws_promise():
+    check_law(LAW)
+    gap = Gap(-float(ROUGH.reach), 0.0, RADIUS, CLEARANCE)
+    assert float(LAW.elastic_force(gap)) == 0.0
+
+
+def coefficient(carried):
+    """Friction coefficient of the bearing."""
+    return abs(float(carried.moment)) / (LOAD * RADIUS)
+
+
+def test_friction_over_speed_is_stribecks_curve():
+    speeds = np.geomspace(1e-3, 3e3, 14)
+    found = [cj.carried_journal(JOINT, (0.0, -LOAD), speed) for speed in speeds]
+    friction = np.array([coefficient(carried) for carried in found])
+    # At low speed the asperities carry the load, at high speed the film does.
+    assert friction[0] == pytest.approx(MU, rel=5e-2)
+    lowest = friction.argmin()
+    assert friction[lowest] < 0.01 * MU and 4 < lowest < 11
+    assert (np.diff(friction[: lowest + 1]) < 0.0).all()
+    assert (np.diff(friction[lowest:]) > 0.0).all()
+    eccentricity = float(np.linalg.norm(found[-1].offset)) / CLEARANCE
+    shear = VISCOSITY * speeds[-1] * RADIUS / CLEARANCE
+    sommerfeld = 2.0 * math.pi * RADIUS * LENGTH * shear / math.sqrt(1.0 - eccentricity**2)
+    assert friction[-1] == pytest.approx(sommerfeld / LOAD, rel=1e-6)
+
+
+def test_forces_are_in_equilibrium_where_both_carry():
+    """The film's load is that of the short bearing in closed form."""
+    speed = 0.5
+    carried = cj.carried_journal(JOINT, (0.0, -LOAD), speed)
+    offset = np.asarray(carried.offset)
+    ratio = np.linalg.norm(offset) / CLEARANCE
+    scale = VISCOSITY * speed * RADIUS * LENGTH**3 / (4.0 * CLEARANCE**2)
+    radial = scale * 4.0 * ratio**2 / (1.0 - ratio**2) ** 2
+    tangential = scale * math.pi * ratio / (1.0 - ratio**2) ** 1.5
+    depth = float(ROUGH.reach) - CLEARANCE * (1.0 - ratio)
+    asperities = float(ROUGH.force(depth, RADIUS, CLEARANCE, LENGTH))
+    assert 0.1 * LOAD < asperities < 0.9 * LOAD
+    normal = offset / np.linalg.norm(offset)
+    along = np.array([-normal[1], normal[0]])
+    film = -radial * normal + tangential * along
+    dry = -asperities * normal - MU * asperities * along
+    np.testing.assert_allclose(film + dry, [0.0, LOAD], atol=1e-3 * LOAD)
+
+
+def test_the_ledger_of_a_run_closes():
+    bodies = {"rotor": cj.Body(5.0, (5e-3, 5e-3, 1e-2))}
+    push = {"load": cj.AppliedLoad("rotor", force=(0.0, -LOAD, 0.0))}
+    scene = cj.Scene(bodies, {"bearing": JOINT}, push)
+    start = cj.body_state((0.0, -48.5e-6, 0.0), spin=(0.0, 0.0, 10.0))
+    save = cj.Saving(np.array([0.0, 2e-3]))
+    settings = cj.Settings(rtol=1e-9, ledger=True)
+    state = cj.State({"rotor": start})
+    solution = cj.simulate(scene, state, 2e-3, settings, save, progress=False)
+    energies = cj.observe(scene, solution).energies
+    gain = {name: values[-1] - values[0] for name, values in energies.items()}
+    assert gain["friction"] > 0.0 and gain["film"] > 0.0
+    left = gain["mechanical"] + gain["film"] + gain["friction"] - gain["supplied"]
+    assert abs(left) < 1e-6 * (gain["film"] + gain["friction"])
+
+
+def test_walls_whose_force_begins_with_a_slope_are_refused():
+    with pytest.raises(ValueError, match="law.*zero slope"):
+        cj.laws.RoughCylinders(ROUGH, LENGTH, cj.laws.Hertz(1e10, exponent=1.0))
+    with pytest.raises(ValueError, match="asperities"):
+        cj.laws.RoughCylinders(0.5e-6, LENGTH, cj.laws.Hertz(1e10))
+    with pytest.raises(ValueError, match="roughness"):
+        cj.laws.GreenwoodTripp(roughness=-1e-6, modulus=1e11)
