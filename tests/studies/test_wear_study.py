@@ -1,0 +1,26 @@
+"""The study of wear, in its quick setting."""
+
+import re
+
+import pytest
+
+from studies.wear.__main__ import main
+
+
+def test_stages_of_two_lengths_agree(tmp_path):
+    lines = main(["profile", "--quick", "--output", str(tmp_path)])
+    assert (tmp_path / "profile.png").stat().st_size > 3000
+    differences = [re.search(r"difference of the mean ([-+][\d.]+) %", line) for line in lines]
+    numbers = [float(found[1]) for found in differences if found]
+    assert len(numbers) == 2 and all(abs(number) < 0.5 for number in numbers)
+
+
+@pytest.mark.slow
+def test_derivatives_of_the_life_are_those_of_differences(tmp_path):
+    lines = main(["life", "--quick", "--output", str(tmp_path)])
+    pairs = [re.search(r"(\S+) cycles, by differences (\S+)", line) for line in lines]
+    numbers = [[float(number) for number in found.groups()] for found in pairs if found]
+    life = float(re.search(r"(\S+) cycles$", lines[0])[1])
+    assert len(numbers) == 3
+    for derivative, difference in numbers:
+        assert derivative == pytest.approx(difference, abs=1e-3 * life)
