@@ -2,13 +2,21 @@
 
 import dataclasses
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 import clearjoint as cj
-from clearjoint.durability.wear_depths import quadrature_times, wear_depths
+from clearjoint.durability.wear_depths import (
+    SIGNALS,
+    depths_from_signals,
+    quadrature_times,
+    wear_depths,
+)
+from clearjoint.durability.wear_derivatives import MovingSpline
 from clearjoint.laws import ElastoGap
 
 RADIUS, CLEARANCE, LENGTH, STIFFNESS = 10e-3, 0.1e-3, 20e-3, 1e8
@@ -144,9 +152,47 @@ def require_closed_form(found, depth):
         assert derivative == pytest.approx((higher - lower) / 2e-4, abs=3e-4 * life), name
 
 
+@pytest.mark.slow
 def test_derivatives_of_life_are_those_of_the_closed_form():
     found = differentiated({"clearance": PARAMETERS["clearance"]}, GOALS[:1], samples=8)
     require_closed_form(found, 3e-7)
+
+
+def test_derivatives_of_depths_are_those_of_differences():
+    """By the signals of a run and by the numbers of the joint."""
+    angles = np.linspace(0.0, 0.3, 41)
+    size = CLEARANCE + 5e-6
+    signals = dict.fromkeys(SIGNALS, np.ones(41)) | {
+        "V x": size * np.cos(angles),
+        "V y": size * np.sin(angles),
+        "W x": 0.9 * size * np.cos(angles),
+        "W y": 0.9 * size * np.sin(angles),
+        "x_along_y": np.zeros(41),
+        "y_along_x": np.zeros(41),
+    }
+    pin = whirling()[0].joints["pin"]
+
+    def depths(change):
+        joint = eqx.tree_at(lambda j: j.clearance, pin, CLEARANCE * (1.0 + change))
+        moved = signals | {"V x": signals["V x"] * (1.0 + 0.5 * change)}
+        rates = jnp.asarray([RATE * (1.0 + change), RATE])
+        return depths_from_signals(joint, rates, np.linspace(0.0, 1.0, 41), moved, 16)
+
+    _, slopes = jax.jvp(depths, (0.0,), (1.0,))
+    differences = (depths(1e-5) - depths(-1e-5)) / 2e-5
+    assert float(jnp.abs(slopes).max()) > 1e-12
+    np.testing.assert_allclose(slopes, differences, atol=1e-4 * float(jnp.abs(slopes).max()))
+
+
+def test_a_parameter_moves_a_worn_profile():
+    coefficients = 1e-6 * np.cos(np.arange(8))
+    directions = np.concatenate([np.ones(8), np.sin(np.arange(8))])
+    still = MovingSpline(coefficients, directions, [0.0, 0.0])
+    moved = MovingSpline(coefficients, directions, [0.0, 2e-7])
+    angle = 1.3
+    assert still.at(angle).value == cj.profiles.PeriodicSpline(coefficients).at(angle).value
+    along = cj.profiles.PeriodicSpline(directions[8:]).at(angle).value
+    assert moved.at(angle).value - still.at(angle).value == pytest.approx(2e-7 * along)
 
 
 @pytest.mark.slow
