@@ -44,11 +44,16 @@ EXPECTED = {
         "with 8 degrees of freedom",
     ),
     "robot_backlash": ("degrees of freedom: 1", "first crossing ends at "),
+    "how_long_does_a_joint_live": (
+        "reached the cycles in ",
+        "slider pin bearing rate -1.000",
+        "pin's length         +",
+    ),
 }
 """What each notebook prints, among other things, in both settings."""
-COSTLY = {"sweeps_and_bifurcations", "what_data_can_tell"}
-"""Those that compile longest, a sweep with a section and `fit_horizon`, which have tests of their
-own."""
+COSTLY = {"sweeps_and_bifurcations", "what_data_can_tell", "how_long_does_a_joint_live"}
+"""Those that compile longest: a sweep with a section, `fit_horizon` and derivatives of wear, which
+have tests of their own."""
 
 
 def code(file):
