@@ -102,13 +102,13 @@ class ClearanceJoint(AbstractCentredJoint):
     - `line_points`: ``None``, the default, for contact at the two bases only. A number of points n,
       from 2 to 64, for contact along the whole length: `law` at the local penetration, divided by
       the length, is then the force per unit of length. The Gauss-Lobatto rule with n points
-      integrates it along the axis, and each point is a contact: "V", "point 2", "point 3" and so on, "W". The
-      wall thus presses a parallel journal with the force of `law`, not with that of two bases,
-      which is twice as large. `cj.quantities.Reaction` gives the sum over all points. The error of
-      force and moment is largest if a journal touches along a part of its length only. It then
-      decreases as n^-2 for a linear law and as n^-2.5 for one with the exponent 1.5. With 5 points
-      it is typically 3 % of the force that the penetration of the deepest point would cause along
-      the whole length, and 1 % with 8 points.
+      integrates it along the axis, and each point is a contact: "V", "point 2", "point 3" and so
+      on, "W". The wall thus presses a parallel journal with the force of `law`, not with that of
+      two bases, which is twice as large. `cj.quantities.Reaction` gives the sum over all points.
+      The error of force and moment is largest if a journal touches along a part of its length only.
+      It then decreases as n^-2 for a linear law and as n^-2.5 for one with the exponent 1.5. With 5
+      points it is typically 3 % of the force that the penetration of the deepest point would cause
+      along the whole length, and 1 % with 8 points.
 
     **Raises:** `ValueError` if both or neither of `journal_radius` and `clearance` are given, the
     clearance is not between zero and the bearing's radius, an axis has zero length, a profile
