@@ -155,7 +155,8 @@ def wear(
 
     The attribute ``ending`` is "reached the cycles", or the reason why the computation ended before
     them. The attribute ``failure`` is this reason if the run of a stage failed or was not periodic,
-    and empty otherwise. `clearjoint.worn` returns the scene of a stage, `clearjoint.cycles_to_depth` a life.
+    and empty otherwise. `clearjoint.worn` returns the scene of a stage,
+    `clearjoint.cycles_to_depth` a life.
 
     **Raises:** `ValueError` for an empty `rates`, a name or class in it that is not supported, or
     another argument outside its range (`samples` must be 8 or more); if the run of the first stage

@@ -227,5 +227,5 @@ def _shares(
     overlap = overlaps(x, y, angles, joint.bearing_profile, joint.journal_profile, axes)
     part = jnp.maximum(overlap + excess, 0.0)
     total = part.sum(axis=1, keepdims=True)
-    # Without contact all parts may be zero. No wear is distributed then.
+    # Without contact all parts may be zero. Their shares are then zero rather than 0/0.
     return part / jnp.where(total > 0.0, total, 1.0)

@@ -95,6 +95,7 @@ class ParameterDirection:
         scene, state = self.without_profiles(scene, state, value)
         for name in self.joints:
             for field in PROFILES:
+                # A part that doesn't wear has another profile, which doesn't move.
                 profile = getattr(scene.joints[name], field)
                 if isinstance(profile, MovingSpline):
                     scene = eqx.tree_at(

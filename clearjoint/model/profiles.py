@@ -403,7 +403,8 @@ def _of_journal(
     along_y = axes.y_along_x * cosine + axes.y_along_y * sine
     square = along_x * along_x + along_y * along_y
     rate = (axes.x_along_x * axes.y_along_y - axes.x_along_y * axes.y_along_x) / square
-    # Half the derivative of `square`, on which alone the derivative of `rate` depends.
+    # Half the derivative of `square` by the angle. The numerator of `rate` is constant, so that the
+    # derivative of `rate` is -2 rate change/square.
     change = along_x * (axes.x_along_y * cosine - axes.x_along_x * sine)
     change = change + along_y * (axes.y_along_y * cosine - axes.y_along_x * sine)
     return journal.at(polar_angle(along_y, along_x)), rate, -2.0 * rate * change / square

@@ -58,7 +58,8 @@ def _flank_law(
     )
     torsional = as_number(torsional_stiffness, "torsional_stiffness", "N m/rad")
     require_positive("torsional_stiffness", torsional, "give it in N m/rad")
-    # At an angle beyond the play, the penetration is angle radius and the couple is force radius.
+    # An angle beyond the flank gives the penetration angle * radius, and a force gives the couple
+    # force * radius.
     stiffness = torsional / as_number(radius, "radius", "m") ** 2
     restitution = 0.5 if restitution is None else restitution
     return ExactRestitution(restitution=restitution, stiffness=stiffness, exponent=1.0)
@@ -91,7 +92,7 @@ class Backlash(AbstractFlankJoint):
     - `radius`: m, of the flanks. Optional with a `torsional_stiffness`: 0.01 m by default.
     - `middle`: rad, the joint's angle (`quantities.JointAngle`) in the middle of the play.
     - `law`: normal law of each flank, with an explicit stiffness. Alternatively
-      `torsional_stiffness`: N m/rad, of a closed flank as in gearbox catalogues, with
+      `torsional_stiffness`: N m/rad, of a pressed flank as in gearbox catalogues, with
       `restitution`, 0.5 by default; the law is then a linear `ExactRestitution`.
 
     **Raises:** `ValueError` if the play is not between zero and a full revolution; unless exactly
@@ -218,8 +219,8 @@ class Backlash(AbstractFlankJoint):
         """
         arm = side * self.radius
         gap = Gap(arm * angle - 0.5 * self.radius * self.play, arm * speed)
-        # The penetration is a constant plus arm times the angle, and so are its derivatives. A
-        # couple has no point of action, so that the points of the contact are arbitrary.
+        # The penetration is arm times the angle plus a constant, so that its derivatives are arm
+        # times those of the angle. A couple has no point of action: the points are arbitrary.
         first, second = (row.jacobian[name].moment * arm for name in self.pair())
         return Contact(gap, axis * side, ZERO, ZERO, None, turning=(first, second))
 

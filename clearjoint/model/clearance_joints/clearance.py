@@ -1,7 +1,7 @@
 """The spatial revolute joint with clearance.
 
-The equations are those of P. Flores, J. Ambrosio, J. C. P. Claro, H. M. Lankarani, Spatial revolute
-joints with clearances for dynamic analysis of multi-body systems, 2006.
+Equation numbers are those of P. Flores, J. Ambrosio, J. C. P. Claro, H. M. Lankarani, Spatial
+revolute joints with clearances for dynamic analysis of multi-body systems, 2006.
 
 The first body carries the bearing, the second the journal. Both bases V and W of the journal are
 checked against the bearing's wall, and each base applies the full normal law. The tilt between
@@ -337,8 +337,10 @@ class ClearanceJoint(AbstractCentredJoint):
             self.planar_axes(bearing, journal),
         )
         normal = x_axis * near.cosine + y_axis * near.sine
-        # The force acts on both bodies at one point, midway between the surfaces. That point is
-        # beside the normal through the base's centre where the journal's deviation has a slope.
+        # The force acts on both bodies at one point, midway between the surfaces. A point
+        # of a shape is the gradient of its support function by the normal. So it is beside the
+        # normal through the base's centre by the slope of the journal's deviation, times the
+        # gradient of the angle about the journal's axis, (own_axis x normal)/(1 - tilt^2).
         own_axis = journal.direction(unit(self.journal_axis))
         tilt = own_axis.dot(normal)
         beside = own_axis.cross(normal) * (near.journal.slope / (1.0 - tilt * tilt))
@@ -457,9 +459,9 @@ class ClearanceJoint(AbstractCentredJoint):
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
         """Return the ideal joint that holds the journal where a load presses it to the wall.
 
-        It is ``None`` if the load is along the axis: if its component across the axis is at most
-        `LEAST_TRANSVERSE_LOAD` times the load. The journal counts as a circle, since the load
-        doesn't determine its rotation.
+        It is ``None`` if the load presses the journal nowhere, because the component across the
+        axis is at most `LEAST_TRANSVERSE_LOAD` times the load. The journal counts as a circle,
+        since the load doesn't determine its rotation.
 
         **Arguments:** `load`: of the journal on the bearing, (3,) N in the axes of its body.
         """

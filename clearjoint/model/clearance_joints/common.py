@@ -177,7 +177,7 @@ def require_right_angle(argument: str, direction: Triple, other: str, axis: Trip
 
     **Arguments:** `argument`, `other`: names of the direction and of the axis in the message.
 
-    **Raises:** `ValueError` if the cosine of their angle is not below `RIGHT_ANGLE`.
+    **Raises:** `ValueError` if the cosine of their angle is not below `RIGHT_ANGLE` in amount.
     """
     if (known := checkable(direction, axis)) is not None:
         numbers, base = known
@@ -234,9 +234,9 @@ def offset_at_flat_wall(
     """Return the position at which a part between two parallel walls rests under a load.
 
     The load presses the part to one of the walls. The position is the vector to the part's centre
-    from the place that it has midway between the walls, (3,) m. It is ``None`` if the load is along
-    the walls, so that it presses the part to neither: if the load's component along their normal is
-    at most `LEAST_TRANSVERSE_LOAD` times the load. All vectors are in the axes of the walls' body.
+    from the place that it has midway between the walls, (3,) m. It is ``None`` if the load presses
+    the part to neither wall, because its component along their normal is at most
+    `LEAST_TRANSVERSE_LOAD` times the load. All vectors are in the axes of the walls' body.
 
     **Arguments:** `normal`: of the walls, (3,), any length. `clearance`: of the centred part on
     either side, m. `load`: on the walls' body, (3,) N.

@@ -20,7 +20,8 @@ class GroupedContactJoint(AbstractContactJoint):
     """Contact joints of one structure that differ only in their numbers and their bodies.
 
     Where a method of a single joint returns a number, the same method of the group returns an array
-    (N,) with an entry for each of the N joints.
+    (N,) with an entry for each of the N joints. Joints that have constraint rows or an anchor are
+    not grouped, so these methods keep their defaults.
 
     - `joint`: the first joint, with each number replaced by an array (N,) over the group.
     - `members`: the N joints as the user gave them.

@@ -234,6 +234,7 @@ class LubricatedJoint(AbstractContactJoint):
         on_axis = self.dry.bearing_point + unit(self.dry.bearing_axis) * base.height
         in_bearing = on_axis + bearing.components(to_midpoint)
         velocity = journal.velocity_at(in_journal) - bearing.velocity_at(in_bearing)
+        # Film laws take a motion across the axis only.
         velocity = velocity - base.axis * velocity.dot(base.axis)
         spin = (journal.direction(journal.spin) - bearing.direction(bearing.spin)).dot(base.axis)
         gap = self._gap(base.axis, eccentricity, velocity, spin)
@@ -319,6 +320,7 @@ class CarriedJournal(NamedTuple):
 
         **Arguments:** `mass`: of the body that the journal carries, kg.
         """
+        # The motion is that of a linear system whose variables are the offset and its rate.
         inverse_mass = jnp.eye(2) / mass
         rates = jnp.block(
             [

@@ -26,8 +26,8 @@ FIT (4 - ratio)^EXPONENT, where the ratio is distance over roughness (Arcoumanis
 AROUND = math.sqrt(math.pi) * math.gamma(EXPONENT + 1.0) / math.gamma(EXPONENT + 1.5)
 """Integral of (1 - x^2)^EXPONENT from -1 to 1.
 
-This is the pressure over its maximum, where x is the angle from the closest point over that at the
-ends of the arc of contact: the distance of the surfaces grows with the square of the angle.
+The integrand is the pressure over its maximum, and x the angle from the closest point over that at
+the end of the arc of contact: the distance of the surfaces grows with the square of the angle.
 """
 
 
