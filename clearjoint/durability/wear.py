@@ -49,8 +49,11 @@ CHANGE_BY_PENETRATION = 0.2
 FIRST_STAGE = 0.1
 """Length of the first stage relative to the others, since it has no earlier one to extrapolate."""
 FEWEST_SAMPLES = 8
+"""Smallest number of angles. With 8 of them a cubic B-spline, which is four spacings wide, covers
+half of the circumference."""
 STEPS_PER_SAMPLE = 16
-"""Smallest number of quadrature steps in a cycle, relative to the number of angles."""
+"""Smallest number of quadrature steps in a cycle, relative to the number of angles. So many steps
+resolve the passage from one angle to the next of a contact that circles the wall once a cycle."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +62,8 @@ class WearRates:
 
     A rate is Archard's coefficient over the hardness, k/H. Tables often have mm^3/(N m), which is
     1e-9 m^2/N. Zero, the default, is a part that doesn't wear.
+
+    **Raises:** `ValueError` if a rate is negative or not finite, or both are zero.
 
     >>> cj.WearRates(bearing=5.05e-4 * 1e-9)  # PTFE against steel, 5.05e-4 mm^3/(N m)
     WearRates(bearing=5.050000000000001e-13, journal=0.0)
@@ -99,7 +104,9 @@ def wear(
     The wear of a few cycles is computed by a run (Archard's law; see `clearjoint.WearRates`) and
     extrapolated over as many cycles as a limit on the change of depth allows. Then the profiles are
     changed and the next stage begins, with the motion at the end of the run before. Two successive
-    stages determine the rate of wear and its change (Adams-Bashforth method of second order).
+    stages determine the rate of wear and its change (Adams-Bashforth method of second order). The
+    first stage has no earlier one: its own rate is used, over a tenth of the cycles that the limit
+    allows, unless `cycles` prescribes the stages.
 
     **Arguments:**
 
@@ -109,7 +116,7 @@ def wear(
       by name.
     - `cycles`: number of cycles to extrapolate to, such as 1e6; or the rising numbers of cycles
       before the stages after the first one, such as those of an earlier result with slightly
-      different numbers.
+      different numbers. The latter fix the stages, and `largest_change` has no effect.
     - `settings`: of the runs; by default `clearjoint.presets.default`.
     - `parameters`: by which the depths are differentiated, by names of your choice; they may select
       no number of a profile that wears. The logarithms of the wear rates are additional parameters,
@@ -117,9 +124,9 @@ def wear(
       before the stages. They require that the measured cycles don't depend on the state in which a
       stage begins, because they have settled.
     - `settle`: number of cycles of a run before the wear is measured; `measured`: number of cycles
-      that are measured, even. The two halves of them must agree in worn volume, and in the
-      derivatives of the depths, to `tolerance`, relatively. A motion that is not periodic needs
-      many measured cycles.
+      that are measured, even. The two halves of them must agree to `tolerance`, relatively: in the
+      sum of the depths that wear off each joint, and in that of the derivatives by each parameter.
+      A motion that is not periodic needs many measured cycles.
     - `largest_change`: largest change of depth in a stage, m; by default a fifth of the largest
       penetration in the stage. With larger changes the profile oscillates, since the material that
       carries the load in one stage is gone in the next.
@@ -127,9 +134,11 @@ def wear(
     - `stages`: largest number of stages.
     - `path`: folder of a Zarr store of the result. Each stage is written; if the folder contains
       an earlier result of the same scene and arguments, computation continues from there.
+      `largest_change` and `stages` may be other ones than before.
     - `progress`: whether to show a progress bar.
 
-    **Returns:** an `xarray.Dataset` along "joint", "stage" and "angle":
+    **Returns:** an `xarray.Dataset` along "joint", "stage", "angle" and "body", with the names of
+    the joints and of the bodies and the angles, rad, as coordinates:
 
     - ``cycles``: number of cycles before each stage, (stage).
     - ``bearing_depth``, ``journal_depth``: m, (joint, stage, angle), about the axis of each part
@@ -139,15 +148,21 @@ def wear(
     - ``bearing_depth_derivative``, ``journal_rate_derivative`` and so on: the derivatives of these
       with respect to the parameters' coordinates, along the additional dimension "parameter". Only
       with `parameters`.
-    - ``penetration``: largest penetration in the run of a stage, m, (joint, stage).
+    - ``penetration``: largest penetration in the run of a stage, m, (joint, stage); NaN in the last
+      stage.
     - ``final_position``, ``final_orientation``, ``final_velocity``, ``final_spin``: the state after
-      the last run.
+      the last run whose wear was used, as in `clearjoint.BodyState`, (body, 3) or (body, 4).
 
     The attribute ``ending`` is "reached the cycles", or the reason why the computation ended before
-    them. `clearjoint.worn` returns the scene of a stage, `clearjoint.cycles_to_depth` a life.
+    them. The attribute ``failure`` is this reason if the run of a stage failed or was not periodic,
+    and empty otherwise. `clearjoint.worn` returns the scene of a stage,
+    `clearjoint.cycles_to_depth` a life.
 
-    **Raises:** `ValueError` for unsupported arguments, for a cycle that is not periodic in the
-    first stage, and for a store of another computation.
+    **Raises:** `ValueError` for an empty `rates`, a name or class in it that is not supported, or
+    another argument outside its range (`samples` must be 8 or more); if the run of the first stage
+    fails, or its two halves differ by more than `tolerance`; if the state at the end of a run does
+    not fit the drives at `start_time`, so that `cycle` is not their period; and for a store of
+    another computation.
 
     ```python
     import clearjoint as cj
@@ -192,6 +207,9 @@ def wear(
 def worn(scene: Scene, found: "xr.Dataset", stage: int = -1) -> Scene:
     """Return a scene with the profiles of a stage of `clearjoint.wear`.
 
+    A profile that has worn becomes a `clearjoint.profiles.PeriodicSpline` with a knot at each angle
+    of the result. Parts without wear keep their profiles.
+
     **Arguments:** `scene`: the scene that was given to `wear`; `found`: its result; `stage`: index,
     by default that of the last stage.
 
@@ -208,7 +226,7 @@ def worn(scene: Scene, found: "xr.Dataset", stage: int = -1) -> Scene:
     """
     names = [str(name) for name in found["joint"].values]
     depths = _stacked(found[[f"{part}_depth" for part in PARTS]].isel(stage=[stage]), "depth")[0]
-    # Parts that have not worn keep their profiles.
+    # Only whether a rate is positive matters to `_with_splines`.
     has_worn = {
         name: WearRates(*(float(part.max() > 0.0) for part in of_joint))
         for name, of_joint in zip(names, depths[0], strict=True)
@@ -222,7 +240,8 @@ def cycles_to_depth(found: "xr.Dataset", depth: float, joint: str, part: Part = 
 
     It is interpolated linearly between stages, and infinite if the depth was not reached.
 
-    **Arguments:** `found`: result of `clearjoint.wear`; `depth`: m; `joint`: its name.
+    **Arguments:** `found`: result of `clearjoint.wear`; `depth`: m, positive; `joint`: its name;
+    `part`: "bearing", the default, or "journal".
 
     >>> import xarray as xr
     >>> depths = np.array([[[0.0, 0.0], [2e-6, 1e-6]]])  # of one joint, in two stages
@@ -251,6 +270,8 @@ def life_derivatives(
     **Arguments:** `found`: result of `clearjoint.wear` with `parameters`. The others are as in
     `cycles_to_depth`.
 
+    **Raises:** `ValueError` if `found` has no derivatives.
+
     >>> import xarray as xr
     >>> depths = np.array([[[0.0, 0.0], [2e-6, 1e-6]]])  # of one joint, in two stages
     >>> dims = "joint", "stage", "angle"
@@ -273,8 +294,8 @@ def life_derivatives(
     deepest, cycles = depths.max(axis=1), found["cycles"].values
     if not deepest[-1] >= depth:
         return dict.fromkeys(names, float("nan"))
-    # The point where the line through two stages has the depth moves by the line's own change
-    # there, over its slope.
+    # The life is where the line through the deepest points of two stages reaches the depth. If a
+    # parameter raises the line there by `change`, it does so earlier, by `change` over its slope.
     i = max(int(np.searchsorted(deepest, depth)), 1)
     at_deepest = [slopes[stage, depths[stage].argmax()] for stage in (i - 1, i)]
     rise = deepest[i] - deepest[i - 1]
@@ -299,7 +320,10 @@ class _CycleRun:
     directions: Mapping[str, ParameterDirection]
 
     def measure(self, scene: Scene, state: State) -> "_Measured":
-        """Return the wear per cycle and the state after the run."""
+        """Return the wear per cycle and the state after the run.
+
+        Wear and derivatives are zero for a run that failed, whose `failure` then says why.
+        """
         first = self.start_time + self.settle * self.cycle
         middle, last = (first + part * self.measured * self.cycle for part in (0.5, 1.0))
         solution = simulate(
@@ -319,6 +343,7 @@ class _CycleRun:
         if result == RESULTS.successful:
             # A contact may run around the whole wall in a cycle. The wear at an angle is then that
             # of the short time in which the contact passes it.
+            # So this time limits the intervals of the quadrature.
             longest = self.cycle / (STEPS_PER_SAMPLE * self.samples)
             spans = (first, middle), (middle, last)
             times = [quadrature_times(solution, *span, longest) for span in spans]
@@ -327,12 +352,14 @@ class _CycleRun:
                     halves[k, 0, j], penetrations[k, j] = wear_depths(
                         scene, solution, name, of_parts, times[k], self.samples
                     )
+            # `simulate` computes no derivatives. They need another run, which gives no wear.
             if self.directions:
                 given = times, rates, self.directions, self.settings, self.samples
                 derivatives, result = derivatives_in_spans(scene, state, self.start_time, *given)
                 if derivatives is not None:
                     halves[:, 1:] = derivatives
         return _Measured(
+            # Each half has so many cycles.
             halves / (0.5 * self.measured),
             penetrations.max(axis=0),
             # Only what a store keeps, so that a computation that is continued has the same bits.
@@ -341,8 +368,13 @@ class _CycleRun:
         )
 
     def difference(self, found: "_Measured") -> float:
-        """Return the largest relative difference of both halves: of the depths' sum for each joint,
-        and of the sum of their derivatives with respect to each parameter."""
+        """Return the largest relative difference of the two halves of the measured cycles.
+
+        The differences are those of the sum of the depths of each joint, and of the sum of all
+        derivatives with respect to each parameter. Each is relative to the sum of absolute values
+        in the half where this is larger, so that derivatives of both signs that cancel don't count
+        as different. It is zero without wear.
+        """
         values, slopes = found.halves[:, 0], found.halves[:, 1:]
         sums = [*values.sum(axis=(2, 3)).T, *slopes.sum(axis=(2, 3, 4)).T]
         sizes = [*np.abs(values).sum(axis=(2, 3)).T, *np.abs(slopes).sum(axis=(2, 3, 4)).T]
@@ -370,6 +402,7 @@ class _Measured(NamedTuple):
 class _Stages:
     """The stages computed so far.
 
+    - `names`: of the J joints that wear. `parameters`: names of the p parameters.
     - `cycles`: number of cycles before each stage. `depths`: (1 + p, J, 2, samples) m, the depths
       there, and their derivatives with respect to the p `parameters`.
     - `rates`: depth per cycle, likewise, and `penetrations`: (J,) m, in the run of each stage
@@ -391,7 +424,7 @@ class _Stages:
 
     @staticmethod
     def first(state: State, names: list[str], parameters: list[str], samples: int) -> "_Stages":
-        """Return the unworn joints."""
+        """Return the stages before any run: one stage, in which no joint has worn."""
         depths = np.zeros((1 + len(parameters), len(names), len(PARTS), samples))
         return _Stages(names, parameters, [0.0], [depths], [], [], state)
 
@@ -405,12 +438,17 @@ class _Stages:
         """Measure the wear of the last stage and extrapolate it to a new one, or set `failure`.
 
         **Arguments:** `goals`: number of cycles before each stage after the first one; or one
-        number, to which the stages lead.
+        number, to which the stages lead. `largest_change`: as in `wear`.
+
+        **Raises:** `ValueError` if the first run fails, or its wear differs between its halves; and
+        if the state at the end of a run doesn't fit the start of the next one.
         """
         scene = _with_depths(scene, self.names, self.depths[-1])
         try:
             found = run.measure(scene, self.state)
         except ValueError as error:
+            # The user's own state in the first stage has its own message. Later states come from
+            # runs, and don't fit only if the drives have another period.
             if len(self.cycles) == 1:
                 raise
             raise ValueError(
@@ -428,7 +466,10 @@ class _Stages:
         self._extrapolate(left if len(goals) > 1 else self._length(left, largest_change))
 
     def has_ended(self, cycles: float, stages: int) -> bool:
-        """Return whether there is nothing more to compute, and set `ending` if so."""
+        """Return whether there is nothing more to compute, and set `ending` if so.
+
+        **Arguments:** `cycles`: number of cycles to reach. `stages`: largest number of stages.
+        """
         if self.failure:
             self.ending = self.failure
         elif self.cycles[-1] >= cycles:
@@ -441,6 +482,9 @@ class _Stages:
 
     def _refuse(self, failure: str, difference: float, run: _CycleRun) -> None:
         """Set `failure` for a run whose wear can't be extrapolated.
+
+        **Arguments:** `failure`: of the run; empty if only its halves differ. `difference`: of the
+        halves, relative. `run`: with the arguments of `wear`.
 
         **Raises:** `ValueError` in the first stage.
         """
@@ -459,7 +503,12 @@ class _Stages:
         self.failure = reason
 
     def _length(self, left: float, largest_change: float | None) -> float:
-        """Return how many cycles the next stage has, `left` at most."""
+        """Return how many cycles the next stage has: `left`, or less if the depth of a point would
+        otherwise change by more than the limit.
+
+        **Arguments:** `left`: number of cycles that are left. `largest_change`: limit, m; ``None``
+        for `CHANGE_BY_PENETRATION` times the largest penetration of each joint.
+        """
         length = left
         # Each joint limits the stage by its own penetration.
         for rate, penetration in zip(self.rates[-1][0], self.penetrations[-1], strict=True):
@@ -477,7 +526,8 @@ class _Stages:
             # Rate at the middle of the stage, on the line through those of the last two stages.
             before = self.cycles[-1] - self.cycles[-2]
             middle = rate + 0.5 * length / before * (rate - self.rates[-2])
-        # Nothing grows again, even if the line leads to a negative rate.
+        # Material doesn't grow again, even if the line leads to a negative rate. The depth stays
+        # the same there, and so do its derivatives.
         change = np.where(middle[0] > 0.0, middle, 0.0) * length
         self.cycles.append(self.cycles[-1] + length)
         self.depths.append(self.depths[-1] + change)
@@ -487,6 +537,8 @@ class _Stages:
         import xarray as xr
 
         depths = np.array(self.depths)
+        # The last stage has no run, and so no rate and no penetration. The reshape is for the first
+        # stage, when the list of rates is empty.
         rates = np.full(depths.shape, np.nan)
         rates[: len(self.rates)] = np.array(self.rates).reshape(-1, *depths.shape[1:])
         penetrations = np.full((len(depths), len(self.names)), np.nan)
@@ -542,6 +594,7 @@ class _Store:
         """Return the stored stages, or `first` if there is no store."""
         import xarray as xr
 
+        # A process that was killed between the renamings of `write` has left only the old store.
         existing = [path for path in (self.path, self._beside("old")) if path.exists()]
         if not existing:
             return first
@@ -555,6 +608,7 @@ class _Store:
             "pass another folder",
         )
         depths, rates = (_stacked(found, name) for name in ("depth", "rate"))
+        # The stages with a run have a penetration that is not NaN.
         measured = int(np.isfinite(found["penetration"].values[0]).sum())
         numbers = [found[f"final_{field.name}"].values for field in fields(BodyState)]
         names = [str(name) for name in found["body"].values]
@@ -571,12 +625,18 @@ class _Store:
         )
 
     def _beside(self, suffix: str) -> Path:
+        """Return the path of a folder beside the store, on the same file system, so that it can be
+        renamed."""
         return self.path.with_name(f"{self.path.name}.{suffix}")
 
 
 def _stacked(found: "xr.Dataset", name: str) -> Float[np.ndarray, "stages rows joints 2 samples"]:
-    """Return the depths or rates of a result, and after them their derivatives, if there are any;
-    `name`: "depth" or "rate"."""
+    """Return the depths, m, or rates, m per cycle, of a result, and their derivatives, if any.
+
+    Row 0 is the number itself; the others are its derivatives by the parameters.
+
+    **Arguments:** `name`: "depth" or "rate".
+    """
     dims = "stage", "parameter", "joint", "angle"
     of_parts = []
     for part in PARTS:
@@ -588,7 +648,11 @@ def _stacked(found: "xr.Dataset", name: str) -> Float[np.ndarray, "stages rows j
 
 
 def _digest(scene: Scene, state: State, run: _CycleRun, goals: np.ndarray) -> str:
-    """Return a digest of all that determines the stages."""
+    """Return a digest of scene, state and arguments, by which a store recognises its computation.
+
+    The arguments `largest_change` and `stages` are left out, so that a user may change them and
+    continue.
+    """
     # The text of a direction may contain an address, so its effect on scene and state is used.
     named = dataclasses.replace(run, directions=dict.fromkeys(run.directions))
     effects = [
@@ -602,7 +666,11 @@ def _digest(scene: Scene, state: State, run: _CycleRun, goals: np.ndarray) -> st
 
 
 def _with_splines(scene: Scene, rates: Mapping[str, WearRates], samples: int) -> Scene:
-    """Return a scene in which the profiles of parts that wear are periodic splines."""
+    """Return a scene in which the profiles of parts with a positive wear rate are periodic splines.
+
+    Each spline has `samples` knots and equals the profile of the part there. The names of the
+    joints are those of `rates`; other joints are unchanged.
+    """
     joints = dict(scene.joints)
     for name, of_joint in rates.items():
         joint = joints[name]
@@ -616,6 +684,7 @@ def _with_splines(scene: Scene, rates: Mapping[str, WearRates], samples: int) ->
                     else np.asarray(given.at(_angles(samples)).value)
                 )
                 spline = PeriodicSpline.through(values)
+                # ``None``, the profile of a circle, counts as a leaf only by `is_leaf`.
                 joint = eqx.tree_at(
                     lambda j, part=part: getattr(j, f"{part}_profile"),
                     joint,
@@ -627,7 +696,7 @@ def _with_splines(scene: Scene, rates: Mapping[str, WearRates], samples: int) ->
 
 
 def _angles(samples: int) -> np.ndarray:
-    """Return evenly spaced angles, rad."""
+    """Return the angles 0, 2 pi/samples, 4 pi/samples, ..., (samples,) rad."""
     return np.arange(samples) * 2.0 * np.pi / samples
 
 
@@ -636,15 +705,21 @@ def _with_depths(
 ) -> Scene:
     """Return a scene from `_with_splines` with depths, m, removed from its parts.
 
-    If `depths` contains derivatives after the depths, the profiles are `MovingSpline`s.
+    A part whose profile isn't a spline with one knot for each angle is unchanged: it doesn't wear,
+    so that its depths are zero.
+
+    **Arguments:** `names`: of the J joints. `depths`: in row 0; if there are further rows, they are
+    derivatives by parameters, and the profiles become `MovingSpline`s.
     """
     for j, name in enumerate(names):
         for k, (field, sign) in enumerate(zip(PROFILES, (1.0, -1.0), strict=True)):
             profile = getattr(scene.joints[name], field)
+            # Wear enlarges the radius of the bearing and reduces that of the journal.
             rows = sign * depths[:, j, k]
             if isinstance(profile, PeriodicSpline | MovingSpline) and len(
                 profile.coefficients
             ) == len(rows[0]):
+                # Interpolation is linear, so that it applies to derivatives as well.
                 removed = [np.asarray(PeriodicSpline.through(row).coefficients) for row in rows]
                 worn = np.asarray(profile.coefficients) + removed[0]
                 changed = (
@@ -668,6 +743,10 @@ def _check(
     samples: int,
     stages: int,
 ) -> None:
+    """Check the arguments of `wear` that no other function checks; `goals` is (n,): `cycles`.
+
+    **Raises:** `ValueError` that names the argument.
+    """
     require(len(rates) > 0, "rates", dict(rates), "of one joint at least", "name a joint")
     known = [n for n, joint in scene.joints.items() if isinstance(joint, ClearanceJoint)]
     for name, of_joint in rates.items():
@@ -680,6 +759,7 @@ def _check(
     positive = goals.ndim == 1 and bool(np.all(np.diff(goals, prepend=0.0) > 0.0))
     remedy = "give a number of cycles, such as 1e6, or a rising row of them"
     require(positive, "cycles", goals, "positive and rising", remedy)
+    # Zero is allowed here.
     require_count("settle", settle + 1, "give a number of cycles, 0 or more")
     require_count("measured", measured, "give an even number of cycles")
     even = measured % 2 == 0

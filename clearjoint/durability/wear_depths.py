@@ -30,10 +30,11 @@ They are, for each base, the product of normal force and sliding speed, W, the b
 in the bearing's frame, m, and the penetration, m; and the four components of `PlanarAxes`.
 """
 TIMES_IN_PROGRAM = 4096
-"""The number of steps is rounded up to a multiple of half of this, so that few programs are
-compiled."""
+"""The number of times, less one, is rounded up to a multiple of this for a compiled program, so
+that few programs are compiled for runs of different numbers of steps."""
 
 Signals = Mapping[str, Float[jax.Array | np.ndarray, " T"]]
+"""Values of `SIGNALS` at T times, by name."""
 
 
 class Signal(eqx.Module):
@@ -43,7 +44,7 @@ class Signal(eqx.Module):
     name: str = eqx.field(static=True)
 
     def __call__(self, now: Instant) -> Scalar:
-        """Return the signal at an instant."""
+        """Return the signal at an instant, in the unit that `SIGNALS` states."""
         element = now.scene.joints[self.joint]
         assert isinstance(element, ClearanceJoint)
         if self.name in PlanarAxes._fields:
@@ -73,11 +74,13 @@ def quadrature_times(
 ) -> Float[np.ndarray, " T"]:
     """Return times from `start` to `end`, s, for Simpson's rule: ends and middles of intervals.
 
-    The intervals are the steps of the run, divided into equal parts of at most `longest`, s.
+    The intervals are the steps of the run from `start` to `end`, divided into equal parts of at
+    most `longest`, s. At the even indices are the ends of intervals, at the odd ones the middles.
     """
     assert solution.steps is not None, "`wear` saves all steps"
     ends = np.asarray(solution.steps.times)
     ends = np.unique([start, *ends[(ends > start) & (ends < end)], end])
+    # Each interval counts twice: it consists of two halves, between an end and the middle.
     parts = 2 * np.ceil(np.diff(ends) / longest).astype(int)
     # The k-th of n parts of a step begins at k/n of it.
     within = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
@@ -97,13 +100,15 @@ def wear_depths(
 
     **Arguments:**
 
+    - `scene`: the scene of the run.
     - `solution`: of `simulate`, with all steps saved.
     - `joint`: name of a `ClearanceJoint`.
     - `rates`: specific wear rates of the bearing and of the journal, m^2/N.
     - `times`: of `quadrature_times`, s.
     - `samples`: number of evenly spaced angles from the x axis of each part's frame.
 
-    **Returns:** the depths, (2, samples) m, and the largest penetration, m.
+    **Returns:** the depths, (2, samples) m, and the largest penetration of both bases at the times,
+    m.
     """
     assert solution.steps is not None, "`wear` saves all steps"
     values = values_along(scene, solution, AllSignals(joint), solution.steps.between(times))
@@ -129,9 +134,12 @@ def depths_from_signals(
     the whole length of the journal. Both bases count together.
 
     **Arguments:** `rates`: k of the bearing and of the journal, m^2/N. `times`: of
-    `quadrature_times`, s. `signals`: by the names of `SIGNALS`. `samples`: number of angles.
+    `quadrature_times`, s. `signals`: values at these times, by the names of `SIGNALS`. `samples`:
+    number of angles.
     """
-    # Steps of no length are added at the end. The number of times stays odd.
+    # The last time is repeated, so that few programs are compiled (see `TIMES_IN_PROGRAM`). The
+    # added intervals have no length and add nothing to the integral. The number of times stays odd,
+    # as Simpson's rule needs it.
     more = -(len(times) - 1) % TIMES_IN_PROGRAM
     times, signals = jax.tree.map(
         lambda row: jnp.concatenate([row, jnp.broadcast_to(row[-1], more)]), (times, dict(signals))
@@ -147,14 +155,20 @@ def _depths(
     signals: Mapping[str, Float[jax.Array, " T"]],
     samples: int,
 ) -> Float[jax.Array, "2 samples"]:
+    """Return the result of `depths_from_signals`; the arguments are the same.
+
+    A separate function, so that its program is compiled for the rounded number of times.
+    """
     axes = PlanarAxes(*(signals[name][:, None] for name in PlanarAxes._fields))
     radii = joint.bearing_radius, joint.journal_radius
     depths = []
     for angles, radius, rate in zip(_wall_angles(axes, samples), radii, rates, strict=True):
+        # Normal force times sliding speed, W, that wears the part at each angle.
         density = jnp.zeros((len(times), samples))
         for base in BASES:
             x, y, power = (signals[f"{base} {kind}"][:, None] for kind in ("x", "y", "power"))
             density = density + power * _shares(joint, x, y, angles, axes)
+        # The area of the surface that belongs to one angle, m^2.
         area = radius * 2.0 * np.pi / samples * joint.journal_length
         depths.append(rate / area * _integral(times, density))
     return jnp.stack(depths)
@@ -163,15 +177,22 @@ def _depths(
 def _integral(
     times: Float[jax.Array, " T"], values: Float[jax.Array, "T n"]
 ) -> Float[jax.Array, " n"]:
-    """Return integrals over time by Simpson's rule; every second time is a middle."""
+    """Return the integrals over time of each column of `values`, in its unit times s.
+
+    Simpson's rule is used: the times at odd indices are the middles of its intervals.
+    """
     sixths = (times[2::2] - times[:-2:2])[:, None] / 6.0
     return (sixths * (values[:-2:2] + 4.0 * values[1:-1:2] + values[2::2])).sum(axis=0)
 
 
 def _wall_angles(axes: PlanarAxes, samples: int) -> tuple[np.ndarray, jax.Array]:
-    """Return the angles in the bearing's cross-section of evenly spaced angles of both parts.
+    """Return the directions of evenly spaced points of the wall and of the journal, rad.
 
-    The first array is (samples,), the second (T, samples), since the journal rotates.
+    The points are at the angles 0, 2 pi/samples, ... of each part's own frame. Their directions are
+    angles in the bearing's frame: an array (samples,) for the wall, and one (T, samples) for the
+    journal, which rotates.
+
+    **Arguments:** `axes`: of the journal in the bearing, each component (T, 1).
     """
     angles = np.arange(samples) * 2.0 * np.pi / samples
     along_x = axes.x_along_x * np.cos(angles) + axes.y_along_x * np.sin(angles)
@@ -186,14 +207,25 @@ def _shares(
     angles: Float[jax.Array | np.ndarray, "... samples"],
     axes: PlanarAxes,
 ) -> Float[jax.Array, "T samples"]:
-    """Return the share of the wear at each angle in the bearing's cross-section.
+    """Return the shares of the wear of one base that the angles have, at each time.
 
-    The sagitta of one spacing is added to the overlap, so that two angles at least share the wear
-    of a contact that is narrower than their distance.
+    The share of an angle is max(overlap - clearance + clearance spacing^2/2, 0), divided by the sum
+    of this over all angles. Here the overlap less the clearance is the penetration in the direction
+    of the angle, and the spacing is that of the angles, rad. Each row adds up to 1, or is zero if
+    the journal is far from the wall.
+
+    A contact may be narrower than the spacing of the angles, and none of them be in it. Therefore
+    clearance spacing^2/2 is added: the gap between two circles is larger by this amount at one
+    spacing from the deepest point. Thus the angles on both sides of that point have a share.
+
+    **Arguments:** `x`, `y`: eccentricity of the base in the bearing's frame, m. `angles`: evenly
+    spaced angles in the bearing's frame, rad, in one row or in one for each time. `axes`: of the
+    journal in the bearing, each component (T, 1).
     """
     spacing = 2.0 * np.pi / np.shape(angles)[-1]
     excess = 0.5 * joint.clearance * spacing**2 - joint.clearance
     overlap = overlaps(x, y, angles, joint.bearing_profile, joint.journal_profile, axes)
     part = jnp.maximum(overlap + excess, 0.0)
     total = part.sum(axis=1, keepdims=True)
+    # Without contact all parts may be zero. Their shares are then zero rather than 0/0.
     return part / jnp.where(total > 0.0, total, 1.0)

@@ -38,7 +38,10 @@ Rates = Mapping[str, tuple[float, float]]
 
 
 class MovingSpline(AbstractPeriodicSpline):
-    """A worn profile that p parameters move.
+    """A worn profile that p parameters move: a periodic spline with N knots.
+
+    The coefficients of the spline are `coefficients` plus, for each parameter, its shift times its
+    directions.
 
     - `coefficients`: (N,) m, as in `PeriodicSpline`.
     - `directions`: (p N,) m, the derivatives of the N coefficients with respect to the first
@@ -70,12 +73,14 @@ class MovingSpline(AbstractPeriodicSpline):
 class ParameterDirection:
     """A `Change` by which one parameter moves a number and all profiles.
 
-    The value is the distance from the present coordinate of the parameter.
+    Its value is the distance from the present coordinate of the parameter.
 
-    - `index`: of the parameter.
+    - `index`: of the parameter among those that move the profiles, the `shifts` of `MovingSpline`.
     - `joints`: names of the joints that wear.
-    - `change`: how the parameter's value changes the scene and the state; ``None`` for a wear rate,
-      which the run does not depend on. `scale`, `coordinate`: the parameter's.
+    - `change`: how the parameter's value changes the scene and the state; ``None`` for a wear rate.
+      A run depends on wear rates only through the profiles.
+    - `scale`: of the parameter, which converts a coordinate to a value; ``None`` for a wear rate.
+    - `coordinate`: present coordinate of the parameter.
     """
 
     index: int
@@ -85,10 +90,12 @@ class ParameterDirection:
     coordinate: float = 0.0
 
     def __call__(self, scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
-        """Return the pair (scene, state) at a distance from the present coordinate."""
+        """Return the pair (scene, state) at a distance `value` from the present coordinate: with
+        the number changed, and the shifts of all profiles that wear."""
         scene, state = self.without_profiles(scene, state, value)
         for name in self.joints:
             for field in PROFILES:
+                # A part that doesn't wear has another profile, which doesn't move.
                 profile = getattr(scene.joints[name], field)
                 if isinstance(profile, MovingSpline):
                     scene = eqx.tree_at(
@@ -99,7 +106,11 @@ class ParameterDirection:
         return scene, state
 
     def without_profiles(self, scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
-        """Return the pair (scene, state) with the number changed, but not the profiles."""
+        """Return the pair (scene, state) with the number changed, but not the profiles.
+
+        **Arguments:** `value`: distance from the present coordinate. For a wear rate it has no
+        effect.
+        """
         if self.change is None or self.scale is None:
             return scene, state
         return self.change(scene, state, self.scale.value(self.coordinate + value))
@@ -108,9 +119,13 @@ class ParameterDirection:
 def directions_of(
     scene: Scene, state: State, rates: Rates, parameters: Mapping[str, Parameter]
 ) -> dict[str, ParameterDirection]:
-    """Return the directions of the parameters and of the logarithm of each wear rate, by name.
+    """Return the directions of the parameters and of the logarithm of each positive wear rate, by
+    name.
 
-    A wear rate has the name of its joint and part, such as "pin bearing rate".
+    A wear rate has the name of its joint and part, such as "pin bearing rate". The parameters come
+    first, and their indices are in this order.
+
+    **Raises:** `ValueError` for a parameter that does not fit the scene and the state.
     """
     joints = tuple(rates)
     found: dict[str, ParameterDirection] = {}
@@ -127,7 +142,8 @@ def directions_of(
 
 
 def rate_name(joint: str, part: str) -> str:
-    """Return the name of the parameter that is the logarithm of a wear rate."""
+    """Return the name of the parameter that is the logarithm of a wear rate, such as
+    "pin bearing rate" for the joint "pin" and the part "bearing"."""
     return f"{joint} {part} rate"
 
 
@@ -143,18 +159,22 @@ def derivatives_in_spans(
 ) -> tuple[Float[np.ndarray, "spans p joints 2 samples"] | None, RESULTS]:
     """Return the derivatives of the depths that wear off in several parts of a run.
 
+    A new run is computed, from `start_time`, s, to the last time in `spans`.
+
     **Arguments:**
 
     - `scene`: with `MovingSpline`s as the profiles of parts that wear.
+    - `state`: at `start_time`.
     - `spans`: `quadrature_times` of each part of the run, s.
     - `rates`: specific wear rates of bearing and journal, m^2/N, by the names of the J joints.
     - `directions`: of the p parameters, by name.
     - `settings`: of the run; by default `clearjoint.presets.derivatives`.
     - `samples`: number of angles.
 
-    **Returns:** the derivatives, m per unit of each parameter's coordinate, or ``None`` if the run
-    failed; and the result code of the run.
+    **Returns:** the derivatives, (spans, p, J, 2, samples), bearing before journal, m per unit of
+    each parameter's coordinate, or ``None`` if the run failed; and the result code of the run.
     """
+    # Spans that follow each other share a time.
     times = np.unique(np.concatenate(spans))
     outputs = {f"{joint} {name}": Signal(joint, name) for joint in rates for name in SIGNALS}
     parameters = {name: Parameter.change(along, 0.0) for name, along in directions.items()}
@@ -177,6 +197,8 @@ def derivatives_in_spans(
         rows = np.searchsorted(times, span)
         for j, (joint, of_parts) in enumerate(rates.items()):
             signals = {name: run.values[f"{joint} {name}"][rows] for name in SIGNALS}
+            # The depths depend on a parameter through the numbers and profiles of the joint,
+            # through the signals of the run, and through the wear rates.
             for k, (parameter, along) in enumerate(directions.items()):
                 element, element_along = jax.jvp(
                     lambda value, j=joint, a=along: a(scene, state, value)[0].joints[j],
@@ -185,6 +207,7 @@ def derivatives_in_spans(
                 )
                 signals_along = {n: run.derivatives[f"{joint} {n}"][rows, k] for n in SIGNALS}
                 names = (rate_name(joint, part) for part in PARTS)
+                # The derivative of a rate by its own logarithm is the rate itself.
                 rates_along = [
                     rate * (name == parameter) for rate, name in zip(of_parts, names, strict=True)
                 ]

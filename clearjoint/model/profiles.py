@@ -36,8 +36,9 @@ NEWTON_STEPS = 4
 FEWEST_ANGLES = 16
 """Smallest number of evenly spaced angles at which `closest_approach` begins to search."""
 MOST_ANGLES = 48
-"""Largest number of these angles. The native compiler turns an array of up to this length into
-separate numbers; a longer one is kept in memory and processed by slower loops."""
+"""Largest number of these angles. The compiler of native code (`clearjoint.native`) turns an array
+of up to this length into separate numbers; a longer one is kept in memory and processed by slower
+loops."""
 ANGLES_PER_WAVE = 8
 """Number of evenly spaced angles for each wave of the highest harmonic, at which to search for the
 closest approach."""
@@ -110,7 +111,7 @@ class Harmonics(AbstractProfile):
     - `cosines`: (K,) m, a_1, a_2, ..., a_K.
     - `sines`: (K,) m, b_1, ..., b_K; zero by default.
 
-    **Raises:** `ValueError` if the coefficients are not finite rows of equal length.
+    **Raises:** `ValueError` if the coefficients are not finite, non-empty rows of equal length.
 
     >>> oval = cj.profiles.Harmonics([0.0, 5e-6])
     >>> print(f"{oval.at(0.0).value:.1e} m, {oval.at(np.pi / 2).value:.1e} m")
@@ -219,14 +220,18 @@ class PeriodicSpline(AbstractPeriodicSpline):
 
     @staticmethod
     def through(values: ArrayLike) -> "PeriodicSpline":
-        """Return the spline through values (N,), m, at the angles 0, 2 pi/N, 4 pi/N, ..."""
+        """Return the spline through values (N,), m, at the angles 0, 2 pi/N, 4 pi/N, ...
+
+        **Raises:** `ValueError` if there are less than four values, or one is not finite.
+        """
         values = jnp.asarray(values) if isinstance(values, jax.Array) else np.asarray(values, float)
         library = jnp if isinstance(values, jax.Array) else np
-        # At a knot the spline is (c[i - 1] + 4 c[i] + c[i + 1])/6, a circular convolution.
+        # At a knot the spline is (c[i - 1] + 4 c[i] + c[i + 1])/6, a circular convolution. Its
+        # Fourier transform is that of c times these factors.
         count = values.shape[0] if values.ndim == 1 else 0
         factors = (2.0 + np.cos(2.0 * np.pi * np.arange(count // 2 + 1) / max(count, 1))) / 3.0
         if count < 4:
-            return PeriodicSpline(values)  # raises an error
+            return PeriodicSpline(values)  # its check raises the error
         return PeriodicSpline(library.fft.irfft(library.fft.rfft(values) / factors, count))
 
     def coefficients_around(self, knot: jax.Array | np.ndarray) -> jax.Array:
@@ -240,7 +245,11 @@ class PeriodicSpline(AbstractPeriodicSpline):
 
 
 def periodic(row: jax.Array, knot: jax.Array | np.ndarray) -> jax.Array:
-    """Return four entries of a periodic row, (..., 4), from the one before the index `knot` on."""
+    """Return four successive entries of a periodic row, (..., 4).
+
+    **Arguments:** `row`: (N,). `knot`: index of the second of the entries, 0 to N, or an array
+    (...) of indices.
+    """
     # One gather for the four entries. The row continues after its end with its first three entries:
     # two for the periodic spline, and one since rounding may make the fraction of a turn exactly 1,
     # and the knot the length of the row.
@@ -291,7 +300,8 @@ def closest_approach(
     The penetration is the maximum over the angle of x cos(angle) + y sin(angle) - clearance -
     (deviation of the wall) + (deviation of the journal). The search begins at the best of evenly
     spaced angles and ends with Newton steps, so it finds the largest of several maxima if the
-    angles resolve them. There are at most `MOST_ANGLES` of these angles.
+    angles resolve them. There are at most `MOST_ANGLES` of these angles. Without profiles no search
+    is needed, so that one of `bearing` and `journal` at least must be given.
 
     **Arguments:**
 
@@ -337,7 +347,10 @@ def _newton_step(
     axes: PlanarAxes,
 ) -> Scalar:
     """Return the change of an angle, rad, that leads to the maximum of `overlaps`, or zero if the
-    second derivative is not that of a maximum."""
+    second derivative is not that of a maximum.
+
+    The arguments are those of `overlaps`.
+    """
     # First and second derivative of the penetration by the angle. Those of the journal's deviation
     # contain the rate of the angle about its own axis, which may be tilted.
     cosine, sine = jnp.cos(angle), jnp.sin(angle)
@@ -345,6 +358,7 @@ def _newton_step(
     part, rate, change = _of_journal(cosine, sine, journal, axes)
     slope = y * cosine - x * sine - wall.slope + part.slope * rate
     bend = part.bend * rate * rate + part.slope * change - wall.bend - x * cosine - y * sine
+    # The inner `where` avoids a division by zero, whose derivative would be NaN even if not used.
     return jnp.where(bend < 0.0, -slope / jnp.where(bend < 0.0, bend, -1.0), 0.0)
 
 
@@ -389,6 +403,8 @@ def _of_journal(
     along_y = axes.y_along_x * cosine + axes.y_along_y * sine
     square = along_x * along_x + along_y * along_y
     rate = (axes.x_along_x * axes.y_along_y - axes.x_along_y * axes.y_along_x) / square
+    # Half the derivative of `square` by the angle. The numerator of `rate` is constant, so that the
+    # derivative of `rate` is -2 rate change/square.
     change = along_x * (axes.x_along_y * cosine - axes.x_along_x * sine)
     change = change + along_y * (axes.y_along_y * cosine - axes.y_along_x * sine)
     return journal.at(polar_angle(along_y, along_x)), rate, -2.0 * rate * change / square
@@ -431,6 +447,8 @@ def caution_two_contacts(
     only if the radius of curvature of the wall exceeds that of the journal everywhere. It is
     R + h + h'' for a circle of radius R and a deviation h, whose second derivative by the angle is
     h''. The arguments are those of `require_room`.
+
+    **Warns:** `UnusualValueWarning` that names the clearance that the profiles need.
     """
     if bearing is None and journal is None:
         return

@@ -40,6 +40,7 @@ class AbstractAxialPolicy(AbstractConverting):
     """
 
     holds_centre: ClassVar[bool] = False
+    """Whether an ideal constraint holds the journal's centre in the bearing's middle plane."""
 
     def shoulder_law(self) -> AbstractContactLaw | None:
         """Return the normal law of the shoulders; ``None``, the default, for no shoulders."""
@@ -111,8 +112,8 @@ class EndPlay(AbstractAxialPolicy):
     - `radius`: mean radius of the faces, m, if and only if they have friction. For a face between
       the radii a and b, (2/3) (b^3 - a^3)/(b^2 - a^2) gives the moment of a uniform pressure.
 
-    **Raises:** `ValueError` if only one of `friction` and `radius` is given, or a value is outside
-    its range.
+    **Raises:** `ValueError` if only one of `friction` and `radius` is given, the law takes its
+    stiffness from radii, or a value is of the wrong class or outside its range.
 
     >>> collars = cj.EndPlay(play=0.2e-3, law=cj.laws.Hertz(1e9))
     >>> gap = collars.shoulder_gap(1.0, offset=0.15e-3, rate=0.0)

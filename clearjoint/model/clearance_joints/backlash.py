@@ -42,7 +42,13 @@ DEFAULT_RADIUS = 0.01
 def _flank_law(
     radius: Scalar, torsional_stiffness: Scalar | None, restitution: Scalar | None
 ) -> AbstractContactLaw:
-    """Return a linear law whose couple has a torsional stiffness, N m/rad, at a radius, m."""
+    """Return the linear law of a flank whose couple has a torsional stiffness.
+
+    **Arguments:** `radius`: of the flank, m. `torsional_stiffness`: N m/rad. `restitution`: of the
+    law; ``None`` for 0.5.
+
+    **Raises:** `ValueError` if the stiffness is ``None`` or not positive.
+    """
     require(
         torsional_stiffness is not None,
         "law",
@@ -52,6 +58,8 @@ def _flank_law(
     )
     torsional = as_number(torsional_stiffness, "torsional_stiffness", "N m/rad")
     require_positive("torsional_stiffness", torsional, "give it in N m/rad")
+    # An angle beyond the flank gives the penetration angle * radius, and a force gives the couple
+    # force * radius.
     stiffness = torsional / as_number(radius, "radius", "m") ** 2
     restitution = 0.5 if restitution is None else restitution
     return ExactRestitution(restitution=restitution, stiffness=stiffness, exponent=1.0)
@@ -84,12 +92,15 @@ class Backlash(AbstractFlankJoint):
     - `radius`: m, of the flanks. Optional with a `torsional_stiffness`: 0.01 m by default.
     - `middle`: rad, the joint's angle (`quantities.JointAngle`) in the middle of the play.
     - `law`: normal law of each flank, with an explicit stiffness. Alternatively
-      `torsional_stiffness`: N m/rad, of a closed flank as in gearbox catalogues, with
+      `torsional_stiffness`: N m/rad, of a pressed flank as in gearbox catalogues, with
       `restitution`, 0.5 by default; the law is then a linear `ExactRestitution`.
 
-    **Raises:** `ValueError` if the play is not between zero and a full revolution, or is given
-    twice; if an axis has zero length; if the law takes its stiffness from a bearing; or unless
-    exactly one of `law` and `torsional_stiffness` is given.
+    **Raises:** `ValueError` if the play is not between zero and a full revolution; unless exactly
+    one of `play` and `play_length`, and exactly one of `law` and `torsional_stiffness`, is given;
+    if a `law` is given with a `restitution` or without a `radius`; if the law takes its stiffness
+    from radii; if an axis has zero length; if both bodies are the same; or if another value is
+    outside its range. **Warns:** `UnusualValueWarning` for a play of more than 0.5 rad or a radius
+    of more than 10 m.
 
     Source: dead-zone model with a contact law at the two flanks (M. Nordin, P.-O. Gutman,
     Controlling mechanical systems with backlash: a survey, Automatica 38, 2002).
@@ -178,7 +189,11 @@ class Backlash(AbstractFlankJoint):
         return self.first, self.second
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return half of the arc from a flank to the point opposite the middle of the play, m."""
+        """Return the largest meaningful penetration of each flank, m, by label.
+
+        Opposite the middle of the play the angle jumps by 2 pi, and the contact would change to the
+        other flank. The penetration there is radius (pi - play/2), of which half is allowed.
+        """
         deepest: Scalar = 0.25 * self.radius * (TURN - self.play)
         return dict.fromkeys(FLANKS, deepest)
 
@@ -197,8 +212,15 @@ class Backlash(AbstractFlankJoint):
         return {label: self._flank(side, angle, speed, axis, row) for label, side in FLANKS.items()}
 
     def _flank(self, side: float, angle: Scalar, speed: Scalar, axis: Vector, row: Row) -> Contact:
+        """Return the contact of one flank.
+
+        **Arguments:** `side`: -1.0 for the lower, 1.0 for the upper flank. `angle`: from the middle
+        of the play, rad. `speed`: its rate, rad/s. `axis`: global unit vector. `row`: of the angle.
+        """
         arm = side * self.radius
         gap = Gap(arm * angle - 0.5 * self.radius * self.play, arm * speed)
+        # The penetration is arm times the angle plus a constant, so that its derivatives are arm
+        # times those of the angle. A couple has no point of action: the points are arbitrary.
         first, second = (row.jacobian[name].moment * arm for name in self.pair())
         return Contact(gap, axis * side, ZERO, ZERO, None, turning=(first, second))
 

@@ -41,8 +41,10 @@ class BallInSocket(AbstractCentredJoint):
     - `law`: normal law of the contact.
     - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``.
 
-    **Raises:** `ValueError` if the clearance is not smaller than the socket's radius, or another
-    value is outside its range.
+    **Raises:** `ValueError` if the clearance is not smaller than the socket's radius, both bodies
+    are the same, or another value is of the wrong class or outside its range. **Warns:**
+    `UnusualValueWarning` for a socket radius of more than 2 m; `LawRangeWarning` for a clearance
+    outside the range of `law`.
 
     ```python
     import clearjoint as cj
@@ -82,7 +84,12 @@ class BallInSocket(AbstractCentredJoint):
         return (CONTACT,)
 
     def attachments(self) -> tuple[Attachment, ...]:
-        """Return the centres of the socket and the ball, m in body axes."""
+        """Return an entry for the centre of the socket and one for that of the ball.
+
+        An entry consists of the name of the field that holds the point, the name of the body, and
+        the point, (3,) m from the body's centre of mass in its axes. The scene warns of points
+        implausibly far from the centre of mass.
+        """
         return (
             ("socket_point", self.socket_body, self.socket_point),
             ("ball_point", self.ball_body, self.ball_point),
@@ -119,7 +126,12 @@ class BallInSocket(AbstractCentredJoint):
         return SphericalJoint(*self.pair(), self.socket_point, self.ball_point)
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """Return the spherical joint that holds the ball where a load, (3,) N, presses it."""
+        """Return the spherical joint that holds the ball where a load presses it to the socket.
+
+        It is ``None`` for a zero load.
+
+        **Arguments:** `load`: of the ball on the socket, (3,) N in the axes of the socket's body.
+        """
         size = np.linalg.norm(load)
         if not size > 0.0:
             return None

@@ -57,7 +57,8 @@ class PinInSlot(AbstractSharedLawJoint):
     - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``.
 
     **Raises:** `ValueError` if the axis is not perpendicular to the normal, the law takes its
-    stiffness from radii, or another value is outside its range.
+    stiffness from radii, both bodies are the same, or another value is of the wrong class or
+    outside its range.
 
     ```python
     import clearjoint as cj
@@ -96,7 +97,12 @@ class PinInSlot(AbstractSharedLawJoint):
         return WALLS if self.travel is None else WALLS + ENDS
 
     def attachments(self) -> tuple[Attachment, ...]:
-        """Return the slot's middle and the pin's centre, m in body axes."""
+        """Return an entry for the middle of the slot and one for the centre of the pin.
+
+        An entry consists of the name of the field that holds the point, the name of the body, and
+        the point, (3,) m from the body's centre of mass in its axes. The scene warns of points
+        implausibly far from the centre of mass.
+        """
         return (
             ("slot_point", self.slot_body, self.slot_point),
             ("pin_point", self.pin_body, self.pin_point),
@@ -128,7 +134,12 @@ class PinInSlot(AbstractSharedLawJoint):
         return self._ideal(self.slot_point)
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """Return the ideal joint that holds the pin where a load, (3,) N, presses it."""
+        """Return the ideal joint that holds the pin's centre where a load presses it to a wall.
+
+        It is ``None`` if the load is along the walls, apart from rounding errors.
+
+        **Arguments:** `load`: of the pin on the slot, (3,) N in the axes of the slot's body.
+        """
         offset = offset_at_flat_wall(self.slot_normal, 0.5 * self.play, load)
         return None if offset is None else self._ideal(self.slot_point + offset)
 
@@ -179,8 +190,9 @@ class SliderInGuide(AbstractSharedLawJoint):
     - `law`: normal law of a corner; it needs an explicit stiffness, because the walls are flat.
     - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``.
 
-    **Raises:** `ValueError` if the axis is not perpendicular to the normal, the law takes its
-    stiffness from radii, or another value is outside its range.
+    **Raises:** `ValueError` if the axis is not perpendicular to the normal, the clearance is not
+    smaller than `half_height`, the law takes its stiffness from radii, both bodies are the same, or
+    another value is of the wrong class or outside its range.
 
     ```python
     import clearjoint as cj
@@ -228,7 +240,12 @@ class SliderInGuide(AbstractSharedLawJoint):
         return tuple(CORNERS)
 
     def attachments(self) -> tuple[Attachment, ...]:
-        """Return the slider's centre, m in body axes."""
+        """Return an entry for the slider's centre: the name of the field that holds the point, the
+        name of the body, and the point, (3,) m from the body's centre of mass in its axes.
+
+        The scene warns of points implausibly far from the centre of mass. The point of the guide is
+        left out, since it may be far away along the walls.
+        """
         return (("slider_point", self.slider_body, self.slider_point),)
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
@@ -256,7 +273,12 @@ class SliderInGuide(AbstractSharedLawJoint):
         return self._ideal(self.guide_point)
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """Return the ideal joint that holds the slider where a load, (3,) N, presses it."""
+        """Return the ideal joint that holds the slider where a load presses it to a wall.
+
+        It is ``None`` if the load is along the walls, apart from rounding errors.
+
+        **Arguments:** `load`: of the slider on the guide, (3,) N in the axes of the guide's body.
+        """
         offset = offset_at_flat_wall(self.guide_normal, self.clearance, load)
         return None if offset is None else self._ideal(self.guide_point + offset)
 

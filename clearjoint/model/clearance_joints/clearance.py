@@ -1,4 +1,7 @@
-"""The spatial revolute joint with clearance (eqs 1-23).
+"""The spatial revolute joint with clearance.
+
+Equation numbers are those of P. Flores, J. Ambrosio, J. C. P. Claro, H. M. Lankarani, Spatial
+revolute joints with clearances for dynamic analysis of multi-body systems, 2006.
 
 The first body carries the bearing, the second the journal. Both bases V and W of the journal are
 checked against the bearing's wall, and each base applies the full normal law. The tilt between
@@ -97,18 +100,23 @@ class ClearanceJoint(AbstractCentredJoint):
       get the radii of the circles. A wall that is somewhere curved more strongly than the journal
       touches it at two points at once; only the deeper one has a force then, with a warning.
     - `line_points`: ``None``, the default, for contact at the two bases only. A number of points n,
-      2 or more, for contact along the whole length: `law` at the local penetration, divided by the
-      length, is then the force per unit of length. The Gauss-Lobatto rule with n points integrates
-      it along the axis, and each point is a contact: "V", "point 2", "point 3" and so on, "W". The
-      wall thus presses a parallel journal with the force of `law`, not with that of two bases,
-      which is twice as large. `cj.quantities.Reaction` gives the sum over all points. The error of
-      force and moment is largest if a journal touches along a part of its length only. It then
-      decreases as n^-2 for a linear law and as n^-2.5 for one with the exponent 1.5. With 5 points
-      it is typically 3 % of the force that the penetration of the deepest point would cause along
-      the whole length, and 1 % with 8 points.
+      from 2 to 64, for contact along the whole length: `law` at the local penetration, divided by
+      the length, is then the force per unit of length. The Gauss-Lobatto rule with n points
+      integrates it along the axis, and each point is a contact: "V", "point 2", "point 3" and so
+      on, "W". The wall thus presses a parallel journal with the force of `law`, not with that of
+      two bases, which is twice as large. `cj.quantities.Reaction` gives the sum over all points.
+      The error of force and moment is largest if a journal touches along a part of its length only.
+      It then decreases as n^-2 for a linear law and as n^-2.5 for one with the exponent 1.5. With 5
+      points it is typically 3 % of the force that the penetration of the deepest point would cause
+      along the whole length, and 1 % with 8 points.
 
-    **Raises:** `ValueError` if the journal is not smaller than the bearing, an axis has zero
-    length, a profile leaves a centred journal no room, or another value is outside its range.
+    **Raises:** `ValueError` if both or neither of `journal_radius` and `clearance` are given, the
+    clearance is not between zero and the bearing's radius, an axis has zero length, a profile
+    leaves a centred journal no room, both bodies are the same, or another value is of the wrong
+    class or outside its range. **Warns:** `UnusualValueWarning` for a clearance of more than a
+    tenth of the bearing's radius, a bearing radius of more than 2 m, a journal longer than 100
+    bearing radii, or a wall that is curved too strongly; `LawRangeWarning` for a clearance outside
+    the range of `law`.
 
     >>> pin = cj.ClearanceJoint(
     ...     "ground",
@@ -174,6 +182,7 @@ class ClearanceJoint(AbstractCentredJoint):
         else:
             difference = outer - as_number(journal_radius, "journal_radius", "m")
             number = concrete(difference)
+            # A later check would refuse the clearance, which the user has not given.
             if number is not None and number.shape == ():
                 require(
                     not number <= 0.0,
@@ -238,11 +247,16 @@ class ClearanceJoint(AbstractCentredJoint):
         return tuple(self._axial_points())
 
     def _axial_points(self) -> dict[str, AxialPoint]:
-        """Return the points of the journal's axis where it touches the wall, by label."""
+        """Return the points of the journal's axis at which contact is computed, by label."""
         return axial_points(len(BASES) if self.line_points is None else self.line_points)
 
     def attachments(self) -> tuple[Attachment, ...]:
-        """Return the centres of the bearing and the journal, m in body axes."""
+        """Return an entry for the centre of the bearing and one for that of the journal.
+
+        An entry consists of the name of the field that holds the point, the name of the body, and
+        the point, (3,) m from the body's centre of mass in its axes. The scene warns of points
+        implausibly far from the centre of mass.
+        """
         return (
             ("bearing_point", self.bearing_body, self.bearing_point),
             ("journal_point", self.journal_body, self.journal_point),
@@ -257,7 +271,11 @@ class ClearanceJoint(AbstractCentredJoint):
         return laws if shoulder_law is None else laws | dict.fromkeys(SHOULDERS, shoulder_law)
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return the journal's radius, m: there the journal's axis leaves the bearing."""
+        """Return the largest meaningful penetration of each contact with the wall, m, by label.
+
+        It is the journal's radius: then the eccentricity equals the bearing's radius, so that the
+        journal's axis is at the wall. Shoulders have no entry and thus no limit.
+        """
         radius = subtract(self.bearing_radius, self.clearance)
         return dict.fromkeys(self.contact_labels(), radius)
 
@@ -287,7 +305,8 @@ class ClearanceJoint(AbstractCentredJoint):
         if self.bearing_profile is not None or self.journal_profile is not None:
             return self._profile_contact(motions, base)
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
-        # From the bearing's axis to the journal's centre, and from there to the base.
+        # The vector leads from the bearing's axis to the journal's centre, and from there to the
+        # base.
         eccentricity, normal = norm_and_direction(base.centre + base.arm)
         depth = self._depth(base, eccentricity)
         gap = Gap(depth, base.velocity.dot(normal), self.bearing_radius, self.clearance)
@@ -318,8 +337,10 @@ class ClearanceJoint(AbstractCentredJoint):
             self.planar_axes(bearing, journal),
         )
         normal = x_axis * near.cosine + y_axis * near.sine
-        # The force acts on both bodies at one point, midway between the surfaces. That point is
-        # beside the normal through the base's centre where the journal's deviation has a slope.
+        # The force acts on both bodies at one point, midway between the surfaces. A point
+        # of a shape is the gradient of its support function by the normal. So it is beside the
+        # normal through the base's centre by the slope of the journal's deviation, times the
+        # gradient of the angle about the journal's axis, (own_axis x normal)/(1 - tilt^2).
         own_axis = journal.direction(unit(self.journal_axis))
         tilt = own_axis.dot(normal)
         beside = own_axis.cross(normal) * (near.journal.slope / (1.0 - tilt * tilt))
@@ -340,25 +361,30 @@ class ClearanceJoint(AbstractCentredJoint):
         return PlanarAxes(*(mine.dot(axis) for mine, axis in itertools.product(own, axes)))
 
     def _depth(self, base: JournalBase, eccentricity: Scalar) -> Scalar:
-        """Return the penetration, m: eccentricity minus clearance, from the difference of their
-        squares.
+        """Return the penetration e - c, m, computed as (e^2 - c^2)/(e + c).
 
-        A direct subtraction would round differently at the two bases, and repeated impacts amplify
-        the difference to a misalignment. Here the term with the largest rounding error is the same
-        for both bases.
+        Here e is the `eccentricity` of a base, m, and c the clearance. A direct subtraction would
+        round differently at the two bases, and repeated impacts amplify the difference to a
+        misalignment. In the difference of the squares, the term with the largest rounding error is
+        the same for both bases.
         """
         common = base.centre.dot(base.centre) - self.clearance * self.clearance
         difference = base.arm.dot(base.centre * 2.0 + base.arm)
         return (common + difference) / (eccentricity + self.clearance)
 
     def _shoulder_contact(self, motions: Motions, side: float, base: JournalBase) -> Contact:
-        """Return the contact with the shoulder at the end -1.0 or 1.0 of the base that faces it."""
+        """Return the contact of a base with the shoulder that it faces.
+
+        **Arguments:** `side`: -1.0 for the shoulder at the lower end of the bearing's axis, 1.0 for
+        that at the upper end. `base`: position and velocity of the base.
+        """
         outward = base.axis * side
         offset = side * base.height - 0.5 * self.journal_length
         gap = self.axial.shoulder_gap(side, offset, base.velocity.dot(outward))
         slip = radius = None
         if (face := self.axial.shoulder_friction()) is not None:
             _, radius = face
+            # The component along the axis stands for the rotation of the faces on each other.
             bearing, journal = motions[self.bearing_body], motions[self.journal_body]
             spin = journal.direction(journal.spin) - bearing.direction(bearing.spin)
             slip = slip_velocity(base.velocity, outward, gap.rate)
@@ -366,7 +392,12 @@ class ClearanceJoint(AbstractCentredJoint):
         return Contact(gap, outward, base.on_bearing, base.local, slip, face_radius=radius)
 
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
-        """Return the friction on the journal's body, N; with bristles that of steady sliding."""
+        """Return the friction force on the journal's body, N in global axes; ``None`` without
+        friction.
+
+        For a law with bristles it is that of steady sliding. The force of a shoulder has a
+        component along the axis, which stands for its moment (see `Contact.face_radius`).
+        """
         face = self.axial.shoulder_friction() if name in SHOULDERS else None
         if face is None or contact.slip is None:
             return super().friction_force(name, contact, normal_force)
@@ -418,6 +449,7 @@ class ClearanceJoint(AbstractCentredJoint):
         return abs(height) - self.journal_length
 
     def _is_free(self) -> bool:
+        """Return whether the joint lets the journal slide along the axis without limit."""
         return not self.axial.holds_centre and self.axial.shoulder_law() is None
 
     def centred_joint(self) -> AbstractConstraint:
@@ -425,9 +457,13 @@ class ClearanceJoint(AbstractCentredJoint):
         return self._ideal(self.bearing_point)
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """Return the ideal joint that holds the journal where a load, (3,) N, presses it.
+        """Return the ideal joint that holds the journal where a load presses it to the wall.
 
-        The journal counts as a circle, since the load doesn't determine its rotation.
+        It is ``None`` if the load presses the journal nowhere, because the component across the
+        axis is at most `LEAST_TRANSVERSE_LOAD` times the load. The journal counts as a circle,
+        since the load doesn't determine its rotation.
+
+        **Arguments:** `load`: of the journal on the bearing, (3,) N in the axes of its body.
         """
         along = np.asarray(self.bearing_axis) / np.linalg.norm(self.bearing_axis)
         across = load - (load @ along) * along

@@ -57,7 +57,11 @@ class AbstractFrictionlessJoint(AbstractContactJoint):
 
 
 class AbstractFlankJoint(AbstractFrictionlessJoint):
-    """Base class of joints with two flanks, which the second body touches as it rotates."""
+    """Base class of joints with two flanks, which the second body touches as it rotates.
+
+    **Raises:** `ValueError` if `law` is no contact law, or takes its stiffness from radii: flanks
+    are flat.
+    """
 
     def __check_init__(self):
         require_flat_law(self.law, "flanks")
@@ -98,6 +102,9 @@ class AbstractSharedLawJoint(AbstractFrictionlessJoint):
     """Base class of clearance joints whose contacts share a normal law and a friction law.
 
     `friction` is the friction law, or ``None``.
+
+    **Raises:** `ValueError` if both bodies are the same, or `law` or `friction` is of another
+    class.
     """
 
     friction: eqx.AbstractVar[AbstractFriction | AbstractBristleFriction | None]
@@ -107,7 +114,11 @@ class AbstractSharedLawJoint(AbstractFrictionlessJoint):
         require_law_and_friction(self.law, self.friction)
 
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
-        """Return the friction on the second body, N; with bristles that of steady sliding."""
+        """Return the friction force on the second body, N in global axes; ``None`` without
+        friction.
+
+        For a law with bristles it is that of steady sliding. A run uses `bristle_laws` instead.
+        """
         del name
         if self.friction is None or contact.slip is None:
             return None
@@ -121,7 +132,10 @@ class AbstractSharedLawJoint(AbstractFrictionlessJoint):
 
 
 def require_law_and_friction(law: object, friction: object) -> None:
-    """Check the classes of a normal law and of a friction law; the friction may be ``None``."""
+    """Check the classes of a normal law and of a friction law; the friction may be ``None``.
+
+    **Raises:** `ValueError` that names `law` or `friction`.
+    """
     kinds = {
         "law": (law, (AbstractContactLaw,)),
         "friction": (friction, (AbstractFriction, AbstractBristleFriction)),
@@ -138,13 +152,17 @@ def require_law_and_friction(law: object, friction: object) -> None:
 
 
 def _remedy(value: object, names: str) -> str:
+    """Return the advice for a value that is no law; `names`: of the allowed classes."""
     if isinstance(value, type):
         return f"call the class with its numbers, {value.__name__}(...)"
     return f"subclass {names} or pass one of clearjoint's"
 
 
 def require_smaller_clearance(clearance: Single, radius: Single, radius_name: str) -> None:
-    """Check that a clearance, m, is smaller than a radius, m, with the name `radius_name`."""
+    """Check that a clearance, m, is smaller than a radius, m, with the name `radius_name`.
+
+    **Raises:** `ValueError` that names both.
+    """
     require_numbers(
         lambda width, size: width < size,
         "clearance",
@@ -155,7 +173,12 @@ def require_smaller_clearance(clearance: Single, radius: Single, radius_name: st
 
 
 def require_right_angle(argument: str, direction: Triple, other: str, axis: Triple) -> None:
-    """Check that a direction, (3,), is perpendicular to another one, an axis, (3,)."""
+    """Check that a direction, (3,), is perpendicular to an axis, (3,).
+
+    **Arguments:** `argument`, `other`: names of the direction and of the axis in the message.
+
+    **Raises:** `ValueError` if the cosine of their angle is not below `RIGHT_ANGLE` in amount.
+    """
     if (known := checkable(direction, axis)) is not None:
         numbers, base = known
         lengths = ((numbers**2).sum() * (base**2).sum()) ** 0.5
@@ -171,7 +194,8 @@ def require_right_angle(argument: str, direction: Triple, other: str, axis: Trip
 class AbstractCentredJoint(AbstractSharedLawJoint):
     """Base class of joints that hold a point of one body near a point of another.
 
-    The two points are those of `attachments`.
+    The two points are those of `attachments`: the first of its two entries is a point of the first
+    body, the second a point of the second body.
     """
 
     def pair(self) -> tuple[str, str]:
@@ -180,7 +204,11 @@ class AbstractCentredJoint(AbstractSharedLawJoint):
         return first, second
 
     def anchor(self) -> tuple[str, Vector, Vector] | None:
-        """Return the moving body's name, and the centres on this body and on the ground, m."""
+        """Return the points of a joint with the ground near which rounding errors are reduced.
+
+        They consist of the moving body's name, the centre on this body, m in its axes, and the
+        centre on the ground, m in global axes. Without the ground the result is ``None``.
+        """
         (_, first, on_first), (_, second, on_second) = self.attachments()
         if first == GROUND:
             return second, on_second, on_first
@@ -189,7 +217,7 @@ class AbstractCentredJoint(AbstractSharedLawJoint):
         return None
 
     def _offset(self, motions: Motions) -> Vector:
-        """Return the vector from the first point to the second, m, global axes (eq. 8).
+        """Return the vector from the first body's point to the second body's, m, global axes.
 
         If one body is the ground, the difference is taken relative to the anchor of the moving
         body. The difference of two large coordinates would lose digits.
@@ -203,13 +231,15 @@ class AbstractCentredJoint(AbstractSharedLawJoint):
 def offset_at_flat_wall(
     normal: Triple, clearance: Single, load: Float[np.ndarray, "3"]
 ) -> Float[np.ndarray, "3"] | None:
-    """Return the offset from midway between two walls of a part that a load presses to one wall.
+    """Return the position at which a part between two parallel walls rests under a load.
 
-    The offset is (3,) m. It is ``None`` if the load has no component along the walls' normal. All
-    vectors are in the axes of the walls' body.
+    The load presses the part to one of the walls. The position is the vector to the part's centre
+    from the place that it has midway between the walls, (3,) m. It is ``None`` if the load presses
+    the part to neither wall, because its component along their normal is at most
+    `LEAST_TRANSVERSE_LOAD` times the load. All vectors are in the axes of the walls' body.
 
-    **Arguments:** `normal`: of the walls, (3,), any length. `clearance`: on either side, m. `load`:
-    (3,) N.
+    **Arguments:** `normal`: of the walls, (3,), any length. `clearance`: of the centred part on
+    either side, m. `load`: on the walls' body, (3,) N.
     """
     upward = np.asarray(normal) / np.linalg.norm(normal)
     component = load @ upward
@@ -221,7 +251,11 @@ def offset_at_flat_wall(
 def slip_at(
     first: Motion, second: Motion, on_first: Vector, on_second: Vector, normal: Vector
 ) -> Vector:
-    """Return the slip of two surfaces at a point of each body, m/s in global axes."""
+    """Return the slip of the second body's surface on the first body's, m/s in global axes.
+
+    **Arguments:** `first`, `second`: motions of the bodies. `on_first`, `on_second`: contact point
+    on each body, m in its axes. `normal`: of the contact, a global unit vector.
+    """
     sliding = second.velocity_at(on_second) - first.velocity_at(on_first)
     return slip_velocity(sliding, normal, sliding.dot(normal))
 
@@ -244,8 +278,9 @@ class FlatWall:
     ) -> Contact:
         """Return the contact of a cylinder, sphere or corner of the second body with the wall.
 
-        **Arguments:** `centre`: of the part, m in the second body's axes. `radius`: of the part, m;
-        0.0 for a corner. `has_friction`: whether the contact needs a slip.
+        **Arguments:** `first`, `second`: motions of the bodies. `centre`: of the part, m in the
+        second body's axes. `radius`: of the part, m; 0.0 for a corner. `has_friction`: whether the
+        contact needs a slip; without friction its `slip` is ``None``.
         """
         normal = first.direction(self.normal)
         apart = second.point(centre) - first.point(self.origin)

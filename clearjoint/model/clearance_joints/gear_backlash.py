@@ -34,7 +34,7 @@ LARGEST_MODULE = 0.1
 WIDEST_BACKLASH = 0.2
 """Ratio of the backlash to the pitch pi m above which a warning is issued."""
 PRESSURE_ANGLES = 0.1, 0.8
-"""Smallest and largest pressure angle, rad."""
+"""Smallest and largest allowed pressure angle, rad."""
 
 
 def involute(sine: Scalar, cosine: Scalar) -> Scalar:
@@ -86,6 +86,7 @@ class LineOfCentres:
 
 
 def _require_teeth(argument: str, value: ArrayLike) -> None:
+    """Raise a ``ValueError`` unless a value is one whole number, positive or negative."""
     require_shape(argument, value, (), "pass a number of teeth")
     require_numbers(
         lambda number: (number == number.round()) & (abs(number) >= 1.0),
@@ -137,9 +138,11 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
       gears in the middle of the play, the line of centres has the direction of the first transverse
       axis (x for an axis along z) in both bodies.
 
-    **Raises:** `ValueError` if a number of teeth is not a whole number, the backlash is not smaller
-    than the pitch, an internal gear is not larger than the first gear, or the law takes its
-    stiffness from a bearing.
+    **Raises:** `ValueError` if a number of teeth is not a whole number, `teeth_first` is not
+    positive, an internal gear is not larger than the first gear, the backlash is not smaller than
+    the pitch pi m, the pressure angle is outside 0.1 to 0.8 rad, the law takes its stiffness from
+    radii, both bodies are the same, or another value is outside its range. **Warns:**
+    `UnusualValueWarning` for a module of more than 0.1 m, or a backlash of more than 0.2 pi m.
 
     Source: involute gearing after ISO 21771; backlash as a dead zone with impacts after
     A. Kahraman, R. Singh, Non-linear dynamics of a spur gear pair, J. Sound Vib. 142, 1990.
@@ -207,12 +210,16 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         return self.first, self.second
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return half of a tooth's thickness along the line of action, m, for both flanks."""
+        """Return the largest meaningful penetration of both flanks, m, by label.
+
+        It is half of a tooth's thickness along the line of action.
+        """
         play = self.backlash * cosine(self.pressure_angle)
         deepest: Scalar = 0.25 * (self._base_pitch() - play)
         return dict.fromkeys(FLANKS, deepest)
 
     def _base_pitch(self) -> Scalar:
+        """Return the distance of two teeth along the line of action, pi m cos(alpha), m."""
         return math.pi * self.module * cosine(self.pressure_angle)
 
     def _base_radii(self) -> tuple[Scalar, Scalar]:
@@ -221,7 +228,12 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         return half * self.teeth_first, half * self.teeth_second
 
     def displacement(self, first: Motion, second: Motion) -> Scalar:
-        """Return the displacement s from the middle of the play, m, modulo the base pitch."""
+        """Return the displacement s along the line of action from the middle of the play, m.
+
+        It is taken modulo the base pitch.
+
+        **Arguments:** `first`, `second`: motions of the gears' bodies.
+        """
         line = self._line(first, second)
         axis = second.direction(unit(self.axis_second))
         # The second axis may be antiparallel to the first: its angle then counts backwards.
@@ -229,6 +241,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         radius_first, radius_second = self._base_radii()
         rolled = radius_first * (line.angle_in(first, self.axis_first) + self.phase)
         rolled = rolled + radius_second * sense * line.angle_in(second, self.axis_second)
+        # The angle of the line in a gear is minus the angle of the gear from the line.
         return wrapped(-rolled, self._base_pitch())
 
     def _line(self, first: Motion, second: Motion) -> LineOfCentres:
@@ -244,11 +257,13 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         radii = add(*self._base_radii())
         # The sum of the base radii is negative for an internal gear, whose contact is reversed.
         sense = where(radii < 0.0, -1.0, 1.0)
+        # Cosine and sine of the working pressure angle alpha', which grows with the distance.
         tangential = radii * sense / line.distance
         radial = square_root(1.0 - tangential * tangential)
         opening = self._opening(radii, tangential, radial)
         contacts = {}
         for label, side in FLANKS.items():
+            # The line of action has the angle alpha' from the tangent of the pitch circles.
             push = line.across * (side * tangential) + line.along * radial
             normal = push * -sense
             gap = Gap(side * displacement - opening, sliding.dot(normal))
@@ -268,7 +283,11 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
     def _pitch_point(
         self, first: Motion, second: Motion, line: LineOfCentres
     ) -> tuple[Vector, Vector]:
-        """Return the point that divides the line in the ratio of teeth, m in each body's axes."""
+        """Return the pitch point, m in the axes of the first and of the second body.
+
+        It divides the line of centres in the ratio of the teeth; for an internal gear it is outside
+        the line, beyond the first centre.
+        """
         share = self.teeth_first / (self.teeth_first + self.teeth_second)
         from_first = line.along * (line.distance * share)
         from_second = line.along * (line.distance * (share - 1.0)) - line.axis * line.height
@@ -281,6 +300,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         """Return the row "mesh": the displacement from the middle of the play, m."""
 
         def residual(first: Pose, second: Pose) -> tuple[Scalar]:
+            # The displacement depends on positions only, so that the velocities may be zero.
             poses = (Motion(*pose, ZERO, ZERO) for pose in (first, second))
             return (self.displacement(*poses),)
 
@@ -290,6 +310,8 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
     def draw(self, pen: AbstractPen) -> None:
         """Draw two gears, with a tooth of the second in a gap of the first."""
         first, second = self.ends(self.axis_first, self.axis_second)
+        # A turn by half a pitch puts a gap of the first gear where the teeth mesh. With an internal
+        # gear this is on the side away from that gear's centre.
         half, beyond = 0.5 * self.module, math.pi if self.teeth_second < 0.0 else 0.0
         gap = math.pi / self.teeth_first - self.phase
         teeth = self.teeth_first, self.teeth_second

@@ -20,7 +20,8 @@ class GroupedContactJoint(AbstractContactJoint):
     """Contact joints of one structure that differ only in their numbers and their bodies.
 
     Where a method of a single joint returns a number, the same method of the group returns an array
-    (N,) with an entry for each of the N joints.
+    (N,) with an entry for each of the N joints. Joints that have constraint rows or an anchor are
+    not grouped, so these methods keep their defaults.
 
     - `joint`: the first joint, with each number replaced by an array (N,) over the group.
     - `members`: the N joints as the user gave them.
@@ -58,6 +59,11 @@ class GroupedContactJoint(AbstractContactJoint):
         return self._each_at(motions, "contacts")
 
     def _each_at(self, motions: Motions, method: str) -> PyTree:
+        """Return the results of a method whose only argument is `motions`, with arrays (N,).
+
+        **Arguments:** `motions`: of the groups of bodies, by name. `method`: its name.
+        """
+        # A single joint looks up its bodies by the names of the first joint's bodies.
         names = self.joint.pair()
 
         def of(joint: AbstractContactJoint, *pair: Motion) -> PyTree:
@@ -66,7 +72,7 @@ class GroupedContactJoint(AbstractContactJoint):
         return each(of, self.joint, motions[self.first], motions[self.second])
 
     def film_wrenches(self, motions: Motions) -> dict[str, Wrench]:
-        """Return the wrenches of the films by name of the group of bodies."""
+        """Return the wrenches of the films, with arrays (N,), by name of the group of bodies."""
         wrenches = self._each_at(motions, "film_wrenches")
         groups = dict(zip(self.joint.pair(), self.pair(), strict=True))
         return {groups[name]: wrench for name, wrench in wrenches.items()}
@@ -90,7 +96,11 @@ class GroupedContactJoint(AbstractContactJoint):
 
 
 class GroupedContactLaw(AbstractContactLaw):
-    """Normal laws of the contact `label` in all N joints of a group; results are (N,)."""
+    """Normal laws of the contact `label` in all N joints of a group; results are (N,).
+
+    - `joint`: the grouped joint, whose numbers are arrays (N,).
+    - `uses_entry_speed`, `force_jumps`: those of the single laws.
+    """
 
     joint: AbstractContactJoint
     label: str = eqx.field(static=True)
@@ -98,6 +108,8 @@ class GroupedContactLaw(AbstractContactLaw):
     force_jumps: bool = eqx.field(static=True)
 
     def _each(self, method: str, *arguments: Gap | Scalar | None) -> Scalar:
+        """Return the results (N,) of the laws' method of a given name."""
+
         def of(joint: AbstractContactJoint, *arguments: Gap | Scalar | None) -> Scalar:
             return getattr(joint.laws()[self.label], method)(*arguments)
 
@@ -125,12 +137,17 @@ class GroupedContactLaw(AbstractContactLaw):
 
 
 class GroupedBristleLaw(AbstractBristleFriction):
-    """Bristle laws of the contact `label` in all N joints of a group; results are (N,)."""
+    """Bristle laws of the contact `label` in all N joints of a group; results are (N,).
+
+    `joint` is the grouped joint, whose numbers are arrays (N,).
+    """
 
     joint: AbstractContactJoint
     label: str = eqx.field(static=True)
 
     def _each(self, method: str, *arguments: Vector | Scalar) -> PyTree:
+        """Return the results (N,) of the laws' method of a given name."""
+
         def of(joint: AbstractContactJoint, *arguments: Vector | Scalar) -> PyTree:
             return getattr(joint.bristle_laws()[self.label], method)(*arguments)
 
@@ -141,7 +158,8 @@ class GroupedBristleLaw(AbstractBristleFriction):
         return self._each("rate", deflection, slip)
 
     def ratio(self, deflection: Vector, rate: Vector, slip: Vector) -> Vector:
-        """Return the ratios for deflections, m, their rates, m/s, and slips, m/s."""
+        """Return the ratios of friction to normal force, for deflections, m, their rates, m/s, and
+        slips, m/s."""
         return self._each("ratio", deflection, rate, slip)
 
     def sliding_ratio(self, slip_speed: Scalar) -> Scalar:

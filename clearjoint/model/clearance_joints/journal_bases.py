@@ -46,6 +46,7 @@ def axial_points(count: int) -> dict[str, AxialPoint]:
     positions = np.array([-1.0, *polynomial.deriv().roots(), 1.0])
     # The rule is symmetric, which rounding of the roots must not change.
     positions = 0.5 * (positions - positions[::-1])
+    # Half of the usual weights, whose sum is the length 2 of the interval from -1 to 1.
     weights = 1.0 / (count * (count - 1) * polynomial(positions) ** 2)
     labels = (BASES[0], *(f"{BETWEEN}{k}" for k in range(2, count)), BASES[1])
     numbers = zip(positions.tolist(), weights.tolist(), strict=True)
@@ -54,7 +55,8 @@ def axial_points(count: int) -> dict[str, AxialPoint]:
 
 def axial_positions(labels: Iterable[str]) -> dict[str, float]:
     """Return the position on the journal's axis, -1 at base V and 1 at base W, by label, of those
-    contacts of a joint that are on its journal's axis. `labels` are those of all its contacts.
+    contacts of a joint that are on its journal's axis. `labels` are those of all its contacts; if
+    the joint has no journal, the result is empty.
     """
     on_axis = [label for label in labels if label in BASES or label.startswith(BETWEEN)]
     points = axial_points(len(on_axis)) if len(on_axis) >= len(BASES) else {}
@@ -63,7 +65,10 @@ def axial_positions(labels: Iterable[str]) -> dict[str, float]:
 
 def require_bases_only(argument: str, name: str, labels: Iterable[str]) -> None:
     """Check that the journal of the joint `name` has no contacts between its bases; `labels` are
-    those of all contacts."""
+    those of all contacts.
+
+    **Raises:** `ValueError` that names `argument` and the joint.
+    """
     between = sorted(axial_positions(labels).keys() - {*BASES})
     expected = f"a joint whose journal touches at its bases, not at {between} too"
     require(not between, argument, name, expected, "give the joint no `line_points`")
@@ -121,7 +126,7 @@ class JournalBases:
     - `bearing_point`, `journal_point`: centre of the bearing and of the journal, m in body axes.
     - `axis`: of the bearing, a global unit vector.
     - `half`: from the journal's centre to base W, m in the axes of the journal's body.
-    - `centre`: from the bearing's centre to the journal's, m, global axes (eq. 8).
+    - `centre`: from the bearing's centre to the journal's, m, global axes.
     """
 
     def __init__(

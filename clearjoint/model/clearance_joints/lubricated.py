@@ -33,6 +33,7 @@ NODES, WEIGHTS = (
     0.5 * (rule + shift)
     for rule, shift in zip(np.polynomial.legendre.leggauss(8), (1.0, 0.0), strict=True)
 )
+"""Nodes and weights of Gauss's quadrature with eight points from 0 to 1."""
 
 
 def blending_factor(depth: Scalar, transition: Scalar) -> Scalar:
@@ -64,9 +65,9 @@ class BlendedContactLaw(AbstractContactLaw):
 
     def stored_energy(self, gap: Gap) -> Scalar:
         """Return the integral of the blended elastic force over the penetration, J."""
-        # Integration by parts leaves the energy of the law times the factor's slope. Gauss
-        # quadrature in the square root of the depth is accurate for energies that grow with
-        # half-integer powers.
+        # By parts, the integral of factor times force is factor times energy, less the integral of
+        # the factor's slope times the energy. For the latter, Gauss quadrature in the square root
+        # of the depth is accurate for energies that grow with half-integer powers.
         end = jnp.clip(gap.depth, 0.0, self.transition)
         removed: Scalar = 0.0
         for node, weight in zip(NODES, WEIGHTS, strict=True):
@@ -132,8 +133,9 @@ class LubricatedJoint(AbstractContactJoint):
     - `largest_ratio`: largest eccentricity ratio used for the film, 0.5 to 0.999. The limit is
       approached smoothly over a tenth of the remaining gap.
 
-    **Raises:** `ValueError` if a value is outside its range. **Warns:** `LawRangeWarning` if the
-    bearing is outside the validity range of the film law.
+    **Raises:** `ValueError` if `dry` or `film` is of another class, or a number is outside its
+    range. **Warns:** `LawRangeWarning` if the bearing is outside the validity range of the film
+    law.
 
     ```python
     import clearjoint as cj
@@ -196,7 +198,10 @@ class LubricatedJoint(AbstractContactJoint):
     draw = _of_dry_joint("draw")
 
     def laws(self) -> dict[str, AbstractContactLaw]:
-        """Return the normal law by label: blended for the wall, unchanged for shoulders."""
+        """Return the normal law by label: blended for the wall, unchanged for shoulders.
+
+        Without a `transition` all laws are those of `dry`.
+        """
         walls, laws = self.dry.contact_labels(), self.dry.laws()
         if self.transition is None:
             return laws
@@ -217,7 +222,10 @@ class LubricatedJoint(AbstractContactJoint):
         return dict(zip(self.pair(), (on_bearing, on_journal), strict=True))
 
     def _half_of_film(self, motions: Motions, base: JournalBase) -> tuple[Wrench, Wrench]:
-        """Return the wrenches of half the film on the bearing's and on the journal's body."""
+        """Return the wrenches of half the film on the bearing's and on the journal's body.
+
+        The half is computed from the position and velocity of one base of the journal, `base`.
+        """
         bearing, journal = (motions[name] for name in self.pair())
         eccentricity = base.centre + base.arm
         # One point of action for both bodies, midway between the axes, conserves angular momentum.
@@ -226,6 +234,7 @@ class LubricatedJoint(AbstractContactJoint):
         on_axis = self.dry.bearing_point + unit(self.dry.bearing_axis) * base.height
         in_bearing = on_axis + bearing.components(to_midpoint)
         velocity = journal.velocity_at(in_journal) - bearing.velocity_at(in_bearing)
+        # Film laws take a motion across the axis only.
         velocity = velocity - base.axis * velocity.dot(base.axis)
         spin = (journal.direction(journal.spin) - bearing.direction(bearing.spin)).dot(base.axis)
         gap = self._gap(base.axis, eccentricity, velocity, spin)
@@ -256,6 +265,11 @@ class LubricatedJoint(AbstractContactJoint):
         )
 
     def _film_factor(self, eccentricity: Vector) -> Scalar:
+        """Return the factor of the film's force, from 1 for a journal that is clear of the wall to
+        0 at the depth `transition`; 1 without a `transition`.
+
+        `eccentricity` is the vector from the bearing's axis to the base's centre, m.
+        """
         if self.transition is None:
             return 1.0
         size, _ = norm_and_direction(eccentricity)
@@ -284,8 +298,9 @@ class CarriedJournal(NamedTuple):
     - `offset`: (2,) m, from the bearing's axis to the journal's.
     - `stiffness`: (2, 2) N/m, minus the derivative of the force by the offset.
     - `damping`: (2, 2) N s/m, minus the derivative of the force by the offset's rate.
-    - `moment`: N m, on the journal about z. Its amount over load and bearing radius is the friction
-      coefficient of the bearing, whose curve over the speed is Stribeck's.
+    - `moment`: N m, on the journal about z. The friction coefficient of the bearing is the amount
+      of this moment, divided by the load and by the bearing's radius. Its curve over the speed is
+      Stribeck's.
 
     >>> scene, _ = cj.mechanisms.rotor_in_bearing(film=cj.films.CaponeFilm(0.02))
     >>> carried = cj.carried_journal(scene.joints["bearing"], load=(0.0, -196.2), speed=200.0)
@@ -305,6 +320,7 @@ class CarriedJournal(NamedTuple):
 
         **Arguments:** `mass`: of the body that the journal carries, kg.
         """
+        # The motion is that of a linear system whose variables are the offset and its rate.
         inverse_mass = jnp.eye(2) / mass
         rates = jnp.block(
             [
@@ -316,10 +332,11 @@ class CarriedJournal(NamedTuple):
 
 
 def carried_journal(joint: LubricatedJoint, load: ArrayLike, speed: Scalar) -> CarriedJournal:
-    """Compute the equilibrium of a loaded journal in its film, and the film's stiffness and
-    damping.
+    """Compute the equilibrium of a loaded journal in its film, and the stiffness and damping there.
 
-    The bearing is at rest and the axes are parallel.
+    The bearing is at rest and the axes are parallel. The journal is searched inside the clearance.
+    For a joint with a `transition`, contact with the wall does not add to the force. The
+    eccentricity ratio is not limited to the joint's `largest_ratio`.
 
     ```python
     import clearjoint as cj
@@ -339,7 +356,8 @@ def carried_journal(joint: LubricatedJoint, load: ArrayLike, speed: Scalar) -> C
     **Returns:** `CarriedJournal` with the offset, (2,) m, the stiffness, (2, 2) N/m, the damping,
     (2, 2) N s/m, in the same directions as the load, and the moment, N m.
 
-    **Raises:** `ValueError` if the load doesn't have the shape (2,) or the speed is not positive.
+    **Raises:** `ValueError` if the load doesn't have the shape (2,) or the speed is not positive;
+    `RuntimeError` if the search for the equilibrium doesn't converge.
     """
     require_shape("load", load, (2,), "give its components across the axis in N")
     require_positive("speed", speed, "give rad/s, with the axis such that it is positive")
@@ -348,6 +366,7 @@ def carried_journal(joint: LubricatedJoint, load: ArrayLike, speed: Scalar) -> C
 
 @Compiled
 def _solve_equilibrium(joint: LubricatedJoint, load: jax.Array, speed: jax.Array) -> CarriedJournal:
+    """Return the result of `carried_journal`, whose arguments have been checked."""
     joint, rest = unpack(joint), jnp.zeros(2)
     clearance, size = joint.dry.clearance, jnp.linalg.norm(load)
 
@@ -358,7 +377,7 @@ def _solve_equilibrium(joint: LubricatedJoint, load: jax.Array, speed: jax.Array
 
     def residual(point: jax.Array, _: None) -> jax.Array:
         force = _force(joint, speed, offset_of(point), rest)
-        # Relative to the load, so that one tolerance suits all loads.
+        # Relative to the load, so that one tolerance suits all loads; absolute for a zero load.
         return (force + load) / jnp.where(size > 0.0, size, 1.0)
 
     solver = optimistix.LevenbergMarquardt(rtol=TOLERANCE, atol=TOLERANCE)
@@ -376,7 +395,8 @@ def _load(
 
     They are those of the film and, without `transition`, of the contact.
 
-    **Arguments:** `speed`: of the journal, rad/s. `offset`: (2,) m. `velocity`: its rate, (2,) m/s.
+    **Arguments:** `speed`: of the journal, rad/s. `offset`: from the bearing's axis to the
+    journal's, (2,) m. `velocity`: its rate, (2,) m/s.
     """
     dry = joint.dry
     position, own_velocity = (Vector(row[0], row[1], 0.0) for row in (offset, velocity))
@@ -391,6 +411,7 @@ def _load(
     size, normal = norm_and_direction(position)
     approach = own_velocity.dot(normal)
     gap = Gap(size - dry.clearance, approach, dry.bearing_radius, dry.clearance)
+    # The axes are parallel, so that the gap is the same for all contacts along the journal.
     push: Scalar = 0.0
     for label in dry.contact_labels():
         law = dry.laws()[label]

@@ -34,7 +34,8 @@ class MasslessLink(AbstractConstraint):
     The journal must start at the wall: call `assemble` with a state that is closer to the intended
     side.
 
-    **Raises:** `ValueError` if a value is outside its range, or if `axial` has shoulders.
+    **Raises:** `ValueError` if a value is outside its range, both bodies are the same, or `axial`
+    has shoulders.
 
     >>> link = cj.MasslessLink("ground", "arm", clearance=0.5e-3, journal_length=20e-3)
     >>> link.body_names(), float(link.clearance)
@@ -66,7 +67,12 @@ class MasslessLink(AbstractConstraint):
         return self.bearing_body, self.journal_body
 
     def attachments(self) -> tuple[Attachment, ...]:
-        """Return the centres of the bearing and the journal, m in body axes."""
+        """Return an entry for the centre of the bearing and one for that of the journal.
+
+        An entry consists of the name of the field that holds the point, the name of the body, and
+        the point, (3,) m from the body's centre of mass in its axes. The scene warns of points
+        implausibly far from the centre of mass.
+        """
         return (
             ("bearing_point", self.bearing_body, self.bearing_point),
             ("journal_point", self.journal_body, self.journal_point),
@@ -88,7 +94,11 @@ class MasslessLink(AbstractConstraint):
         return rows
 
     def _height(self, motions: Motions, direction: Vector, local: Vector) -> Row:
-        """Return a coordinate of a journal's point from the bearing's centre, m, as a row."""
+        """Return a coordinate of a point of the journal from the bearing's centre, m, as a row.
+
+        **Arguments:** `direction`: of the coordinate, a unit vector in the axes of the bearing's
+        body. `local`: the point, m in the axes of the journal's body.
+        """
         names = self.bearing_body, self.journal_body
         pair = motions[self.bearing_body], motions[self.journal_body]
         return point_in_plane(names, *pair, self.bearing_point, direction, local)

@@ -24,8 +24,11 @@ FIT, EXPONENT = 4.4086e-5, 6.804
 """Fit of the integral F_5/2 of Greenwood and Tripp's pressure over the heights of the asperities by
 FIT (4 - ratio)^EXPONENT, where the ratio is distance over roughness (Arcoumanis et al. 1997)."""
 AROUND = math.sqrt(math.pi) * math.gamma(EXPONENT + 1.0) / math.gamma(EXPONENT + 1.5)
-"""Integral of (1 - x^2)^EXPONENT from -1 to 1: the mean of the pressure along the arc of contact,
-whose distance grows with the square of the angle, over its maximum, times 2."""
+"""Integral of (1 - x^2)^EXPONENT from -1 to 1.
+
+The integrand is the pressure over its maximum, and x the angle from the closest point over that at
+the end of the arc of contact: the distance of the surfaces grows with the square of the angle.
+"""
 
 
 class GreenwoodTripp(AbstractConverting):
@@ -67,7 +70,10 @@ class GreenwoodTripp(AbstractConverting):
         return REACH * self.roughness
 
     def pressure(self, distance: Scalar) -> Scalar:
-        """Return the mean pressure, Pa, at a distance of the mean planes, m."""
+        """Return the mean pressure, Pa, at a distance of the mean planes, m.
+
+        It is zero beyond `reach`.
+        """
         return self._scale() * positive_power(REACH - distance / self.roughness, EXPONENT)
 
     def force(self, depth: Scalar, radius: Scalar, clearance: Scalar, length: Scalar) -> Scalar:
@@ -80,6 +86,11 @@ class GreenwoodTripp(AbstractConverting):
         **Arguments:** in m. `depth`: by how much the smallest distance is below `reach`. `radius`:
         of the bearing. `clearance`: between the mean surfaces. `length`: of the journal.
         """
+        # At an angle phi from the closest point, 4 - distance/sigma is
+        # (depth - clearance phi^2/2)/sigma, which is zero at phi = sqrt(2 depth/clearance), the end
+        # of the arc. With x = phi over this angle it is (depth/sigma) (1 - x^2). So the integral is
+        # `AROUND` times (depth/sigma)^EXPONENT times half the arc, radius sqrt(2 depth/clearance),
+        # whose factor sqrt(depth/sigma) is contained in `ratio`.
         ratio = positive_power(depth / self.roughness, EXPONENT + 0.5)
         arc = radius * square_root(2.0 * self.roughness / clearance)
         return self._scale() * AROUND * length * arc * ratio
@@ -114,8 +125,10 @@ class RoughCylinders(AbstractContactLaw):
     - `law`: of the walls. Its force begins with zero slope, such as Hertz's with an exponent above
       one.
 
-    **Raises:** `ValueError` if the length is not positive, or the force of `law` begins with a jump
-    or a slope.
+    The surfaces must be cylinders: the force needs the bearing's radius and the clearance in `Gap`.
+
+    **Raises:** `ValueError` if the length is not positive, `asperities` or `law` is of another
+    class, or the force of `law` begins with a jump or a slope.
 
     ```python
     import clearjoint as cj
@@ -138,6 +151,7 @@ class RoughCylinders(AbstractContactLaw):
 
     def __init__(self, asperities: GreenwoodTripp, length: Scalar, law: AbstractContactLaw):
         self.asperities, self.length, self.law = asperities, length, law
+        # `__check_init__` refuses a `law` of another class afterwards, with a clear message.
         self.uses_entry_speed = bool(getattr(law, "uses_entry_speed", False))
 
     def __check_init__(self):
@@ -145,7 +159,8 @@ class RoughCylinders(AbstractContactLaw):
             given = type(getattr(self, name)).__name__
             fine = isinstance(getattr(self, name), kind)
             require(fine, name, given, f"a {kind.__name__}", f"pass a {kind.__name__}")
-        # The mean surfaces meet within the contact, where no step ends.
+        # The mean surfaces meet while asperities are already in contact. This is no event, so that
+        # steps don't end there, and a jump of the force or its slope would be inside of a step.
         fine = not (self.law.force_jumps or self.law.slope_jumps())
         given, remedy = type(self.law).__name__, "pass for example Hertz(1e10)"
         require(fine, "law", given, "a law whose force begins with zero slope", remedy)
@@ -161,7 +176,7 @@ class RoughCylinders(AbstractContactLaw):
     def stored_energy(self, gap: Gap) -> Scalar:
         """Return the integral of the elastic force over the penetration, J."""
         depth = gap.depth + self.asperities.reach
-        # The force of the asperities is a power of the depth.
+        # The force of the asperities is proportional to depth^(EXPONENT + 0.5).
         of_asperities = self._of_asperities(gap) * depth / (EXPONENT + 1.5)
         return of_asperities + self.law.stored_energy(gap)
 
@@ -178,6 +193,7 @@ class RoughCylinders(AbstractContactLaw):
         return self.law.limits(gap)
 
     def _of_asperities(self, gap: Gap) -> Scalar:
+        """Return the force of the asperities, N."""
         radius, clearance = gap.bearing_radius, gap.clearance
         assert radius is not None and clearance is not None
         depth = gap.depth + self.asperities.reach

@@ -11,7 +11,9 @@ from .laws import AbstractContactLaw
 
 
 class WeightedLaw(AbstractContactLaw):
-    """A contact law of which a contact has a share, as one of several points along a line.
+    """A contact law times a weight, for one of several contacts that share a line contact.
+
+    The weights of all these contacts add up to 1, as those of a quadrature rule along the line.
 
     - `law`: the law of the whole contact.
     - `weight`: share of the law's force and energy.
@@ -54,9 +56,12 @@ class WeightedLaw(AbstractContactLaw):
 
     @property
     def delivered_restitution(self) -> Callable[[], Scalar]:
-        """The law's method of this name, which a common factor of force and mass doesn't change.
+        """Method of the law that returns the coefficient of restitution of a free impact.
 
-        **Raises:** `AttributeError` if the law has none.
+        It is unchanged, because an impact in which force and mass have the same factor has the same
+        motion. It is a property, so that ``hasattr`` tells whether the law has the method.
+
+        **Raises:** `AttributeError` if the law has no such method.
         """
         return self.law.delivered_restitution  # pyright: ignore[reportAttributeAccessIssue]
 
