@@ -243,6 +243,8 @@ def cycles_to_depth(found: "xr.Dataset", depth: float, joint: str, part: Part = 
     **Arguments:** `found`: result of `clearjoint.wear`; `depth`: m, positive; `joint`: its name;
     `part`: "bearing", the default, or "journal".
 
+    **Raises:** `ValueError` if the depth is not positive.
+
     >>> import xarray as xr
     >>> depths = np.array([[[0.0, 0.0], [2e-6, 1e-6]]])  # of one joint, in two stages
     >>> found = xr.Dataset(
@@ -252,6 +254,7 @@ def cycles_to_depth(found: "xr.Dataset", depth: float, joint: str, part: Part = 
     >>> cj.cycles_to_depth(found, 1e-6, "pin")
     500.0
     """
+    require_positive("depth", depth, "give a depth in m, such as 1e-6")
     deepest = found[f"{part}_depth"].sel(joint=joint).max("angle").values
     if not deepest[-1] >= depth:
         return float("inf")
@@ -270,7 +273,7 @@ def life_derivatives(
     **Arguments:** `found`: result of `clearjoint.wear` with `parameters`. The others are as in
     `cycles_to_depth`.
 
-    **Raises:** `ValueError` if `found` has no derivatives.
+    **Raises:** `ValueError` if `found` has no derivatives, or the depth is not positive.
 
     >>> import xarray as xr
     >>> depths = np.array([[[0.0, 0.0], [2e-6, 1e-6]]])  # of one joint, in two stages
@@ -285,6 +288,7 @@ def life_derivatives(
     >>> print(f"{cj.life_derivatives(found, 1e-6, 'pin')['load']:.0f} cycles")
     -500 cycles
     """
+    require_positive("depth", depth, "give a depth in m, such as 1e-6")
     remedy = "pass `parameters` to wear()"
     require("parameter" in found.dims, "found", list(found.dims), "with derivatives", remedy)
     names = [str(name) for name in found["parameter"].values]
@@ -759,8 +763,8 @@ def _check(
     positive = goals.ndim == 1 and bool(np.all(np.diff(goals, prepend=0.0) > 0.0))
     remedy = "give a number of cycles, such as 1e6, or a rising row of them"
     require(positive, "cycles", goals, "positive and rising", remedy)
-    # Zero is allowed here.
-    require_count("settle", settle + 1, "give a number of cycles, 0 or more")
+    whole = isinstance(settle, int) and settle >= 0
+    require(whole, "settle", settle, "a whole number, 0 or more", "give a number of cycles")
     require_count("measured", measured, "give an even number of cycles")
     even = measured % 2 == 0
     require(even, "measured", measured, "even, as its two halves are compared", "add one")
