@@ -46,7 +46,7 @@ EXPECTED = {
     "robot_backlash": ("degrees of freedom: 1", "first crossing ends at "),
     "how_long_does_a_joint_live": (
         "reached the cycles in ",
-        "slider pin bearing rate -1.000",
+        "slider pin bearing rate -1.0",
         "pin's length         +",
     ),
 }

@@ -137,9 +137,9 @@ def run(file: Path, changes: tuple[str, ...], out: Path | None, **options: str |
     """Simulate a scene and write tables, figures and a page.
 
     The folder of the results contains tables in netCDF and CSV files: the motion, forces of
-    contacts and joints, energies, impacts, and the outputs and sections of the study. It also
-    contains figures, the page index.html with all results, and reached.toml, the scene with its
-    final state, from which the run can be continued.
+    contacts and joints, energies, impacts, the outputs, and the crossings of Poincaré sections. It
+    also contains figures, the page index.html with all results, and reached.toml, the scene with
+    its final state, from which the run can be continued.
     """
     study = _study(file, changes, "run", options)
     from .running import run as run_study

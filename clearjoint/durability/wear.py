@@ -43,6 +43,7 @@ from .wear_derivatives import (
 
 if TYPE_CHECKING:
     import xarray as xr
+    from scipy.interpolate import CubicSpline
 
 CHANGE_BY_PENETRATION = 0.2
 """Default of the largest change of depth in a stage, relative to the largest penetration."""
@@ -238,7 +239,8 @@ def worn(scene: Scene, found: "xr.Dataset", stage: int = -1) -> Scene:
 def cycles_to_depth(found: "xr.Dataset", depth: float, joint: str, part: Part = "bearing") -> float:
     """Return the number of cycles until the deepest point of a part has lost a depth.
 
-    It is interpolated linearly between stages, and infinite if the depth was not reached.
+    The depth is interpolated between the stages by a cubic spline. The number is infinite if the
+    depth was not reached.
 
     **Arguments:** `found`: result of `clearjoint.wear`; `depth`: m, positive; `joint`: its name;
     `part`: "bearing", the default, or "journal".
@@ -251,14 +253,29 @@ def cycles_to_depth(found: "xr.Dataset", depth: float, joint: str, part: Part = 
     ...     {"bearing_depth": (("joint", "stage", "angle"), depths)},
     ...     {"joint": ["pin"], "cycles": ("stage", [0.0, 1000.0])},
     ... )
-    >>> cj.cycles_to_depth(found, 1e-6, "pin")
-    500.0
+    >>> print(f"{cj.cycles_to_depth(found, 1e-6, 'pin'):.0f} cycles")
+    500 cycles
     """
     require_positive("depth", depth, "give a depth in m, such as 1e-6")
     deepest = found[f"{part}_depth"].sel(joint=joint).max("angle").values
     if not deepest[-1] >= depth:
         return float("inf")
-    return float(np.interp(depth, deepest, found["cycles"].values))
+    _, life = _reached(found["cycles"].values, deepest, depth)
+    return life
+
+
+def _reached(cycles: np.ndarray, depths: np.ndarray, depth: float) -> tuple["CubicSpline", float]:
+    """Return the cubic spline through the depths of the stages, and where it first reaches a depth,
+    which is at most the last one.
+
+    **Arguments:** `cycles`, `depths`: (stages,).
+    """
+    from scipy.interpolate import CubicSpline
+
+    spline = CubicSpline(cycles, depths)
+    # Rounding may leave no root at the end.
+    roots = [root for root in spline.solve(depth, extrapolate=False) if np.isfinite(root)]
+    return spline, float(min(roots, default=cycles[-1]))
 
 
 def life_derivatives(
@@ -298,14 +315,13 @@ def life_derivatives(
     deepest, cycles = depths.max(axis=1), found["cycles"].values
     if not deepest[-1] >= depth:
         return dict.fromkeys(names, float("nan"))
-    # The life is where the line through the deepest points of two stages reaches the depth. If a
-    # parameter raises the line there by `change`, it does so earlier, by `change` over its slope.
-    i = max(int(np.searchsorted(deepest, depth)), 1)
-    at_deepest = [slopes[stage, depths[stage].argmax()] for stage in (i - 1, i)]
-    rise = deepest[i] - deepest[i - 1]
-    share = (depth - deepest[i - 1]) / rise
-    change = (1.0 - share) * at_deepest[0] + share * at_deepest[1]
-    lives = -change * (cycles[i] - cycles[i - 1]) / rise
+    spline, life = _reached(cycles, deepest, depth)
+    # If a parameter raises the curve of the depth by `change` where it reaches the depth, it
+    # reaches it earlier by `change` over the curve's slope. A spline depends linearly on its
+    # values, so the change of the curve is the spline through their derivatives.
+    at_deepest = [of_stage[row.argmax()] for of_stage, row in zip(slopes, depths, strict=True)]
+    change = type(spline)(cycles, np.array(at_deepest))(life)
+    lives = -change / spline(life, 1)
     return dict(zip(names, lives.tolist(), strict=True))
 
 

@@ -122,18 +122,19 @@ def directions_of(
     """Return the directions of the parameters and of the logarithm of each positive wear rate, by
     name.
 
-    A wear rate has the name of its joint and part, such as "pin bearing rate". The parameters come
-    first, and their indices are in this order.
+    A wear rate has the name of its joint and part, such as "pin bearing rate". Parameters come
+    first, then wear rates; the index of each direction is its place in this order.
 
     **Raises:** `ValueError` for a parameter that does not fit the scene and the state.
     """
     joints = tuple(rates)
     found: dict[str, ParameterDirection] = {}
     for name, parameter in parameters.items():
+        # The example of a value, 0.0, says that the number is a scalar.
         change = parameter.variation.setter(scene, state, 0.0)
         coordinate = float(parameter.coordinate_in(scene, state))
-        number = len(found), joints, change, parameter.scale, coordinate
-        found[name] = ParameterDirection(*number)
+        index, scale = len(found), parameter.scale
+        found[name] = ParameterDirection(index, joints, change, scale, coordinate)
     for joint, of_parts in rates.items():
         for part, rate in zip(PARTS, of_parts, strict=True):
             if rate > 0.0:

@@ -160,9 +160,9 @@ class AbstractCoordinates(eqx.Module):
     def without_drift(self, scene: Scene, variables: MotionVariables) -> MotionVariables:
         """Return normalised variables of the same motion.
 
-        Euler parameters get unit norm, and angles are moved to within two turns. The method is
-        called at the end of each step; variables that are normalised already are returned unchanged
-        to the bit.
+        Euler parameters get unit norm, and angles are moved to between -2 pi and 2 pi. The method
+        is called at the end of each step; variables that are normalised already are returned
+        unchanged to the bit.
         """
 
     @abc.abstractmethod

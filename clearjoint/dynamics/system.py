@@ -100,8 +100,8 @@ class System(eqx.Module):
         return self.formulation.coordinates.decode(self.scene, variables)
 
     def without_drift(self, variables: MotionVariables) -> MotionVariables:
-        """Return variables of the same motion with Euler parameters of unit norm and angles within
-        two turns; see `AbstractCoordinates.without_drift`."""
+        """Return variables of the same motion with Euler parameters of unit norm and angles
+        between -2 pi and 2 pi; see `AbstractCoordinates.without_drift`."""
         return self.formulation.coordinates.without_drift(self.scene, variables)
 
     def with_speeds(self, variables: MotionVariables, others: MotionVariables) -> MotionVariables:

@@ -88,8 +88,9 @@ def within(
 def _root(covariance: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
     """Return R (p, p) with R R^T = `covariance`, which may be singular.
 
-    The columns of R, divided by the standard errors, are along eigenvectors of the correlation
-    matrix, each with the length of one standard error.
+    R is the diagonal matrix of the standard errors times a root of the correlation matrix, whose
+    columns are its eigenvectors, each times the square root of its eigenvalue. A column of R is
+    thus a displacement of the parameters by one standard error in the direction of an eigenvector.
     """
     errors = np.sqrt(np.diag(covariance))
     variances, vectors = np.linalg.eigh(covariance / np.outer(errors, errors))

@@ -1,8 +1,10 @@
 """Machine code of native programs, and the files that save it for other processes.
 
 LLVM compiles the text of a program for the processor of this machine. Two kinds of files are saved
-in JAX's compilation cache: machine code by the digest of its text, and whole programs by a key of
-the function and its arguments. The text need not be made to find a file of the second kind.
+in JAX's compilation cache. A file with machine code is named by the digest of the LLVM text: it
+saves the compilation, but the function must be traced and its text made to find it. A file with a
+whole program also has the layout of its arguments and results, and is named by a key of the
+function and of the arguments: it saves tracing and the making of the text too.
 """
 
 import ctypes

@@ -225,7 +225,11 @@ def scene_of_document(
 def _completed(scene: Scene, state: State, location: FileLocation) -> State:
     """Return `state`, or an assembled state if it lacks bodies of the scene.
 
-    **Raises:** `ValueError` if the joints do not determine the missing states.
+    The missing states are found along the joints. The whole is the first guess of `assemble`, which
+    moves all bodies, also those whose states the file has, to the nearest state that fits.
+
+    **Raises:** `ValueError` if the joints do not determine the missing states, or if a scene of
+    more than `MOST_ASSEMBLED` bodies lacks a state.
     """
     missing = sorted(set(scene.bodies) - set(state.bodies))
     if not missing:

@@ -253,7 +253,8 @@ class JointedBranch(AbstractBranch):
         return JointState(state.position, speeds)
 
     def without_drift(self, state: JointState) -> JointState:
-        """Return the state with the position normalised, for instance an angle within two turns."""
+        """Return the state with the position normalised: angles between -2 pi and 2 pi, so that
+        they don't grow over a long run, and Euler parameters of unit norm."""
         return JointState(self.motion_subspace.without_drift(state.position), state.speeds)
 
     def with_speeds(self, state: JointState, other: JointState) -> JointState:

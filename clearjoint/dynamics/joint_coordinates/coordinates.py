@@ -85,7 +85,7 @@ class JointCoordinates(AbstractCoordinates):
 
     def without_drift(self, scene: Scene, variables: TreeVariables) -> TreeVariables:
         """Return normalised variables of the same motion, by name of body: Euler parameters of unit
-        norm, and angles within two turns."""
+        norm, and angles between -2 pi and 2 pi."""
         return {
             branch.body: branch.without_drift(variables[branch.body]) for branch in _branches(scene)
         }

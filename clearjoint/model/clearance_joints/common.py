@@ -289,7 +289,10 @@ class FlatWall:
         # Relative to the first body's point at the centre, so that a common rotation doesn't count.
         sliding = second.velocity_at(centre) - first.velocity_at(centre_in_first)
         gap = Gap(depth, sliding.dot(normal))
-        # Friction acts on both bodies at one point, midway between the surfaces.
+        # With friction, the force acts on both bodies at one point, midway between the surfaces, so
+        # that it has no net moment. Without friction, it acts along the normal through the part's
+        # centre, which the last two arguments of the contact give: these points need no penetration
+        # and have fewer operations.
         to_surface = subtract(radius, 0.5 * depth)
         on_first = centre_in_first + self.normal * to_surface
         on_second = centre + second.components(normal * to_surface)

@@ -105,7 +105,7 @@ class SegmentRequest(eqx.Module):
 
 
 class Lane(eqx.Module):
-    """A run between two turns of the loop over lanes.
+    """A run between two passes of the loop over lanes.
 
     - `run`: the run after its latest attempt: the complete state of the solver, and the records of
       reductions, sections and tables of impacts by the name of the output. If states are saved, the

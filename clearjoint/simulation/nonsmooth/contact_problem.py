@@ -103,8 +103,13 @@ def touches(scene: Scene, motions: Motions) -> list[Touch]:
 def _touch(
     name: str, label: str, joint: AbstractContactJoint, contact: Contact, motions: Motions
 ) -> Touch:
-    """Return one contact of a joint, given its name and label, its geometry, and pose and
-    velocities of the bodies."""
+    """Return the rows of one contact, along its normal and along the directions of friction.
+
+    **Arguments:** `name`: of the joint. `label`, `contact`: of the contact. `motions`: pose and
+    velocities of the bodies.
+
+    **Raises:** `ValueError` for a thrust face whose friction has a moment, which is not supported.
+    """
     require(
         contact.face_radius is None,
         f"scene.joints[{name!r}]",

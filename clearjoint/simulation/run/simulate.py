@@ -70,7 +70,8 @@ def simulate(
 
     - `scene`: the mechanism.
     - `state`: its initial state, which must satisfy the constraints (see `assemble`). The run
-      continues from the entry speeds, bristles and energy ledger of this state.
+      also continues from the entry speeds of closed contacts, the deflections of bristles and the
+      energy ledger, if the state contains them (see `State`).
     - `end_time`, `start_time`: s; the end must be after the start.
     - `settings`: tolerances, solver and coordinates; `clearjoint.presets.default` unless given.
     - `save`: results to keep besides the final state: states at given times, every step, impacts,
@@ -133,6 +134,8 @@ def simulate(
     # 2. The run before its first step. Vector components that are exactly 0 or 1 are constants of
     # the compiled program.
     folded_scene = fold_constants(scene)
+    # Without tracers, the scheme is made of NumPy arrays and kept for equal settings, which saves
+    # most of the time of a call. Redundant constraints need another solution of the equations.
     scheme = (Scheme.of if traced else Scheme.on_host)(settings, bool(redundant))
     first_step = settings.length_of_first_step(start_time, end_time)
     span = start_time, end_time, first_step

@@ -287,8 +287,9 @@ def _across_discontinuities(
     discontinuities of forces there. The tangents are ``None`` without a `family`.
 
     See `.saltation` and `.breakpoint_events`. The corrections of the variables are zero except for
-    rounding, and for velocities where the angle of a driver has a kink. The corrections of the
-    tangents are not small.
+    rounding, for velocities where the angle of a driver has a kink, and for bristles: their
+    deflections become zero in open contacts, and get the displacement since the onset in contacts
+    that began in the step. The corrections of the tangents are not small.
 
     **Arguments:** `step`: the state before the trial; `keep`: whether the trial is accepted.
     """
@@ -308,14 +309,16 @@ def _across_discontinuities(
     def across(system: System, y: Variables, entry_speeds: EntrySpeeds) -> tuple[Variables, None]:
         """Return the corrected variables, and no auxiliary result."""
         if contacts:
+            # The forces are those before a breakpoint at the end; `across_breakpoints` needs those
+            # on both sides.
             time = one_sided_time(system, step.t, t1)
             y = across_contacts(system, step.contact_gaps, y, entry_speeds, time, keep)
         if has_breakpoints:
             y = across_breakpoints(system, step.t, y, entry_speeds, t1, keep)
         if y.bristles:
-            gaps, motions = system.contact_gaps(y.motion), system.motions(y.motion)
-            instants = motions, step.contact_gaps, gaps
-            bristles = updated_bristles(system.scene, y.bristles, *instants, lands)
+            motions, after = system.motions(y.motion), system.contact_gaps(y.motion)
+            gaps = step.contact_gaps, after
+            bristles = updated_bristles(system.scene, y.bristles, motions, *gaps, lands)
             y = replace(y, bristles=bristles)
         return y, None
 

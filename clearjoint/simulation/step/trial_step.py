@@ -209,8 +209,8 @@ def try_step(
 def _without_drift(
     system: System, y: Variables, solver_state: SolverState
 ) -> tuple[Variables, SolverState]:
-    """Return normalised variables (unit Euler parameters, angles within two turns), and the
-    solver's state for them.
+    """Return normalised variables (unit Euler parameters, angles between -2 pi and 2 pi), and
+    the solver's state for them.
 
     The solver keeps rates of the variables for its next step. Normalising is a change of variables,
     so these rates are multiplied by its Jacobian.
