@@ -42,7 +42,15 @@ THIRD_PARTY = {
     "click": {"command_line"},
     "optax": {"identification"},
     "optimistix": {"identification", "model", "simulation"},
-    "scipy": {"identification", "model", "plot", "scene_files", "statistics", "views"},
+    "scipy": {
+        "durability",
+        "identification",
+        "model",
+        "plot",
+        "scene_files",
+        "statistics",
+        "views",
+    },
     "xarray": {
         "command_line",
         "durability",

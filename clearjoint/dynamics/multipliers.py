@@ -99,9 +99,10 @@ def row_weights(bodies: Mapping[str, Body], rows: Sequence[Row]) -> list[Scalar]
 
 
 def _mean_inertia(body: Body) -> Scalar:
-    """Return the mean of the principal moments of inertia, kg m^2, of a body in scalar form.
+    """Return the mean of a body's principal moments of inertia, kg m^2.
 
-    The mean suffices for weights, which need not be exact.
+    Its inertia is a `Vector` of these moments, or a `Matrix`, whose trace is their sum. The mean
+    suffices for weights, which need not be exact.
     """
     inertia = body.inertia
     if isinstance(inertia, Matrix):

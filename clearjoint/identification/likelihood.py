@@ -247,7 +247,8 @@ def explore(
     - `descend`: function that searches from a point (p,) and returns a local minimum.
     - `minimum`: the minimum of the fit.
     - `covariances`: matrices (p, p); the first is that of the minimum.
-    - `limits`: (p,) largest distance of points from the minimum, in coordinates.
+    - `limits`: (p,) largest distance of points from the minimum of the fit, in coordinates. Points
+      around a lower minimum are limited about that one.
     - `number`: number of points in the first round.
     - `rounds`: maximum number of rounds.
     - `likely`: largest chi squared that noise alone explains.

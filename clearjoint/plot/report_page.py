@@ -228,11 +228,13 @@ def _parts(
 def _record(
     scene: Scene, solution: Solution, quantity: Quantity | None, unit: str | None
 ) -> xr.DataArray:
-    """Return the quantity of the spectrum over time.
+    """Return the values over time of the quantity whose spectrum the page shows.
 
-    It is taken at the saved states, or at the ends of the steps if no states are saved. Without a
-    given quantity it is the component of the last body's velocity that changes most, or of its
-    angular velocity (spin) if its centre has a constant velocity.
+    They are taken at the saved states, or at the ends of the steps if no states are saved.
+
+    **Arguments:** `quantity`: ``None`` for the component of the last body's velocity that changes
+    most, or of its angular velocity (spin) if its centre has a constant velocity. `unit`: SI unit
+    of a given quantity that declares none.
 
     **Returns:** array (N,) with the coordinate "time", s.
     """

@@ -53,8 +53,8 @@ class JointMechanics(AbstractMechanics):
 
     The mass matrix of each tree is factorised once, for all forces and constraints.
 
-    **Arguments:** `scene`: in scalar form; `variables`: joint coordinates and speeds, by name of
-    body; `motions`: pose and velocities of each body and of "ground", by name.
+    **Arguments:** `scene`: with vectors as separate scalars (`Vector`); `variables`: joint
+    coordinates and speeds, by name of body; `motions`: pose and velocities of each body and of "ground", by name.
     """
 
     def __init__(self, scene: Scene, variables: TreeVariables, motions: Motions):

@@ -100,7 +100,8 @@ class Cloud:
         return Cloud(self.points[indices], self.curves[indices], self.log_priors[indices])
 
     def where(self, mask: np.ndarray, others: "Cloud") -> "Cloud":
-        """Return these n points, with those of `others`, as many, where the mask (n,) is true."""
+        """Return a cloud of n points: point i is that of `others`, a cloud of n points too, if
+        ``mask[i]`` is true, and that of this cloud otherwise; likewise chi squared and prior."""
         wide = mask[:, None]
         return Cloud(
             np.where(wide, others.points, self.points),

@@ -119,9 +119,10 @@ class RoughCylinders(AbstractContactLaw):
     **Arguments:**
 
     - `asperities`: a `GreenwoodTripp`.
-    - `length`: of the part of the journal to which the contact belongs, m. Each base of a
-      `ClearanceJoint` applies the full law: use half the journal's length, or the whole length with
-      `line_points`.
+    - `length`: of the part of the journal to which the contact belongs, m. A `ClearanceJoint` has a
+      contact at each of the journal's two ends, and both apply the full law: pass half the
+      journal's length. If the joint's argument `line_points` is given, the law is that of the whole
+      journal: pass its length.
     - `law`: of the walls. Its force begins with zero slope, such as Hertz's with an exponent above
       one.
 

@@ -162,10 +162,12 @@ def _solution(
     """
     saved, history, count = None, None, None
     if saves:
-        # The last stop is the end of the run. Rigid contacts have no entry speeds, but a saved
-        # state lists one for each contact, so they are zero.
+        # `run.stops` has a row for each of `stops` but the start. Its last row is the end of the
+        # run, which is not a saved state.
         rows = jax.tree.map(lambda leaf: leaf[:-1], run.stops)
-        history, count = rows.totals, (run.stops.result == RESULTS.successful)[:-1].sum()
+        # If the run failed, all rows from the failure on have its result code and no meaning.
+        history, count = rows.totals, (rows.result == RESULTS.successful).sum()
+        # Rigid contacts have no entry speeds, but a saved state lists one for each contact.
         entry_speeds = jax.tree.map(
             lambda totals: jnp.zeros_like(totals.impulse), history, is_leaf=_is_totals
         )

@@ -74,7 +74,7 @@ def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict
         values = np.stack([*bristles.values()], -2)
         arrays[f"{prefix}bristle_deflection"] = Labelled(dims, values, "m", text)
     if states.work:
-        text = "integrals of the energy ledger; friction has what bristles hold"
+        text = "integrals of the energy ledger; friction includes the elastic energy of bristles"
         values = np.stack([np.asarray(one) for one in states.work.values()], -1)
         arrays[f"{prefix}ledger"] = Labelled((*rows, "integral"), values, "J", text)
     return arrays
