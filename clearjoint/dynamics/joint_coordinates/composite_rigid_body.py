@@ -54,7 +54,8 @@ class JointMechanics(AbstractMechanics):
     The mass matrix of each tree is factorised once, for all forces and constraints.
 
     **Arguments:** `scene`: with vectors as separate scalars (`Vector`); `variables`: joint
-    coordinates and speeds, by name of body; `motions`: pose and velocities of each body and of "ground", by name.
+    coordinates and speeds, by name of body; `motions`: pose and velocities of each body and of
+    "ground", by name.
     """
 
     def __init__(self, scene: Scene, variables: TreeVariables, motions: Motions):
