@@ -306,8 +306,9 @@ class _Problem:
             if self.check_runs > 0 and best.ending in (Ending.CONVERGED, Ending.STALLED):
                 inputs = best.best, self.runs, data, self.parameters, self.units
                 checked = check(*inputs, self.check_runs, partial(on_iteration, data.count))
-                # The last local search started from the lowest minimum: it comes first among the
-                # searches of equal chi squared.
+                # The check may have found lower minima by local searches. Of equal chi squared the
+                # first counts: the fit's own search, then the last local one, which started from
+                # the lowest minimum.
                 best = best_search((best, *checked.searches[::-1]))
         except KeyboardInterrupt:
             if not searches:

@@ -69,10 +69,10 @@ def free_link(spin: Vector) -> Link:
 def jointed_link(
     parent: Link | None, motion_subspace: AbstractMotionSubspace, state: JointState
 ) -> Link:
-    """Return the link of a body that a joint carries on its parent, ``None`` for the ground.
+    """Return the link of a body that a joint carries on its parent.
 
-    **Arguments:** `motion_subspace`: the relative motions that the joint allows; `state`:
-    coordinates and speeds of the joint.
+    **Arguments:** `parent`: link of the parent; ``None`` for the ground. `motion_subspace`: the
+    relative motions that the joint allows. `state`: coordinates and speeds of the joint.
     """
     # Rotation from the body's axes to the tree's, position of the joint's point on the parent, m,
     # and acceleration of this point at constant speeds, m/s^2. The tree's axes are those of its
@@ -84,12 +84,16 @@ def jointed_link(
         rotation = parent.rotation @ motion_subspace.rotation(state.position)
         to_joint = parent.rotation @ motion_subspace.point_parent
         point, bias = parent.centre + to_joint, parent.bias + parent.gradient @ to_joint
-    # Relative motion in the joint, in the tree's axes, and its acceleration at constant speeds.
+    # Relative motion in the joint, and its acceleration at constant speeds. Both are given in the
+    # axes of the carried body, so its own rotation leads to the tree's axes.
     twist, joint_bias = motion_subspace.twist(state), motion_subspace.bias(state)
     angular, linear = rotation @ twist.angular, rotation @ twist.linear
     spin = parent.spin + angular
     angular_bias = parent.angular_bias + parent.spin.cross(angular) + rotation @ joint_bias.angular
     gradient = _gradient(spin, angular_bias)
+    # From the joint's point on the parent to the body's centre of mass: over the joint's point on
+    # the body. The displacement is fixed in the axes of the carried body, so that the Coriolis
+    # acceleration has the spin of this body, and `gradient` acts on the whole arm.
     displacement = motion_subspace.displacement(state.position)
     arm = rotation @ (displacement - motion_subspace.point_child)
     coriolis = (spin * 2.0).cross(linear) + rotation @ joint_bias.linear
