@@ -20,9 +20,9 @@ class GroupedContactJoint(AbstractContactJoint):
     """Contact joints of one structure that differ only in their numbers and their bodies.
 
     Where a method of a single joint returns a number, the same method of the group returns an array
-    (N,) with an entry for each of the N joints. Joints that have constraint rows or an anchor (a point
-    whose position relative to another body is integrated with fewer rounding errors) are not
-    grouped. The methods `rows` and `anchor` of a group therefore return nothing.
+    (N,) with an entry for each of the N joints. Joints that have constraint rows, or an anchor (a
+    point on the ground near which rounding errors are reduced), are not grouped. The methods `rows`
+    and `anchor` of a group therefore keep their defaults, which return nothing.
 
     - `joint`: the first joint, with each number replaced by an array (N,) over the group.
     - `members`: the N joints as the user gave them.
