@@ -94,9 +94,10 @@ class NativeProgram:
         return [memory.read(region) for region in self.outputs]
 
     def results(self, result: "Result") -> Cells:
-        """Return the conversion between results and rows of numbers.
+        """Return the conversion between PyTrees of results and rows (n, cells), as the function of
+        `bound` returns them.
 
-        **Arguments:** `result`: structure of the function's result.
+        **Arguments:** `result`: structure of the PyTree, which makes it from a list of its arrays.
         """
         return Cells(result([np.zeros(region.shape, region.dtype) for region in self.outputs]))
 

@@ -282,8 +282,8 @@ class _Writer:
     def _written(self, entry: Operation) -> Word | None:
         """Write an operation and return its result.
 
-        A store has none, and the result is ``None``. For a call of a function of the program, the
-        call instruction is returned, which has no value. Both have no `out` that would name it.
+        Two operations have no result, and their `out` is ``None``: for a store, ``None`` is
+        returned, and for the call of a function of the program its instruction, which has no value.
         """
         name, arguments, builder = entry.name, entry.arguments, self._builder
         if name == "call":

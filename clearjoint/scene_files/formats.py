@@ -73,22 +73,21 @@ def parse(text: str, suffix: str, file: str) -> Document:
     **Raises:** `ValueError` with line and column for text that is not valid, and for more than
     `DEEPEST` nested tables and lists.
     """
-    # None stands for content that is nested too deeply, for which the parsers may exceed Python's
-    # limit of recursion.
+    content, is_deep = None, False
     try:
         if suffix == ".toml" and DEEP_KEY.search(text):
-            content = None
+            is_deep = True
         elif suffix == ".toml":
             content = tomllib.loads(text)
         else:
             content = json.loads(text, object_pairs_hook=_without_repetition)
-    except RecursionError:
-        content = None
+    except RecursionError:  # the parsers follow nested content by recursion
+        is_deep = True
     except ValueError as error:
         # Python's message about a number with too many digits ends with advice for programmers.
         reason = str(error).split("; use sys.", maxsplit=1)[0]
         raise ValueError(f"{file}: {reason}; correct the {suffix[1:].upper()}.") from error
-    if content is None or (isinstance(content, dict | list) and _is_deep(content)):
+    if is_deep or (isinstance(content, dict | list) and _is_deep(content)):
         expected = f"at most {DEEPEST} levels"
         FileLocation(file).refuse("deeper tables or lists", expected, "nest them less deeply")
     if not isinstance(content, dict):

@@ -62,9 +62,14 @@ class AbstractBranch(abc.ABC):
 
     @abc.abstractmethod
     def link(self, parent: Link | None, state: MotionVariables) -> Link:
-        """Return the body as a link of its tree, with its kinematics in the tree's frame.
+        """Return the body as a link of its tree.
 
-        **Arguments:** `parent`: the link of the body's parent; ``None`` if the body is the root.
+        A link has pose, spin and the accelerations at constant speeds, from which the mass matrix
+        and the forces of the tree are computed. Its vectors are in the axes of the tree's root
+        body, relative to the tree's origin.
+
+        **Arguments:** `parent`: the link of the body's parent; ``None`` if the body is the root,
+        whose parent is the ground.
         """
 
     @abc.abstractmethod

@@ -1,1 +1,1 @@
-"""Screening: starts for fits by many runs without derivatives."""
+"""Find starting points of fits by comparing many runs, without derivatives, with measurements."""

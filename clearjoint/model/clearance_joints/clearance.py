@@ -355,7 +355,9 @@ class ClearanceJoint(AbstractCentredJoint):
         return Contact(gap, normal, on_bearing, on_journal, slip)
 
     def planar_axes(self, bearing: Motion, journal: Motion) -> PlanarAxes:
-        """Return the components of the journal's axes in the bearing's cross-section."""
+        """Return the components of the journal's x and y axes, which are perpendicular to its own
+        axis, along the bearing's x and y axes. They lead from angles around the journal to angles
+        around the bearing."""
         axes = map(bearing.direction, transverse_axes(unit(self.bearing_axis)))
         own = map(journal.direction, transverse_axes(unit(self.journal_axis)))
         return PlanarAxes(*(mine.dot(axis) for mine, axis in itertools.product(own, axes)))
