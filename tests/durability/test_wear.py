@@ -231,7 +231,7 @@ def test_the_worn_volume_is_that_of_the_reduction():
 
 def test_a_store_is_continued(tmp_path):
     scene, state = whirling()
-    rates = {"pin": cj.WearRates(bearing=RATE)}
+    rates = {"pin": cj.WearRates(bearing=RATE, journal=0.1 * RATE)}
     arguments = scene, state, CYCLE, rates, 3000.0
     whole = cj.wear(*arguments, largest_change=2e-6, stages=4, **OPTIONS)
     part = cj.wear(*arguments, largest_change=2e-6, stages=2, path=tmp_path / "wear", **OPTIONS)
