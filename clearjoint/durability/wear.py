@@ -175,8 +175,8 @@ def wear(
     ```
     """
     scene, state = with_arrays((scene, state))
-    goals = np.atleast_1d(np.asarray(cycles, float))
-    _check(scene, rates, cycle, goals, settle, measured, samples, stages)
+    goals = np.asarray(cycles, float)
+    _check(scene, rates, cycle, np.atleast_1d(goals), settle, measured, samples, stages)
     scene = _with_splines(scene, rates, samples)
     directions = {}
     if parameters is not None:
@@ -196,8 +196,8 @@ def wear(
     if store is not None:
         stages_so_far = store.read(stages_so_far)
     begun = stages_so_far.cycles[-1]
-    with tqdm(total=goals[-1], initial=begun, disable=not progress) as bar:
-        while not stages_so_far.has_ended(goals[-1], stages):
+    with tqdm(total=float(goals.max()), initial=begun, disable=not progress) as bar:
+        while not stages_so_far.has_ended(float(goals.max()), stages):
             stages_so_far.add(run, scene, goals, largest_change)
             bar.update(stages_so_far.cycles[-1] - bar.n)
             if store is not None:
@@ -452,7 +452,7 @@ class _Stages:
         self,
         run: _CycleRun,
         scene: Scene,
-        goals: Float[np.ndarray, " n"],
+        goals: Float[np.ndarray, "*n"],
         largest_change: float | None,
     ) -> None:
         """Measure the wear of the last stage and extrapolate it to a new one, or set `failure`.
@@ -482,8 +482,8 @@ class _Stages:
         self.state = found.state
         self.rates.append(found.halves.mean(axis=0))
         self.penetrations.append(found.penetrations)
-        left = goals[goals > self.cycles[-1]][0] - self.cycles[-1]
-        self._extrapolate(left if len(goals) > 1 else self._length(left, largest_change))
+        left = float(goals[goals > self.cycles[-1]].min()) - self.cycles[-1]
+        self._extrapolate(left if goals.ndim == 1 else self._length(left, largest_change))
 
     def has_ended(self, cycles: float, stages: int) -> bool:
         """Return whether there is nothing more to compute, and set `ending` if so.
