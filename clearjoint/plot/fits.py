@@ -123,7 +123,8 @@ def correlations(fit: FittedModel, axes: Axes | None = None) -> Axes:
     """Draw the correlation coefficients of the errors of estimated parameters as a matrix of
     coloured numbers.
 
-    Parameters with a coefficient near -1 or 1 can hardly be told apart by the measurements.
+    If a coefficient is near -1 or 1, the measurements determine a combination of the two parameters
+    well, but neither of them alone.
 
     **Arguments:** `fit`: from `cj.identify`; `axes`: axes to draw on, new ones by default.
 

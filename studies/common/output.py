@@ -1,6 +1,7 @@
 """Folders, stores and pictures of studies."""
 
 import argparse
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from shutil import copyfile
@@ -67,3 +68,29 @@ def add_options(parser: argparse.ArgumentParser, quick: str) -> None:
         "--renew", action="store_true", help="replace the pictures in the study's folder"
     )
     parser.add_argument("--output", type=Path, help="output folder; default: results/NAME")
+
+
+def run_parts(
+    study: str,
+    text: str | None,
+    parts: Mapping[str, Callable[[Output], list[str]]],
+    quick: str,
+    arguments: Sequence[str] | None,
+) -> list[str]:
+    """Run the parts of a study that a command line names, print their findings, and return them.
+
+    **Arguments:** `study`, `text`: the study's `__main__` file and its docstring. `parts`: by name,
+    functions that return findings; all run by default. `quick`: a line of help. `arguments`: of the
+    command line; ``None`` for those of this process.
+    """
+    parser = argparse.ArgumentParser(description=(text or "").partition("\n")[0])
+    parser.add_argument("part", nargs="?", choices=list(parts), help="by default all")
+    add_options(parser, quick)
+    options = parser.parse_args(arguments)
+    cj.configure()
+    output = Output.of(study, options)
+    names = list(parts) if options.part is None else [options.part]
+    lines = [line for name in names for line in parts[name](output)]
+    print("\n".join(f"- {line}" for line in lines), flush=True)
+    print(f"Figures: {output.folder}")
+    return lines

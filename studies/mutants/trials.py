@@ -215,7 +215,8 @@ def _enter(folder: Path, cache: Path) -> None:
     os.setpgrp()
     os.chdir(folder)
     sys.path.insert(0, str(folder))
-    # Only the changed module is compiled anew for each mutant, wherever Python is told otherwise.
+    # Bytecode is written beside the sources of this copy, also if environment variables switch that
+    # off or name another folder. Python then compiles only the changed module for each mutant.
     sys.dont_write_bytecode, sys.pycache_prefix = False, None
     os.environ["PYTHONPATH"] = str(folder)
     os.environ["CLEARJOINT_CACHE"] = str(cache)

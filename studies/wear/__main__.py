@@ -6,7 +6,6 @@
 the extrapolation. `life` compares derivatives of the number of cycles to a depth with differences.
 """
 
-import argparse
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -17,7 +16,7 @@ from matplotlib.figure import Figure
 import clearjoint as cj
 from clearjoint import plot
 from clearjoint.plot import style
-from studies.common.output import Output, add_options
+from studies.common.output import Output, run_parts
 
 PIN = "slider pin"
 CLEARANCE, LOAD, SPEED = 50e-6, 1500.0, 300.0
@@ -26,8 +25,9 @@ rad/s."""
 CYCLE = 2.0 * np.pi / SPEED
 LAW = cj.laws.ElastoGap(stiffness=1e8, damping=1e4, exponent=1.0)
 RATES = {PIN: cj.WearRates(bearing=1e-16)}
-CYCLES, DEPTH = 1e6, 5e-6
-"""Number of cycles of the profile, and mean depth, m, at which the pin's life ends."""
+CYCLES = 1e6
+SHARE = 0.9
+"""Mean depth at which the pin's life ends, relative to that after all cycles."""
 CHANGES = (2e-6, 1e-6, 5e-7)
 """Largest changes of the depth in a stage, m."""
 DIFFERENCE = 0.01
@@ -94,9 +94,10 @@ def life(output: Output) -> list[str]:
     given = {"parameters": PARAMETERS, "settings": cj.presets.derivatives}
     found = worn(scene, CYCLES, quick, largest_change=CHANGES[0], **given)
     mean = found.mean("angle", keepdims=True)
-    depth = min(DEPTH, 0.9 * float(mean["bearing_depth"][0, -1].max()))
+    depth = SHARE * float(mean["bearing_depth"].max())
     derivatives = cj.life_derivatives(mean, depth, PIN)
-    lines = [f"life to a mean depth of {depth * 1e6:.2f} µm: {_life(mean, depth):.4g} cycles"]
+    end = cj.cycles_to_depth(mean, depth, PIN)
+    lines = [f"life to a mean depth of {depth * 1e6:.2f} µm: {end:.4g} cycles"]
     for name, parameter in PARAMETERS.items():
         path, lives = parameter.variation.function, []
         value = float(path(scene))
@@ -104,7 +105,7 @@ def life(output: Output) -> list[str]:
             other = cj.set_value(scene, path, value * (1.0 + sign * DIFFERENCE))
             cycles = found["cycles"].values[1:]
             run = worn(other, cycles, quick, settings=cj.presets.derivatives)
-            lives.append(_life(run.mean("angle", keepdims=True), depth))
+            lives.append(cj.cycles_to_depth(run.mean("angle", keepdims=True), depth, PIN))
         difference = (lives[0] - lives[1]) / (2.0 * DIFFERENCE)
         derivative = value * derivatives[name]
         lines.append(f"{name}: {derivative:.5g} cycles, by differences {difference:.5g}")
@@ -112,25 +113,12 @@ def life(output: Output) -> list[str]:
     return [*lines, f"wear rate: {derivatives[name]:.5g} cycles"]
 
 
-def _life(found: xr.Dataset, depth: float) -> float:
-    return cj.cycles_to_depth(found, depth, PIN)
-
-
 PARTS: dict[str, Callable[[Output], list[str]]] = {"profile": profile, "life": life}
 
 
 def main(arguments: list[str] | None = None) -> list[str]:
     """Run the study, print its findings, and return them."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("part", nargs="?", choices=list(PARTS), help="by default both")
-    add_options(parser, "few stages")
-    options = parser.parse_args(arguments)
-    cj.configure()
-    output = Output.of(__file__, options)
-    names = list(PARTS) if options.part is None else [options.part]
-    lines = [line for name in names for line in PARTS[name](output)]
-    print("\n".join(f"- {line}" for line in lines), flush=True)
-    return lines
+    return run_parts(__file__, __doc__, PARTS, "few stages", arguments)
 
 
 if __name__ == "__main__":
