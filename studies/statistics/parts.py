@@ -1,7 +1,6 @@
 """The three parts of the study; each draws a figure and returns its findings as text."""
 
 import time
-from dataclasses import replace
 
 import numpy as np
 import xarray as xr
@@ -11,8 +10,9 @@ import clearjoint as cj
 from clearjoint.extend import Scalar
 from clearjoint.plot import style
 from studies.common.output import Output
+from studies.statistics import shadowing
 
-PIN = "slider pin"
+PIN = shadowing.PIN
 FORCE = cj.quantities.ContactForce(PIN)
 PERIOD = 60.0 / 5000.0
 """Duration of a revolution at 5000 1/min, s."""
@@ -83,8 +83,8 @@ def manufactured(clearance: float, members: int, seed: int) -> xr.Dataset:
 
 
 def derivatives(output: Output) -> list[str]:
-    """Compare intervals of 20 estimates with differences of two large ensembles."""
-    members, large, cases = (100, 200, 3) if output.quick else (1000, 100_000, 20)
+    """Compare intervals of 100 estimates with differences of two large ensembles."""
+    members, large, cases = (100, 200, 3) if output.quick else (1000, 100_000, 100)
     start = time.perf_counter()
     found = [manufactured(CLEARANCE, members, seed) for seed in range(cases)]
     seconds = (time.perf_counter() - start) / cases
@@ -119,11 +119,11 @@ def derivatives(output: Output) -> list[str]:
             f"{difference * 1e-6:.2g} N/µm: {(difference / own.mean()) ** 2:.1f} times the cost"
         )
     output.save(figure, "derivatives")
-    return lines + [*_other_methods(members)]
+    return lines + _other_methods(members)
 
 
 def _other_methods(members: int) -> list[str]:
-    """Return standard errors of the score method and of tangents, for the mean pin force."""
+    """Return derivatives of the mean pin force by the score method and from tangents."""
     scene, state = cj.mechanisms.slider_crank(CLEARANCE)
     tolerance = cj.Uncertain(CLEARANCES.variation.function, deviation=TOLERANCE)
     axes = cj.design(scene, state, {"clearance": tolerance}, members, "random")
@@ -136,52 +136,40 @@ def _other_methods(members: int) -> list[str]:
         terms = f * z / TOLERANCE
         error = terms.std() / np.sqrt(members)
         lines.append(f"{name}: {terms.mean() * 1e-6:.3g} ± {error * 1e-6:.2g} N/µm")
-    plain, shadowing = np.transpose([_tangents(c) for c in axes["clearance"].values[:40]])
-    for name, terms in {"tangents": plain, "least-squares shadowing": shadowing}.items():
-        quartiles = np.percentile(terms, [25, 50, 75]) * 1e-6
+    return lines + _by_tangents(axes["clearance"].values[: 3 if members < 1000 else 40], members)
+
+
+def _by_tangents(clearances: np.ndarray, members: int) -> list[str]:
+    """Return derivatives of the mean pin force from tangents at clearances, m, as findings.
+
+    Shadowing is an average over a long motion, and is compared with the regression for this.
+    """
+    long = 10
+    scene, state = cj.mechanisms.slider_crank(CLEARANCE)
+    regression = cj.statistics_derivatives(
+        scene,
+        state,
+        long * PERIOD,
+        {"clearance": cj.Uncertain(CLEARANCES.variation.function, deviation=TOLERANCE)},
+        {"load": outputs()["load"]},
+        members=members,
+        progress=False,
+    )
+    value, error = (
+        1e-6 * float(regression[f"load_mean_derivative{end}"][0]) for end in ("", "_standard_error")
+    )
+    lines = [f"regression for {long} revolutions: {value:.3g} ± {error:.2g} N/µm"]
+    methods = {"tangents": (2, shadowing.continued), "shadowing": (long, shadowing.shadow)}
+    for name, (revolutions, tangents_of) in methods.items():
+        runs = [shadowing.segments(clearance, revolutions, PERIOD) for clearance in clearances]
+        terms = [shadowing.mean_force(run, tangents_of(run), PERIOD) * 1e-6 for run in runs]
+        quartiles = ", ".join(f"{value:.3g}" for value in np.percentile(terms, [25, 50, 75]))
         lines.append(
-            f"{name} at {len(terms)} clearances: mean {terms.mean() * 1e-6:.3g} ± "
-            f"{terms.std() / np.sqrt(len(terms)) * 1e-6:.2g} N/µm, quartiles "
-            + ", ".join(f"{value:.3g}" for value in quartiles)
+            f"{name} of {len(terms)} runs of {revolutions} revolutions in "
+            f"{min(map(len, runs))} to {max(map(len, runs))} segments: mean {np.mean(terms):.3g} ± "
+            f"{np.std(terms) / np.sqrt(len(terms)):.2g} N/µm, quartiles {quartiles}"
         )
     return lines
-
-
-def _push(scene: cj.Scene, state: cj.State, speed: Scalar) -> tuple[cj.Scene, cj.State]:
-    """Add a speed along the guide, m/s, to the slider."""
-    moved = cj.set_value(
-        state, lambda s: s.bodies["slider"].velocity[0], state.bodies["slider"].velocity[0] + speed
-    )
-    return scene, moved
-
-
-def _tangents(clearance: float) -> tuple[float, float]:
-    """Return two derivatives of the mean pin force in the second revolution, N/m: that of the
-    motion from its start, and that of its shadow, the motion that stays closest in position.
-
-    The shadow is one segment of NILSS with one direction of growth: a push of the slider is added
-    to the derivative by the clearance, so that the sum of squares of its positions is smallest.
-    """
-    scene, state = cj.mechanisms.slider_crank(clearance)
-    times = np.linspace(PERIOD, 2 * PERIOD, 4001)
-    parameters = {
-        "clearance": cj.Parameter(CLEARANCES.variation),
-        "push": cj.Parameter.change(_push, 0.0, unit="m/s"),
-    }
-    probes = {
-        "force": FORCE,
-        "slider": cj.quantities.Position("slider", "x"),
-        "x": cj.quantities.JournalOffset(PIN, "x"),
-        "y": cj.quantities.JournalOffset(PIN, "y"),
-    }
-    # Tangents of this size must not control the steps, or runs reach their step limit.
-    settings = replace(cj.presets.derivatives, derivative_tolerance=1e9)
-    found = cj.sensitivities(scene, state, 2 * PERIOD, parameters, probes, times, settings)
-    positions = np.concatenate([found.derivatives[name] for name in ("slider", "x", "y")])
-    by_clearance, by_push = positions.T
-    share = -(by_clearance @ by_push) / (by_push @ by_push)
-    mean = found.derivatives["force"].mean(axis=0)
-    return mean[0], mean[0] + share * mean[1]
 
 
 def offset_guide(scene: cj.Scene, state: cj.State, offset: Scalar) -> tuple[cj.Scene, cj.State]:

@@ -2,9 +2,13 @@
 
 import re
 
+import numpy as np
 import pytest
 
+import clearjoint as cj
+from studies.statistics import shadowing
 from studies.statistics.__main__ import main
+from studies.statistics.parts import FORCE, PERIOD
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +24,7 @@ def lines(folder):
 def test_the_quick_study_draws(lines, folder):
     for name in ("ensemble", "derivatives", "sensitivity"):
         assert (folder / f"{name}.png").stat().st_size > 3000
-    assert len(lines) == 8 + 8 + 5
+    assert len(lines) == 8 + 9 + 5
 
 
 def test_intervals_hold_the_differences(lines):
@@ -34,3 +38,20 @@ def test_the_clearance_drives_the_peak_of_the_first_revolution(lines):
     shares = {name: float(share) for name, share in re.findall(r"(\w+) (-?[\d.]+) \(", line)}
     assert max(shares, key=lambda name: shares[name]) == "clearance"
     assert len(shares) == 5
+
+
+@pytest.mark.slow
+def test_tangents_of_segments_agree_with_differences():
+    clearance, step, after = 5e-5, 1e-10, 0.5 * PERIOD
+    found = shadowing.segments(clearance, 1, PERIOD)
+    assert len(found) > 1  # The tangents are continued from segment to segment.
+    ends = cj.sweep(
+        *cj.mechanisms.slider_crank(),
+        PERIOD,
+        {"clearance": cj.Axis(shadowing.CLEARANCE.variation, clearance + step * np.array([-1.0, 1.0]))},
+        {"force": cj.Statistics(FORCE, "N", after=after)},
+        cj.presets.derivatives,
+        progress=False,
+    )["force_mean"].values
+    derivative = shadowing.mean_force(found, shadowing.continued(found), after)
+    assert derivative == pytest.approx((ends[1] - ends[0]) / (2.0 * step), rel=1e-2)
