@@ -4,7 +4,7 @@ The accuracy of a parameter refers to its coordinate: its value on its scale, su
 of the value for the scale `Log`, on which a small difference is a relative error.
 """
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from functools import cached_property
 from typing import Protocol
 
@@ -22,11 +22,6 @@ from ..measurements.series import Measurements
 from .labels import scaled
 from .style import BLUE, DARK, GREY, VERMILLION, axes_or_new, draw_lines, dress, lines
 
-LETTER = 0.08
-"""Width of a letter of a parameter's name, inches."""
-ROW = 1.9
-"""Half of the height of a panel of `fitted` with the residuals below it, inches."""
-
 
 class FittedModel(Protocol):
     """The properties of `clearjoint.results.Fit` that figures show."""
@@ -34,27 +29,22 @@ class FittedModel(Protocol):
     @property
     def measurements(self) -> Measurements:
         """Measured series, by name."""
-        ...
 
     @property
     def parameters(self) -> Collection[str]:
         """Names of the parameters, in the order of `correlation`."""
-        ...
 
     @cached_property
     def predictions(self) -> dict[str, np.ndarray]:
         """Values (N,) that the fitted model predicts, by name of the series, in its SI unit."""
-        ...
 
     @cached_property
     def residuals(self) -> dict[str, np.ndarray]:
         """(prediction - measured value) / noise, (N,), by name of the series."""
-        ...
 
     @property
     def correlation(self) -> np.ndarray:
         """Correlation coefficients (p, p) of the errors of the p estimated parameters."""
-        ...
 
 
 def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:
@@ -73,8 +63,8 @@ def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:
 
     >>> axes = plot.fitted(fit)
     """
-    names = list(fit.measurements.series) if series is None else list(series)
     known = list(fit.measurements.series)
+    names = known if series is None else list(series)
     is_valid = bool(names) and set(names) <= set(known)
     require(is_valid, "series", names, "names of series", f"choose from {', '.join(known)}")
     columns = min(2, len(names))
@@ -82,7 +72,7 @@ def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:
     figure, grid = plt.subplots(
         2 * blocks,
         columns,
-        figsize=(4.4 * columns, 2.0 * ROW * blocks),
+        figsize=(4.4 * columns, 3.8 * blocks),  # inches
         height_ratios=[2.0, 1.0] * blocks,
         sharex=True,
         squeeze=False,
@@ -135,7 +125,7 @@ def correlations(fit: FittedModel, axes: Axes | None = None) -> Axes:
     numbers, names = fit.correlation, [shown(name) for name in fit.parameters]
     # Inches: about one for each row and column, and space for the longest name, which is inclined
     # below the matrix.
-    label_width = LETTER * max(map(len, names), default=0)
+    label_width = 0.08 * max(map(len, names), default=0)
     width, height = 1.0 + 1.0 * len(names) + label_width, 0.9 + 0.9 * len(names) + 0.5 * label_width
     axes = axes_or_new(axes, (width, height))
     image = axes.imshow(numbers, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
@@ -200,18 +190,9 @@ def growth(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
 
     >>> axes = plot.growth(limits)
     """
-    axes = axes_or_new(axes)
-    times = horizon.times * 1e3
     labels = [*map(shown, horizon.information.labels), f"{DISTURBANCE}, m/s"]
-    # A logarithmic axis has no zero: displacements of zero, as at the start, are gaps.
-    growth = np.where(horizon.growth > 0.0, horizon.growth, np.nan)
-    draw_lines(
-        axes, ((label, times, column) for label, column in zip(labels, growth.T, strict=True))
-    )
-    _mark_limits(horizon, axes)
-    axes.set_yscale("log")
-    axes.legend(frameon=False, title="displacement per unit of", loc="lower right")
-    return dress(axes, "time, ms", "displacement, m")
+    curves = zip(labels, horizon.growth.T, strict=True)
+    return _over_time(horizon, curves, "displacement, m", "displacement per unit of", axes)
 
 
 def integration_error(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
@@ -229,23 +210,31 @@ def integration_error(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
 
     >>> axes = plot.integration_error(limits)
     """
-    axes = axes_or_new(axes)
     errors = {
         "error of the run over the noise": horizon.error,
         "relative error of derivatives": horizon.derivative_error,
     }
+    return _over_time(horizon, errors.items(), "error", None, axes)
+
+
+def _over_time(
+    horizon: FitHorizon,
+    curves: Iterable[tuple[str, np.ndarray]],
+    quantity: str,
+    title: str | None,
+    axes: Axes | None,
+) -> Axes:
+    """Draw curves over the times of a horizon on a logarithmic scale, and vertical lines at the
+    times, if finite, from which on fits from wrong guesses may fail, or integration errors are too
+    large.
+
+    **Arguments:** `curves`: label and values (N,) of each curve; `quantity`: text of the vertical
+    axis; `title`: title of the legend.
+    """
+    axes = axes_or_new(axes)
     times = horizon.times * 1e3  # ms
-    # A logarithmic axis has no zero: errors of zero, as at the start, are gaps.
-    draw_lines(axes, ((name, times, np.where(y > 0.0, y, np.nan)) for name, y in errors.items()))
-    _mark_limits(horizon, axes)
-    axes.set_yscale("log")
-    axes.legend(frameon=False, loc="lower right")
-    return dress(axes, "time, ms", "error")
-
-
-def _mark_limits(horizon: FitHorizon, axes: Axes) -> None:
-    """Draw vertical lines at the times, if finite, from which on fits from wrong guesses may fail,
-    or integration errors are too large."""
+    # A logarithmic axis has no zero: values of zero, as at the start, are gaps.
+    draw_lines(axes, ((name, times, np.where(y > 0.0, y, np.nan)) for name, y in curves))
     limits = {
         "guesses fail": (horizon.convergence, DARK),
         "integration fails": (horizon.numerical, GREY),
@@ -265,3 +254,6 @@ def _mark_limits(horizon: FitHorizon, axes: Axes) -> None:
                 color=colour,
                 bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0},
             )
+    axes.set_yscale("log")
+    axes.legend(frameon=False, title=title, loc="lower right")
+    return dress(axes, "time, ms", quantity)

@@ -25,8 +25,6 @@ forces' peaks, or the second number times the median over time of the forces in 
 axis, half of the forces would then be in the lowest sixth, or twentieth, of its height."""
 FEWEST_PEAKS = 3
 """Smallest number of peaks for which their median is used."""
-DECADES = 4.0
-"""Largest range of a logarithmic axis of forces, in powers of ten."""
 
 
 def contact_and_reaction(
@@ -104,8 +102,7 @@ def contact_forces(
     >>> axes = plot.contact_forces(observed, "shoulder", window=(0.01, 0.0115))
     """
     contacts = observed.contacts(observation, joint)
-    forces = {_label(name): one.normal_force for name, one in contacts.items()}
-    axes = axes_or_new(axes)
+    forces = {_label(name): np.asarray(one.normal_force) for name, one in contacts.items()}
     return _over_time(observation.times, forces, window, logarithmic, axes)
 
 
@@ -132,7 +129,6 @@ def joint_forces(
         name: np.max([np.asarray(one.normal_force) for one in family.values()], axis=0)
         for name, family in observation.contacts.items()
     }
-    axes = axes_or_new(axes)
     return _over_time(observation.times, forces, window, logarithmic, axes)
 
 
@@ -145,61 +141,40 @@ def _over_time(
     forces: dict[str, np.ndarray],
     window: TimeSpan | None,
     logarithmic: bool | None,
-    axes: Axes,
+    axes: Axes | None,
 ) -> Axes:
     """Draw forces over time, with equal curves merged into one.
 
     **Arguments:** `times`: (N,) s; `forces`: (N,) N, by label; `logarithmic`: see `contact_forces`.
     """
+    axes = axes_or_new(axes)
     mask, drawn_times, time_label = time_axis(axes, times, window)
-    curves = observed.without_twins(
-        {name: np.asarray(values)[mask] for name, values in forces.items()}
-    )
-    factor, unit = fitting_unit(np.concatenate([values for _, values in curves]), "N")
-    draw_lines(axes, ((label, drawn_times, values * factor) for label, values in curves), 1.0)
+    curves = observed.without_twins({name: values[mask] for name, values in forces.items()})
+    values = np.concatenate([force for _, force in curves])
+    factor, unit = fitting_unit(values, "N")
+    draw_lines(axes, ((label, drawn_times, force * factor) for label, force in curves), 1.0)
     axes.get_lines()[-len(curves)].set_linewidth(1.8)  # the first one may lie below others
     axes.margins(x=0.0)
     axes.set_ylim(bottom=0.0)
-    _rescale(axes, times[mask], [values for _, values in curves], factor, logarithmic)
+    # The largest force in each interval of contact. Without any, the axis stays linear.
+    peaks = np.array([f[i:j].max() for _, f in curves for i, j in observed.spans(f > 0.0)])
+    if len(peaks) > 0 and logarithmic is not False:
+        # The median over time of the forces in contact. Samples are dense where steps are short:
+        # each force counts by the time for which it acts.
+        drawn = times[mask]
+        durations = np.gradient(drawn) if len(drawn) > 1 else np.ones(len(drawn))
+        acting, weights = values > 0.0, np.tile(durations, len(curves))
+        usual = np.quantile(values[acting], 0.5, weights=weights[acting], method="inverted_cdf")
+        largest = peaks.max()
+        has_outlier = len(peaks) >= FEWEST_PEAKS and largest > OVER_USUAL_PEAK * np.median(peaks)
+        if logarithmic or has_outlier or largest > OVER_USUAL_VALUE * usual:
+            # The axis begins somewhat below the smallest peak and the usual force, but it spans at
+            # least one and a half decades, and at most four.
+            lowest = np.clip(0.3 * min(peaks.min(), usual), 1e-4 * largest, 0.03 * largest)
+            axes.set_yscale("log")
+            axes.set_ylim(factor * lowest, 1.5 * factor * largest)
     legend_above(axes, min(len(curves), 4))
     return dress(axes, time_label, f"normal force, {unit}")
-
-
-def _rescale(
-    axes: Axes,
-    times: np.ndarray,
-    curves: list[np.ndarray],
-    factor: float,
-    logarithmic: bool | None,
-) -> None:
-    """Make the axis of forces logarithmic if `logarithmic`, or, if it is None, when the usual
-    forces would be invisible on a linear axis. Without positive forces, keep it linear.
-
-    **Arguments:** `times`: (N,) s; `curves`: forces (N,) each, N; `factor`: from N to the unit of
-    the axis.
-    """
-    peaks = np.concatenate([_peaks(values) for values in curves])
-    if len(peaks) == 0 or logarithmic is False:
-        return
-    # Samples are dense where steps are short: each force counts by the time for which it acts.
-    weights = np.tile(np.gradient(times) if len(times) > 1 else np.ones(len(times)), len(curves))
-    values = np.concatenate(curves)
-    acting = values > 0.0
-    # The median over time of the forces in contact.
-    usual = np.quantile(values[acting], 0.5, weights=weights[acting], method="inverted_cdf")
-    largest = peaks.max()
-    has_outlier = len(peaks) >= FEWEST_PEAKS and largest > OVER_USUAL_PEAK * np.median(peaks)
-    if logarithmic or has_outlier or largest > OVER_USUAL_VALUE * usual:
-        # The axis begins somewhat below the smallest peak and the usual force, but it spans at
-        # least one and a half decades, and at most `DECADES`.
-        lowest = np.clip(0.3 * min(peaks.min(), usual), largest * 10.0**-DECADES, 0.03 * largest)
-        axes.set_yscale("log")
-        axes.set_ylim(factor * lowest, 1.5 * factor * largest)
-
-
-def _peaks(values: np.ndarray) -> np.ndarray:
-    """Return the largest value in each interval of successive positive values of `values` (N,)."""
-    return np.array([values[first:last].max() for first, last in observed.spans(values > 0.0)])
 
 
 def hysteresis(
@@ -395,9 +370,13 @@ def motion_timeline(
     factor, unit = time_unit(times, window)
     for row, name in enumerate(names):
         phases = contact_phases(observation, name)
-        starts, lengths, kinds = _intervals(times, phases, (first, last))
+        # Intervals of constant phase: indices, starts and lengths, s; the latter in the window.
+        begins = np.flatnonzero(np.diff(phases, prepend=-1))
+        starts = np.clip(times[begins], first, last)
+        lengths = np.clip(np.append(times[begins[1:]], times[-1]), first, last) - starts
+        kinds = phases[begins]
         for phase, (height, look) in BAR_STYLES.items():
-            of_phase = kinds == phase
+            of_phase = (kinds == phase) & (lengths > 0.0)
             bars = [*zip(factor * starts[of_phase], factor * lengths[of_phase], strict=True)]
             axes.broken_barh(bars, (row - 0.5 * height, height), label=_phase_name(phase), **look)
         total = max(lengths.sum(), np.finfo(float).tiny)  # zero if no interval is in the window
@@ -420,16 +399,3 @@ def motion_timeline(
 
 def _phase_name(phase: ContactPhase) -> str:
     return phase.name.replace("_", " ").lower()
-
-
-def _intervals(
-    times: np.ndarray, phases: np.ndarray, window: TimeSpan
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the starts and lengths, s, and the phases of the M successive intervals of constant
-    phase in a window, (M,) each, from the phases (N,) at times (N,), s."""
-    changes = np.flatnonzero(np.diff(phases)) + 1
-    rows = np.concatenate([[0], changes])
-    starts = np.clip(times[rows], *window)
-    ends = np.clip(np.append(times[changes], times[-1]), *window)
-    in_window = ends > starts
-    return starts[in_window], (ends - starts)[in_window], phases[rows][in_window]

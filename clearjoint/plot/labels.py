@@ -179,16 +179,12 @@ def suits_logarithm(values: np.ndarray, swept: bool = False) -> bool:
     finite = values[np.isfinite(values)]
     if finite.size == 0 or finite.min() <= 0.0:
         return False
-    wide = bool(finite.max() > LOGARITHMIC * finite.min())
-    return wide or (swept and _is_geometric(finite))
-
-
-def _is_geometric(values: np.ndarray) -> bool:
-    """Return whether at least three distinct values, sorted, have equal ratios and unequal
-    differences."""
-    distinct = np.unique(values)
-    if len(distinct) < 3:
+    if finite.max() > LOGARITHMIC * finite.min():
+        return True
+    distinct = np.unique(finite)
+    if not swept or len(distinct) < 3:
         return False
+    # A geometric series has equal ratios and unequal differences.
     ratios, steps = np.diff(np.log(distinct)), np.diff(distinct)
     equal = np.ptp(ratios) <= GEOMETRIC * ratios.mean()
     return bool(equal and np.ptp(steps) > GEOMETRIC * steps.mean())

@@ -14,8 +14,7 @@ from .observed import named
 from .style import TimeSpan, axes_or_new, draw_lines, dress, inside, legend_above, lines, show
 
 Curve = tuple[np.ndarray, np.ndarray]
-"""Angles (N,), rad, and values (N,)."""
-COMPONENTS = ("X", "Y", "Z")
+"""Angles (N,), rad, or times (N,), s, and values (N,) or (N, 3)."""
 
 
 def position(
@@ -43,13 +42,12 @@ def position(
 
     >>> axes = plot.position({"with clearance": solution.saved}, "arm 2", "Y")
     """
-    axis = _number(component)
     curves = {
-        label: (trajectory.times, named("body", body, trajectory.states.bodies).position[:, axis])
+        label: (trajectory.times, named("body", body, trajectory.states.bodies).position)
         for label, trajectory in trajectories.items()
     }
-    label = f"{component}-position of {shown(body)}'s centre, m"
-    return dress(_over_time(curves, axes, window), "time, s", label)
+    quantity = f"position of {shown(body)}'s centre, m"
+    return _over_time(curves, component, quantity, window, axes, 1.5)
 
 
 def acceleration(
@@ -79,16 +77,12 @@ def acceleration(
 
     >>> axes = plot.acceleration({"with clearance": observed}, "arm 2", "Y")
     """
-    axis = _number(component)
     curves = {
-        label: (observation.times, named("body", body, observation.accelerations).linear[:, axis])
+        label: (observation.times, named("body", body, observation.accelerations).linear)
         for label, observation in observations.items()
     }
-    return dress(
-        _over_time(curves, axes, window, width=1.0),
-        "time, s",
-        f"{component}-acceleration of {shown(body)}'s centre, m/s²",
-    )
+    quantity = f"acceleration of {shown(body)}'s centre, m/s²"
+    return _over_time(curves, component, quantity, window, axes, 1.0)
 
 
 def path(
@@ -163,22 +157,29 @@ def over_angle(
 
 
 def _over_time(
-    curves: Mapping[str, tuple[np.ndarray, np.ndarray]],
-    axes: Axes | None,
+    curves: Mapping[str, Curve],
+    component: str,
+    quantity: str,
     window: TimeSpan | None,
-    width: float = 1.5,
+    axes: Axes | None,
+    width: float,
 ) -> Axes:
+    """Draw one component of vectors over time.
+
+    **Arguments:** `curves`: times (N,), s, and vectors (N, 3), by the curve's label; `quantity`:
+    text of the vertical axis after "X-", say; `width`: of the lines, points.
+    """
+    axis = _number(component)
     axes = axes_or_new(axes)
     drawn = []
-    for label, (times, values) in curves.items():
+    for label, (times, vectors) in curves.items():
         mask = show(axes, np.asarray(times), window)
-        drawn.append((label, np.asarray(times)[mask], values[mask]))
+        drawn.append((label, np.asarray(times)[mask], vectors[mask, axis]))
     draw_lines(axes, drawn, width)
     legend_above(axes, len(curves))
-    return axes
+    return dress(axes, "time, s", f"{component}-{quantity}")
 
 
 def _number(component: str) -> int:
-    expected = f"one of {COMPONENTS}"
-    require(component in COMPONENTS, "component", component, expected, "name one of them")
-    return COMPONENTS.index(component)
+    require(component in ("X", "Y", "Z"), "component", component, "X, Y or Z", "name one of them")
+    return "XYZ".index(component)

@@ -4,6 +4,7 @@ Bars are in equal sectors of the angle about the bearing's axis. The bases V and
 circles of the journal.
 """
 
+from itertools import count, takewhile
 from typing import Literal
 
 import numpy as np
@@ -71,49 +72,28 @@ def contact_rose(
     is_valid, remedy = weight in ("impulse", "force"), "name one of them"
     require(is_valid, "weight", weight, "'impulse' or 'force'", remedy)
     require_count("sectors", sectors, "give a number of sectors")
-    weights = {
-        f"base {base}": _weights(observation, joint, base, weight, sectors, section)
-        for base in BASES
-    }
+    # Trapezoidal rule: each instant has half of the interval before it and after it.
+    halves = 0.5 * np.diff(observation.times)
+    durations = np.append(halves, 0.0) + np.append(0.0, halves)
+    weights = {}  # impulses, N s, or forces, N, in each sector
+    for base in BASES:
+        x, y = eccentricity_vectors(observation, joint, base, section).T
+        turns = np.arctan2(y, x) / (2.0 * np.pi) % 1.0
+        values = np.asarray(contact(observation, joint, base).normal_force)
+        kind = "max"
+        if weight == "impulse":
+            kind, values = "sum", values * durations
+        binned = binned_statistic(turns, values, kind, sectors, range=(0.0, 1.0)).statistic
+        weights[f"base {base}"] = np.nan_to_num(binned)  # a sector without contact has no maximum
     axes = polar_or_new(axes)
+    directions = ("x", "y") if section is None else map(shown, section)
     distinct = dict(without_twins(weights))
     if weight == "force":
-        _bars(distinct, ("largest normal force", "N"), False, axes)
-    else:
-        # Two bases with equal impulses share one bar, whose length is twice that impulse.
-        shared = len(weights) / len(distinct)
-        summed = {label: shared * sizes for label, sizes in distinct.items()}
-        _bars(summed, ("impulse", "N s"), True, axes)
-    if section is not None:
-        axes.set_xticklabels(_named(axes, *map(shown, section)))
-    return axes
-
-
-def _weights(
-    observation: Observation,
-    joint: str,
-    base: str,
-    weight: Weight,
-    sectors: int,
-    section: CrossSection | None,
-) -> np.ndarray:
-    """Return the impulse, N s, or the largest normal force, N, of a base in each sector.
-
-    The arguments are those of `contact_rose`, and `base`: "V" or "W".
-
-    **Returns:** (sectors,), in the order of the angle of the eccentricity, from 0 to 2 pi; zero for
-    a sector without contact.
-    """
-    x, y = eccentricity_vectors(observation, joint, base, section).T
-    turns = np.arctan2(y, x) / (2.0 * np.pi) % 1.0
-    values = np.asarray(contact(observation, joint, base).normal_force)
-    if weight == "impulse":
-        # Trapezoidal rule: each instant has half of the interval before it and after it.
-        halves = 0.5 * np.diff(observation.times)
-        values = values * (np.append(halves, 0.0) + np.append(0.0, halves))
-    kind = "sum" if weight == "impulse" else "max"
-    binned = binned_statistic(turns, values, kind, sectors, range=(0.0, 1.0)).statistic
-    return np.nan_to_num(binned)  # sectors without contact have no largest force
+        return _bars(distinct, ("largest normal force", "N"), False, axes, *directions)
+    # Two bases with equal impulses share one bar, whose length is twice that impulse.
+    shared = len(weights) / len(distinct)
+    summed = {label: shared * sizes for label, sizes in distinct.items()}
+    return _bars(summed, ("impulse", "N s"), True, axes, *directions)
 
 
 def wear(lane: xr.Dataset, output: str, *, axes: Axes | None = None) -> PolarAxes:
@@ -141,9 +121,7 @@ def wear(lane: xr.Dataset, output: str, *, axes: Axes | None = None) -> PolarAxe
     """
     require_names(lane, tuple(f"{output}_{base} 1" for base in BASES))
     volumes = {f"base {base}": _sectors(lane, f"{output}_{base}") for base in BASES}
-    axes = polar_or_new(axes)
-    _bars(volumes, ("worn volume", "m^3"), True, axes)
-    return axes
+    return _bars(volumes, ("worn volume", "m^3"), True, polar_or_new(axes))
 
 
 def worn_profile(
@@ -192,12 +170,7 @@ def worn_profile(
         label = f"{number:.3g} cycles"
         axes.plot(closed, factor * np.append(curve, curve[0]), color=shade, label=label)
     axes.set_ylim(bottom=0.0)
-    axes.set_rlabel_position(_emptiest(angles, depths[-1]))
-    axes.tick_params(axis="y", labelsize="small", colors=DARK)
-    legend_above(axes, 2, height=1.08)
-    axes.set_xlabel(f"worn depth, {unit}")
-    axes.set_xticklabels(_named(axes, "x", "y"))
-    return axes
+    return _dressed(axes, angles, depths[-1], f"worn depth, {unit}")
 
 
 def _sectors(lane: xr.Dataset, name: str) -> np.ndarray:
@@ -208,30 +181,31 @@ def _sectors(lane: xr.Dataset, name: str) -> np.ndarray:
 
     **Raises:** `ValueError` for a dataset with several lanes.
     """
-    names, k = [], 1
-    while f"{name} {k}" in lane:
-        names.append(f"{name} {k}")
-        k += 1
-    remedy = "select one: dataset.isel(...)"
-    shapes = {lane[name].shape for name in names}
-    require(shapes == {()}, "lane", lane[names[0]].dims, "a single lane", remedy)
-    return np.array([float(lane[name]) for name in names])
+    names = takewhile(lane.__contains__, (f"{name} {k}" for k in count(1)))
+    volumes = [lane[name] for name in names]
+    is_single, remedy = all(one.ndim == 0 for one in volumes), "select one: dataset.isel(...)"
+    require(is_single, "lane", volumes[0].dims, "a single lane", remedy)
+    return np.array([float(one) for one in volumes])
 
 
 def _bars(
-    weights: dict[str, np.ndarray], quantity: tuple[str, str], stacked: bool, axes: PolarAxes
-) -> None:
+    weights: dict[str, np.ndarray],
+    quantity: tuple[str, str],
+    stacked: bool,
+    axes: PolarAxes,
+    right: str = "x",
+    up: str = "y",
+) -> PolarAxes:
     """Draw a bar for each sector and base, and their radial scale.
 
     **Arguments:** `weights`: lengths (sectors,) of the bars in the SI unit, by label of the base;
     `quantity`: name and SI unit of these lengths; `stacked`: whether the bars of one base begin at
-    the ends of the other's, instead of all at the centre.
+    the ends of the other's, instead of all at the centre; `right`, `up`: names of the directions 0°
+    and 90°.
     """
-    sectors = len(next(iter(weights.values())))
+    tops = (np.sum if stacked else np.max)([*weights.values()], axis=0)
+    sectors = len(tops)
     middles = 2.0 * np.pi * (np.arange(sectors) + 0.5) / sectors
-    tops = (
-        np.sum(list(weights.values()), axis=0) if stacked else np.max([*weights.values()], axis=0)
-    )
     factor, unit = _fitting(tops, quantity[1])
     bottom = np.zeros(sectors)
     for (label, sizes), look in zip(weights.items(), BAR_STYLES, strict=False):
@@ -243,35 +217,36 @@ def _bars(
         axes.set_ylim(0.0, top)
         axes.set_yticks([tick for tick in MaxNLocator(4).tick_values(0.0, top) if 0.0 < tick < top])
     axes.tick_params(axis="x", pad=5)
-    axes.set_rlabel_position(_emptiest(middles, tops))
+    return _dressed(axes, middles, tops, f"{quantity[0]}, {unit}", right, up)
+
+
+def _dressed(
+    axes: PolarAxes,
+    angles: np.ndarray,
+    heights: np.ndarray,
+    label: str,
+    right: str = "x",
+    up: str = "y",
+) -> PolarAxes:
+    """Add the legend and the texts of the axes, and return them.
+
+    **Arguments:** `angles`: (N,) rad, angles of the bars or points; `heights`: (N,) their distances
+    from the centre; `label`: name and unit of the radial axis; `right`, `up`: names of the
+    directions 0° and 90°, such as "x" for the text "x, 0°".
+    """
+    # The numbers of the radial scale are midway between two of the grid lines at every 45°, where
+    # they cover least of the bars.
+    middles = 22.5 + 45.0 * np.arange(8)
+    distance = (np.degrees(angles) - middles[:, None] + 180.0) % 360.0 - 180.0
+    covered = np.where(np.abs(distance) < 22.5, heights, 0.0).sum(axis=1)
+    axes.set_rlabel_position(float(middles[np.argmin(covered)]))
     axes.tick_params(axis="y", labelsize="small", colors=DARK)
     legend_above(axes, 2, height=1.08)
-    axes.set_xlabel(f"{quantity[0]}, {unit}")
-    axes.set_xticklabels(_named(axes, "x", "y"))
-
-
-def _emptiest(middles: np.ndarray, tops: np.ndarray) -> float:
-    """Return the angle, degrees, at which the numbers of the radial scale cover least of the bars.
-
-    It is one of the eight angles midway between the grid lines at every 45°: the one around which
-    the bars are shortest.
-
-    **Arguments:** `middles`: (N,) rad, angles of the bars; `tops`: (N,) their lengths.
-    """
-    angles = 22.5 + 45.0 * np.arange(8)
-    distance = (np.degrees(middles) - angles[:, None] + 180.0) % 360.0 - 180.0
-    return float(angles[np.argmin(np.where(np.abs(distance) < 22.5, tops, 0.0).sum(axis=1))])
-
-
-def _named(axes: PolarAxes, right: str, up: str) -> list[str]:
-    """Return the labels of the angular ticks of polar axes, such as "45°".
-
-    The labels of 0° and 90° also contain the names of these directions, `right` and `up`, such as
-    "x, 0°" and "y, 90°".
-    """
-    names = {0: right, 90: up}
+    axes.set_xlabel(label)
+    names = {0: f"{right}, ", 90: f"{up}, "}
     degrees = [round(np.degrees(tick)) for tick in axes.get_xticks()]
-    return [f"{names[angle]}, {angle}°" if angle in names else f"{angle}°" for angle in degrees]
+    axes.set_xticklabels([f"{names.get(angle, '')}{angle}°" for angle in degrees])
+    return axes
 
 
 def _fitting(values: np.ndarray, unit: str) -> tuple[float, str]:

@@ -34,37 +34,25 @@ from .report_tables import IMPACT_COLUMNS, JOINT_COLUMNS, Cells, impact_rows, jo
 from .style import GREY, draw_lines, dress
 from .time_series import is_even, labelled, series, spectrum_of, trajectory_of
 
-MOST_ORBITS = 2
-"""Largest number of journals whose paths are drawn."""
 WIDTH = 7.4
 """Width between the margins of the page, inches."""
 LETTER = 0.066
 """Width of a letter in a table, inches; a little more than that of bold text."""
-LINE_LENGTH = 125
-"""Largest number of characters in a line of the page."""
 TITLE = 26
 """Largest number of characters of a name in the title of a figure."""
 LINE = 0.145
 """Height of a line of text, inches."""
-THINNER = 0.6
-"""Line widths on the page relative to those of single figures."""
-MANY = 5000
-"""Number of points above which a curve is rasterised in a PDF."""
 SMALL_MOTION = 0.02
 """Paths of the bodies are not drawn if no centre moves farther than this fraction of the size of
 the mechanism."""
-NO_SPECTRUM = "no spectrum: states are not saved\nat equal intervals of time"
-"""Text in the place of a spectrum."""
 JOINT_POSITIONS = (0.0, 0.14, 0.30, 0.50, 0.585, 0.81)
 """Left ends of the columns of the table of joints, as fractions of the page's width."""
 IMPACT_POSITIONS = (0.0, 0.16, 0.26, 0.36, 0.48, 0.615, 0.745, 0.86)
 """The same for the table of impacts."""
 PAGE = (8.27, 11.69)
 """Width and height, inches: A4."""
-SUFFIXES = (".png", ".pdf")
-"""Suffixes of the files that can be written."""
-MOST_JOINTS, MOST_IMPACTS = 8, 8
-"""Largest numbers of joints and impacts that the tables list."""
+MOST_ROWS = 8
+"""Largest number of joints or impacts that a table lists."""
 TABLE_EXTRA_LINES = 2.6
 """Height of a table's head and of the gaps around the table, in lines of text."""
 MOTION_HEIGHT, FORCES_HEIGHT, CONTACT_HEIGHT, ENERGY_HEIGHT = 2.6, 2.4, 0.2, 2.5
@@ -75,10 +63,6 @@ TITLE_HEIGHT = 0.4
 """Height of the title, inches."""
 MARGIN = 0.4
 """Margin of the page, inches."""
-DPI = 200
-"""Pixels per inch of a PNG, and of rasterised curves in a PDF."""
-TITLE_LENGTH = 70
-"""Largest number of characters in a line of the title."""
 
 
 def report(
@@ -120,58 +104,34 @@ def report(
     """
     if file is not None:
         suffix, remedy = Path(file).suffix.lower(), "name a PNG or a PDF"
-        require(suffix in SUFFIXES, "file", str(file), "with the suffix .png or .pdf", remedy)
+        is_known, expected = suffix in (".png", ".pdf"), "with the suffix .png or .pdf"
+        require(is_known, "file", str(file), expected, remedy)
     kind, remedy = type(solution).__name__, "draw other results by the other functions of plot"
     require(isinstance(solution, Solution), "solution", kind, "a Solution of simulate()", remedy)
-    if solution.steps is not None and len(solution.steps) > 1:
-        path = solution.steps.between()
-        along = observe(scene, solution, path)
-        # The integrals of the energy ledger are only known at the ends of steps.
-        ends = np.isin(along.times, np.asarray(solution.steps.times))
-        at_ends = jax.tree.map(lambda rows: np.asarray(rows)[ends], along)
-    else:
-        path = trajectory_of(solution, solution.saved or solution.steps)
-        along = at_ends = observe(scene, solution, path)
-    record = _record(scene, solution, quantity, unit)
+    parts = _parts(scene, solution, _record(scene, solution, quantity, unit))
+    # Tables have the heights that they need; figures share the rest of the page.
+    width, height = (length - 2.0 * MARGIN for length in PAGE)
+    tables = sum(part.height for part in parts if part.is_table)
+    figures = sum(part.height for part in parts if not part.is_table)
+    stretch = (height - TITLE_HEIGHT - tables) / figures
+    heights = [part.height * (1.0 if part.is_table else stretch) for part in parts]
     # A page has small texts and thin lines; other figures keep matplotlib's settings.
     with rc_context():
         rc("font", size=7.0)
         rc("axes", titlesize=7.5, labelsize=7.0, linewidth=0.6)
         rc("hatch", linewidth=0.5)
         figure = Figure(figsize=PAGE, layout="constrained")
-        parts = _parts(scene, solution, ObservedRun(path, along, at_ends), record)
-        heights = _heights(parts)
-        page = _inside_margins(figure)
+        # The page is the part of the figure inside the margins.
+        _, middle, _ = figure.subfigures(3, 1, height_ratios=(MARGIN, height, MARGIN))
+        _, page, _ = middle.subfigures(1, 3, width_ratios=(MARGIN, width, MARGIN))
         names = ", ".join(shown(name) for name in scene.bodies)
-        page.suptitle(fill(literal(title) or f"Run of {names}", TITLE_LENGTH), fontsize=12)
+        page.suptitle(fill(literal(title) or f"Run of {names}", 70), fontsize=12)
         rows = page.subfigures(len(parts), 1, height_ratios=heights, squeeze=False)[:, 0]
         for row, part in zip(rows, parts, strict=True):
             part.draw(row)
         if file is not None:
-            figure.savefig(file, dpi=DPI)
+            figure.savefig(file, dpi=200)  # also that of rasterised curves in a PDF
     return figure
-
-
-def _inside_margins(figure: Figure) -> SubFigure:
-    """Return the part of the page inside the margins, as a figure to draw in."""
-    width, height = (length - 2.0 * MARGIN for length in PAGE)
-    rows = figure.subfigures(3, 1, height_ratios=(MARGIN, height, MARGIN), squeeze=False)
-    middle: SubFigure = rows[1, 0]
-    return middle.subfigures(1, 3, width_ratios=(MARGIN, width, MARGIN), squeeze=False)[0, 1]
-
-
-class ObservedRun(NamedTuple):
-    """Motion of a run at the instants at which it is drawn.
-
-    - `path`: states at the ends of the accepted steps and between them; for a run without recorded
-      steps, the saved states.
-    - `along`: observation of these states.
-    - `at_ends`: the part of `along` at the ends of steps, where the energy ledger is known.
-    """
-
-    path: Trajectory
-    along: Observation
-    at_ends: Observation
 
 
 class _Part(NamedTuple):
@@ -188,38 +148,33 @@ class _Part(NamedTuple):
     is_table: bool = False
 
 
-def _heights(parts: list[_Part]) -> list[float]:
-    """Return the heights of the rows, inches: those of tables, and those of figures times a common
-    factor with which the page is full."""
-    tables = sum(part.height for part in parts if part.is_table)
-    pictures = sum(part.height for part in parts if not part.is_table)
-    stretch = (PAGE[1] - 2.0 * MARGIN - TITLE_HEIGHT - tables) / pictures
-    return [part.height * (1.0 if part.is_table else stretch) for part in parts]
-
-
-def _parts(
-    scene: Scene,
-    solution: Solution,
-    run: ObservedRun,
-    record: xr.DataArray,
-) -> list[_Part]:
+def _parts(scene: Scene, solution: Solution, record: xr.DataArray) -> list[_Part]:
     """Return the rows of the page from top to bottom, without those that would be empty.
 
     Forces need clearance joints, and the table of impacts needs recorded impacts.
 
-    **Arguments:** `run`: the run, for the figures; `record`: quantity of the spectrum over time.
+    **Arguments:** `record`: quantity of the spectrum over time.
     """
-    lines, joints = run_lines(scene, solution), joint_rows(scene, MOST_JOINTS)
+    if solution.steps is not None and len(solution.steps) > 1:
+        path = solution.steps.between()
+        along = observe(scene, solution, path)
+        # The integrals of the energy ledger are only known at the ends of steps.
+        ends = np.isin(along.times, np.asarray(solution.steps.times))
+        at_ends = jax.tree.map(lambda rows: np.asarray(rows)[ends], along)
+    else:
+        path = trajectory_of(solution, solution.saved or solution.steps)
+        along = at_ends = observe(scene, solution, path)
+    lines, joints = run_lines(scene, solution), joint_rows(scene, MOST_ROWS)
     height = LINE * (len(lines) + len(joints) + TABLE_EXTRA_LINES)
     # The functions draw later, when the heights of all rows are known.
     parts = [_Part(height, lambda row: draw_description(row, lines, joints), is_table=True)]
-    parts += [_Part(MOTION_HEIGHT, lambda row: draw_motion(row, scene, run.path, run.along))]
-    if run.along.contacts:
-        height = FORCES_HEIGHT + CONTACT_HEIGHT * len(run.along.contacts)
-        parts += [_Part(height, lambda row: draw_over_time(row, run.along))]
-    parts += [_Part(ENERGY_HEIGHT, lambda row: draw_energies(row, run.at_ends, record))]
+    parts += [_Part(MOTION_HEIGHT, lambda row: draw_motion(row, scene, path, along))]
+    if along.contacts:
+        height = FORCES_HEIGHT + CONTACT_HEIGHT * len(along.contacts)
+        parts += [_Part(height, lambda row: draw_over_time(row, along))]
+    parts += [_Part(ENERGY_HEIGHT, lambda row: draw_energies(row, at_ends, record))]
     if solution.impacts:
-        impacts = impact_rows(solution.impacts, MOST_IMPACTS)
+        impacts = impact_rows(solution.impacts, MOST_ROWS)
         height = LINE * (len(impacts) + TABLE_EXTRA_LINES)
         parts += [_Part(height, lambda row: draw_impacts(row, impacts), is_table=True)]
     return parts
@@ -242,21 +197,12 @@ def _record(
     if quantity is not None:
         return series(scene, solution, quantity, unit=unit, trajectory=trajectory)
     body, state = list(trajectory.states.bodies.items())[-1]
-    velocity, spin = np.asarray(state.velocity), np.asarray(state.spin)
-    if np.ptp(velocity, axis=0).max() > 0.0:
-        return _component(trajectory, velocity, f"velocity of {body}", "m/s")
-    return _component(trajectory, spin, f"spin of {body} about its", "rad/s")
-
-
-def _component(trajectory: Trajectory, vectors: np.ndarray, name: str, unit: str) -> xr.DataArray:
-    """Return the component of vectors (N, 3) that has the largest range, as an array (N,) with the
-    coordinate "time", s.
-
-    **Arguments:** `name`: name of the vectors, to which "x", "y" or "z" is added; `unit`: SI unit.
-    """
+    vectors, name, unit = np.asarray(state.velocity), f"velocity of {body}", "m/s"
+    if np.ptp(vectors, axis=0).max() == 0.0:
+        vectors, name, unit = np.asarray(state.spin), f"spin of {body} about its", "rad/s"
     axis = int(np.argmax(np.ptp(vectors, axis=0)))
-    name = f"{name} {'xyz'[axis]}"
-    return labelled(np.asarray(trajectory.times), vectors[:, axis], name, unit)
+    times = np.asarray(trajectory.times)
+    return labelled(times, vectors[:, axis], f"{name} {'xyz'[axis]}", unit)
 
 
 def draw_description(row: SubFigure, lines: list[str], joints: list[Cells]) -> None:
@@ -264,7 +210,7 @@ def draw_description(row: SubFigure, lines: list[str], joints: list[Cells]) -> N
     `joints`, whose columns are `JOINT_COLUMNS`."""
     axes = row.add_subplot()
     for line, text in enumerate(lines):
-        _write(axes, 0.0, line, shown(text, LINE_LENGTH))
+        _write(axes, 0.0, line, shown(text, 125))  # as many letters as the page is wide
     _table(axes, JOINT_COLUMNS, joints, JOINT_POSITIONS, len(lines) + 0.5)
 
 
@@ -328,7 +274,11 @@ def draw_motion(row: SubFigure, scene: Scene, path: Trajectory, observed: Observ
     if not journals:
         _bodies(row.add_subplot(), path)
         return
-    hardest = sorted(journals, key=lambda name: -_peak(observed, name))[:MOST_ORBITS]
+    peaks = {
+        name: max(np.max(contact.normal_force) for contact in observed.contacts[name].values())
+        for name in journals
+    }
+    hardest = sorted(journals, key=lambda name: -peaks[name])[:2]
     grid = row.add_gridspec(1, len(hardest) + 1)
     for k, name in enumerate(hardest):
         axes = journal_orbit(observed, name, axes=row.add_subplot(grid[k]))
@@ -344,12 +294,6 @@ def draw_motion(row: SubFigure, scene: Scene, path: Trajectory, observed: Observ
     for legend in filter(None, (axes.get_legend() for axes in row.axes)):
         legend.set_visible(False)
     row.legend(handles, names, loc="outside lower center", ncols=5, frameon=False)
-
-
-def _peak(observed: Observation, joint: str) -> float:
-    """Return the largest normal force of a joint's contacts, N."""
-    contacts = observed.contacts[joint].values()
-    return max(float(np.max(contact.normal_force)) for contact in contacts)
 
 
 def _bodies(axes: Axes, trajectory: Trajectory) -> None:
@@ -405,14 +349,15 @@ def draw_energies(row: SubFigure, observed: Observation, record: xr.DataArray) -
         spectrum_of(record, axes=axes)
     else:
         axes.set_axis_off()
-        axes.text(0.5, 0.5, NO_SPECTRUM, ha="center", va="center", transform=axes.transAxes)
+        text = "no spectrum: states are not saved\nat equal intervals of time"
+        axes.text(0.5, 0.5, text, ha="center", va="center", transform=axes.transAxes)
     for axes in panels.values():
         _small(axes)
 
 
 def _small(axes: Axes) -> None:
     """Make the lines of axes thinner, for the small figures of the page, and rasterise those of
-    many points so that a PDF file stays small."""
+    more than 5000 points so that a PDF file stays small."""
     for line in axes.get_lines():
-        line.set_linewidth(THINNER * line.get_linewidth())
-        line.set_rasterized(len(np.asarray(line.get_xdata())) > MANY)
+        line.set_linewidth(0.6 * line.get_linewidth())
+        line.set_rasterized(len(np.asarray(line.get_xdata())) > 5000)

@@ -93,27 +93,29 @@ def _play(joint: AbstractContactJoint) -> str:
 def run_lines(scene: Scene, solution: Solution) -> list[str]:
     """Return the lines of text that describe the scene, the run, its steps, its equations, and its
     redundant constraints if there are any."""
-    gravity = scene.gravity
-    counts = {"joint": len(scene.joints), "force": len(scene.forces)}
-    parts = [_counted(number, name) for name, number in counts.items()]
     masses = sum(float(np.asarray(body.mass)) for body in scene.bodies.values())
-    field = "no gravity"
-    if gravity is not None:
-        field = f"gravity ({', '.join(f'{g:.4g}' for g in np.asarray(gravity))}) m/s²"
+    gravity = "no gravity"
+    if scene.gravity is not None:
+        gravity = f"gravity ({', '.join(f'{g:.4g}' for g in np.asarray(scene.gravity))}) m/s²"
+    elements = [
+        f"{_counted(len(scene.bodies), 'bod', 'y', 'ies')} of {masses:.4g} kg",
+        _counted(len(scene.joints), "joint"),
+        _counted(len(scene.forces), "force"),
+    ]
     formulation = solution.formulation
-    steps = f"{int(solution.accepted)} steps accepted of {int(solution.attempts)} tried"
-    methods = [
+    equations = [
+        *_tolerances(solution),
         type(formulation.coordinates).__name__,
         type(formulation.stabilisation).__name__,
         "with energy ledger" if formulation.ledger else "without energy ledger",
     ]
+    steps = f"{int(solution.accepted)} steps accepted of {int(solution.attempts)} tried"
     redundant = ", ".join(solution.redundant_constraints)
     return [
-        f"Scene: {_counted(len(scene.bodies), 'bod', 'y', 'ies')} of {masses:.4g} kg, "
-        f"{', '.join(parts)}, {field}",
+        f"Scene: {', '.join([*elements, gravity])}",
         f"Run: to {float(solution.time):.6g} s; {RESULTS[solution.result]}",
         f"Steps: {steps}; {_impacts(solution.impacts)}",
-        f"Equations: {', '.join([*_tolerances(solution), *methods])}",
+        f"Equations: {', '.join(equations)}",
         *([f"Redundant constraints: {redundant}"] if redundant else []),
     ]
 
@@ -163,17 +165,12 @@ def impact_rows(impacts: Impacts, most: int) -> list[Cells]:
         "peak_force": (1.0, ".1f"),
         "largest_penetration": (1e6, ".4g"),
     }
-    return [
-        [
-            str(impacts.joint[k]),
-            " and ".join(sorted(groups[k])),
-            *(
-                f"{factor * getattr(impacts, n)[k]:{digits}}"
-                for n, (factor, digits) in columns.items()
-            ),
-        ]
-        for k in order
-    ]
+    rows = []
+    for k in order:
+        numbers = ((getattr(impacts, name)[k], *form) for name, form in columns.items())
+        texts = [f"{factor * number:{digits}}" for number, factor, digits in numbers]
+        rows.append([str(impacts.joint[k]), " and ".join(sorted(groups[k])), *texts])
+    return rows
 
 
 def _alike(impacts: Impacts) -> dict[int, list[str]]:

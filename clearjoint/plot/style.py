@@ -1,6 +1,7 @@
 """Colours and line styles of all figures, and functions that give figures the same look."""
 
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import cycle
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -33,9 +34,8 @@ TimeSpan = tuple[float, float]
 
 
 def lines() -> Iterator[tuple[str, Dashes]]:
-    """Yield colours and line styles for successive curves, without end."""
-    while True:
-        yield from LINES
+    """Return an iterator without end over colours and line styles for successive curves."""
+    return cycle(LINES)
 
 
 def next_colour(axes: Axes) -> str:
@@ -51,19 +51,16 @@ def axes_or_new(axes: Axes | None, size: tuple[float, float] = SIZE) -> Axes:
     return plt.subplots(figsize=size, layout="constrained")[1]
 
 
-def polar_or_new(axes: Axes | None, size: tuple[float, float] = (4.8, 5.0)) -> PolarAxes:
-    """Return `axes`, or new polar axes, with grid lines at every 45°.
-
-    **Arguments:** `axes`: polar axes to use, new ones by default; `size`: width and height of a new
-    figure, inches.
+def polar_or_new(axes: Axes | None) -> PolarAxes:
+    """Return `axes`, or for None new polar axes, with grid lines at every 45°.
 
     **Raises:** `ValueError` for axes that are not polar.
     """
     if axes is None:
-        axes = plt.figure(figsize=size, layout="constrained").add_subplot(projection="polar")
+        figure = plt.figure(figsize=(4.8, 5.0), layout="constrained")
+        axes = figure.add_subplot(projection="polar")
     remedy = 'make them by subplots(subplot_kw={"projection": "polar"})'
-    kind = type(axes).__name__
-    require(isinstance(axes, PolarAxes), "axes", kind, "polar axes", remedy)
+    require(isinstance(axes, PolarAxes), "axes", type(axes).__name__, "polar axes", remedy)
     assert isinstance(axes, PolarAxes)
     axes.grid(True, color="0.85", linewidth=0.8)
     axes.set_axisbelow(True)
@@ -136,6 +133,5 @@ def show(axes: Axes, times: np.ndarray, window: TimeSpan | None) -> np.ndarray:
 def inside(times: np.ndarray, window: TimeSpan | None) -> np.ndarray:
     """Return a mask (N,) that is true for those of the times (N,) that lie in the window or at its
     ends, or for all times if `window` is None. Times and window have the same unit."""
-    if window is None:
-        return np.full(np.shape(times), True)
-    return (times >= window[0]) & (times <= window[1])
+    first, last = (-np.inf, np.inf) if window is None else window
+    return (times >= first) & (times <= last)
