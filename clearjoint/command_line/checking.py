@@ -20,9 +20,6 @@ from .paths import find_path
 from .study import Study
 from .sweeping import sweep_axes
 
-WORST = 3
-"""Largest number of violated constraints that a message lists."""
-
 
 def description(study: Study) -> Iterator[str]:
     """Yield the lines of text in which `clearjoint check` describes a study: its scene, and its
@@ -99,9 +96,9 @@ def _length(value: object) -> str:
 
 
 def _require_satisfied(report: ConstraintReport) -> None:
-    """Raise a `ValueError` that names the worst constraints if the state violates one."""
+    """Raise a `ValueError` that names the three worst constraints if the state violates one."""
     sizes = np.maximum(np.abs(report.values), np.abs(report.rates)).reshape(-1)
-    worst = [k for k in np.argsort(-sizes)[:WORST] if sizes[k] > ACCEPTED_VIOLATION]
+    worst = [k for k in np.argsort(-sizes)[:3] if sizes[k] > ACCEPTED_VIOLATION]
     if worst:
         rows = ", ".join(f"{report.names[k]} ({sizes[k]:.2g})" for k in worst)
         remedy = "`clearjoint check FILE --assemble NEW.toml` writes a file with an assembled state"

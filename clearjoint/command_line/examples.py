@@ -25,25 +25,19 @@ SCENE_HEAD = """\
 # `clearjoint schema` prints the JSON Schema of scene files, with which editors complete them.
 
 """
-MECHANISMS: dict[str, tuple[Callable[[], tuple[Scene, State]], dict[str, str]]] = {
-    "double_pendulum": (
-        double_pendulum,
-        {"joint": "shoulder", "body": "arm 2", "end": "50 ms"}
-        | {"every": "0.05 ms", "after": "10 ms"},
-    ),
-    "four_bar": (
-        lambda: four_bar({"crank pin": 0.1e-3}, speed=30.0),
-        {"joint": "crank pin", "body": "coupler", "end": "200 ms"}
-        | {"every": "0.2 ms", "after": "20 ms"},
-    ),
-    "slider_crank": (
-        lambda: slider_crank(0.1e-3),
-        {"joint": "slider pin", "body": "slider", "end": "24 ms"}
-        | {"every": "0.02 ms", "after": "12 ms"},
-    ),
+MECHANISMS: dict[str, Callable[[], tuple[Scene, State]]] = {
+    "double_pendulum": double_pendulum,
+    "four_bar": lambda: four_bar({"crank pin": 0.1e-3}, speed=30.0),
+    "slider_crank": lambda: slider_crank(0.1e-3),
 }
-"""Function that returns the scene and the state of a mechanism, and values that replace the
-placeholders in the template of its study, by the mechanism's name."""
+"""Function that returns the scene and the state of a mechanism, by its name."""
+PLACEHOLDERS = {
+    "double_pendulum": ("shoulder", "arm 2", "50 ms", "0.05 ms", "10 ms"),
+    "four_bar": ("crank pin", "coupler", "200 ms", "0.2 ms", "20 ms"),
+    "slider_crank": ("slider pin", "slider", "24 ms", "0.02 ms", "12 ms"),
+}
+"""Joint, body, end, time between saved states, and end of the transient that replace placeholders
+in the template of the study, by the mechanism's name."""
 
 
 def example_texts(mechanism: str, scene: str, study: str) -> tuple[str, str]:
@@ -52,13 +46,13 @@ def example_texts(mechanism: str, scene: str, study: str) -> tuple[str, str]:
     **Arguments:** `mechanism`: key of `MECHANISMS`; `scene`, `study`: names of the two files, which
     occur in the texts.
     """
-    make, values = MECHANISMS[mechanism]
     with TemporaryDirectory() as folder:
         path = Path(folder) / "scene.toml"
-        save(*make(), path)
+        save(*MECHANISMS[mechanism](), path)
         saved = path.read_text(encoding="utf-8")
     names = {"scene": scene, "study": study, "title": mechanism.replace("_", " ").capitalize()}
-    text = Template(STUDY.read_text(encoding="utf-8")).substitute(values, **names)
+    names |= zip(("joint", "body", "end", "every", "after"), PLACEHOLDERS[mechanism], strict=True)
+    text = Template(STUDY.read_text(encoding="utf-8")).substitute(names)
     return SCENE_HEAD.format(scene=scene) + saved, text
 
 
@@ -74,9 +68,8 @@ def write_example(mechanism: str, folder: Path) -> tuple[Path, Path]:
     folder.mkdir(parents=True, exist_ok=True)
     for path in (scene, study):
         if path.exists():
-            FileLocation(str(path)).refuse(
-                "a file", "no existing file", "remove it, or choose another folder by --out"
-            )
+            remedy = "remove it, or choose another folder by --out"
+            FileLocation(str(path)).refuse("a file", "no existing file", remedy)
     for path, text in zip((scene, study), example_texts(mechanism, *names), strict=True):
         path.write_text(text, encoding="utf-8")
     return scene, study

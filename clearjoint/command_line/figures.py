@@ -1,11 +1,13 @@
 """Draw the figures of a run, a sweep or a fit as PNG files in the folder of its results."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 from zlib import crc32
 
 import matplotlib
 import numpy as np
+import xarray as xr
+from matplotlib import pyplot
+from matplotlib.axes import Axes
 
 from .. import plot
 from ..identification.fit import Fit
@@ -20,14 +22,6 @@ from ..simulation.run.sections import Crossings
 from .endings import say
 from .folders import FIGURES, OUTPUTS, read_summary, read_table
 
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.axes import Axes
-
-DPI = 150
-"""Resolution of the files, dots per inch."""
-LONGEST_FILE = 200
-"""Longest file name without suffix, bytes; file systems allow 255."""
 MOST_LINES = 6
 """Largest number of values of a sweep's second axis for which an output is drawn as one curve for
 each value. For more values, a map is drawn."""
@@ -59,7 +53,7 @@ def draw_run(folder: Path, scene: Scene, solution: Solution, observed: Observati
     plot.report(scene, solution, folder / "report.pdf", title=title)
 
 
-def draw_sweep(folder: Path, dataset: "xr.Dataset") -> None:
+def draw_sweep(folder: Path, dataset: xr.Dataset) -> None:
     """Draw the figures of a sweep: outputs over the axes, and bifurcation diagrams.
 
     An output is drawn over the first axis. For two axes there is a curve for each value of the
@@ -95,7 +89,7 @@ def draw_fit(folder: Path, found: Fit) -> None:
         _save(folder, "correlations", plot.correlations(found))
 
 
-def _draw_output(folder: Path, dataset: "xr.Dataset", name: str, axes: list[str]) -> None:
+def _draw_output(folder: Path, dataset: xr.Dataset, name: str, axes: list[str]) -> None:
     """Draw one output of a sweep over the axes with the given names. Draw nothing if all its values
     are NaN or infinite, and print a note instead if there are more than two axes."""
     if not np.isfinite(dataset[name].values).any():
@@ -103,10 +97,9 @@ def _draw_output(folder: Path, dataset: "xr.Dataset", name: str, axes: list[str]
     if len(axes) == 1 or dataset["result"].dims == ("lane",):
         _save(folder, name, plot.against(dataset, name, axes[0]))
     elif len(axes) == 2 and dataset.sizes[axes[1]] <= MOST_LINES:
-        drawn = None
+        drawn = plot.style.axes_or_new(None)
         for value in dataset[axes[1]].values:
-            drawn = plot.against(dataset.sel({axes[1]: value}), name, axes[0], axes=drawn)
-        assert drawn is not None
+            plot.against(dataset.sel({axes[1]: value}), name, axes[0], axes=drawn)
         _save(folder, name, drawn)
     elif len(axes) == 2:
         _save(folder, name, plot.parameter_map(dataset, name, axes[0], axes[1]))
@@ -114,7 +107,7 @@ def _draw_output(folder: Path, dataset: "xr.Dataset", name: str, axes: list[str]
         say(f"note: no figure of {name}, since the sweep has {len(axes)} axes, more than two")
 
 
-def _mark_peaks(forces: "Axes", impacts: Impacts | None, joint: str) -> None:
+def _mark_peaks(forces: Axes, impacts: Impacts | None, joint: str) -> None:
     """Mark the peaks of a joint's impacts as dots in the figure of its contact forces, since saved
     states may miss them. Do nothing without impacts."""
     if impacts is None or not (of_joint := impacts.joint == joint).any():
@@ -125,13 +118,10 @@ def _mark_peaks(forces: "Axes", impacts: Impacts | None, joint: str) -> None:
     forces.plot(times, peaks, ".", color=plot.style.DARK, markersize=3, label="peaks of impacts")
     # 5 % of room above the highest dot.
     forces.set_ylim(top=1.05 * max(peaks.max(), forces.get_ylim()[1]))
-    columns = len(forces.get_legend_handles_labels()[1])
-    forces.legend(
-        loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=min(columns, 4), frameon=False
-    )
+    plot.style.legend_above(forces, min(len(forces.get_legend_handles_labels()[1]), 4))
 
 
-def _section(crossings: Crossings) -> "Axes":
+def _section(crossings: Crossings) -> Axes:
     """Draw the crossings of a Poincaré section: its second channel over the first one, or a single
     channel over time."""
     units, values = dict(crossings.units), dict(crossings.values)
@@ -142,7 +132,7 @@ def _section(crossings: Crossings) -> "Axes":
     return section_points(crossings.times, columns, names, units, None, None, None)
 
 
-def _over_time(output: "xr.DataArray") -> "Axes":
+def _over_time(output: xr.DataArray) -> Axes:
     """Draw an output at the saved states over time. Mark its largest and smallest value of the run
     as dots, since saved states may miss them, if the attributes of the output have them."""
     axes = plot.style.axes_or_new(None)
@@ -156,20 +146,19 @@ def _over_time(output: "xr.DataArray") -> "Axes":
     return plot.style.dress(axes, times.label, values.label)
 
 
-def _save(folder: Path, name: str, axes: "Axes") -> None:
+def _save(folder: Path, name: str, axes: Axes) -> None:
     """Write the figure of the axes to a PNG file in the folder of figures.
 
     **Arguments:** `folder`: folder of the results; `name`: name of the figure, from which that of
     the file is made.
     """
-    from matplotlib import pyplot
-
     file = name.replace(" ", "_").replace("/", "_")
-    # A shortened name keeps its start and end; a checksum distinguishes it from similar ones.
-    if len(file.encode()) > LONGEST_FILE:
+    # File systems allow names of 255 bytes. A shortened name keeps its start and end; a checksum
+    # distinguishes it from similar ones.
+    if len(file.encode()) > 200:
         file = f"{file[:40]}_{crc32(file.encode()):08x}_{file[-20:]}"
     (folder / FIGURES).mkdir(exist_ok=True)
     figure = axes.get_figure(root=True)
     assert figure is not None
-    figure.savefig(folder / FIGURES / f"{file}.png", dpi=DPI)
+    figure.savefig(folder / FIGURES / f"{file}.png", dpi=150)
     pyplot.close(figure)

@@ -23,10 +23,8 @@ from .reports import write_fit_report
 from .study import Study
 from .study_parts import FitPart
 
-ESTIMATES, REPORT = "estimates", "report.txt"
-"""Name of the table of estimates, and file of the report."""
-FITTED_SCENE = "fitted.toml"
-"""File of the scene with the estimates."""
+REPORT = "report.txt"
+"""File of the report."""
 
 
 def fit(study: Study, folder: Path) -> CommandResult:
@@ -40,9 +38,9 @@ def fit(study: Study, folder: Path) -> CommandResult:
     **Raises:** `ValueError` for a study without this section, and for wrong entries in it.
     """
     part = study.parts.fit
-    if part is None:
-        study.location.at("fit").refuse(None, "a section [fit]", "add [fit.parameters.<name>]")
     start, location = time.perf_counter(), study.location.at("fit")
+    if part is None:
+        location.refuse(None, "a section [fit]", "add [fit.parameters.<name>]")
     measured = _measured(study, part, location)
     parameters, guess = _parameters(study, part, location)
     measured.check(study.scene)  # raises an error for sensors on unknown bodies or joints
@@ -148,8 +146,8 @@ def _say_iteration(
 
 def _write(found: Fit, folder: Path) -> None:
     """Write the fitted scene, the estimates, the report and a table of each series."""
-    write_scene(folder, found.scene, found.state, FITTED_SCENE)
-    write_table(folder, ESTIMATES, found.to_xarray())
+    write_scene(folder, found.scene, found.state, "fitted.toml")
+    write_table(folder, "estimates", found.to_xarray())
     (folder / REPORT).write_text(f"{found}\n", encoding="utf-8")
     rows = ("time",)
     for name, series in found.measurements.series.items():

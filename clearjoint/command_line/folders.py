@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
 from ..dynamics.formulation import Formulation
 from ..export.tabular import to_frame, write_netcdf
@@ -20,11 +20,7 @@ from ..scene_files.files import load, save
 from ..simulation.results.impact_table import Impacts
 from ..simulation.results.solution import Crossings, Solution, Trajectory
 from ..simulation.results.state_tables import BRISTLES, CONTACTS, STATE_PARTS, contact_label
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from .study import Study
+from .study import Study
 
 SUMMARY = "summary.json"
 """File of the summary: kind, title and ending of the results."""
@@ -47,7 +43,7 @@ Summary = Mapping[str, str | int | float]
 """Entries of a summary by name."""
 
 
-def write_summary(folder: Path, kind: str, study: "Study", results: Summary, start: float) -> None:
+def write_summary(folder: Path, kind: str, study: Study, results: Summary, start: float) -> None:
     """Write the file with the summary of the results, for users and for `clearjoint report`.
 
     **Arguments:** `kind`: "run", "sweep" or "fit"; `results`: further entries by name; `start`:
@@ -79,16 +75,14 @@ def write_scene(folder: Path, scene: Scene, state: State, name: str = SCENE) -> 
         save(scene, state, folder / name)
 
 
-def write_table(folder: Path, name: str, table: "xr.Dataset") -> None:
+def write_table(folder: Path, name: str, table: xr.Dataset) -> None:
     """Write a dataset to the files `name`.nc (netCDF) and `name`.csv."""
     write_netcdf(table, folder / f"{name}.nc")
     to_frame(table).to_csv(folder / f"{name}.csv")
 
 
-def read_table(folder: Path, name: str) -> "xr.Dataset | None":
+def read_table(folder: Path, name: str) -> xr.Dataset | None:
     """Return the dataset in the file `name`.nc; ``None`` without such a file."""
-    import xarray as xr
-
     path = folder / f"{name}.nc"
     if not path.exists():
         return None
@@ -110,12 +104,6 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
         raise ValueError(f"{folder}: found no {files}, expected both: {remedy}.")
     with quiet():
         scene, _ = load(folder / SCENE)
-    # A table of states has the final state in variables of its own, "final_position" for example.
-    final = {
-        str(name).removeprefix("final_"): values
-        for name, values in motion.items()
-        if str(name).startswith("final_")
-    }
     redundant = motion.attrs["redundant_constraints"]
     names = () if redundant == "none" else tuple(redundant.split(", "))
     # The file has the message of the result instead of its code. The message of another version may
@@ -124,11 +112,11 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
     impacts = read_table(folder, IMPACTS)
     solution = Solution(
         time=float(motion.attrs["time_reached"]),
-        final=_state(scene, final),
+        final=_state(scene, motion, "final_"),
         result=results.get(motion.attrs["result"], RESULTS.max_steps_reached),
         attempts=int(motion.attrs["attempts"]),
         accepted=int(motion.attrs["accepted"]),
-        saved=Trajectory(motion["time"].values, _state(scene, dict(motion.items()))),
+        saved=Trajectory(motion["time"].values, _state(scene, motion)),
         saved_count=motion.sizes["time"],
         steps=None,
         impacts=None if impacts is None else _impacts(impacts),
@@ -145,26 +133,26 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
     return scene, solution
 
 
-def _state(scene: Scene, tables: Mapping) -> State:
-    """Return the state, or the states at N times, in the arrays of a table of states.
+def _state(scene: Scene, table: xr.Dataset, prefix: str = "") -> State:
+    """Return the state, or the states at N times, in a table of states.
 
-    **Arguments:** `tables`: arrays by name, such as "position" along "body" and "component", with
-    or without a first axis of times.
+    **Arguments:** `table`: arrays such as "position" along "body" and "component", with or without
+    a first axis of times; `prefix`: text in front of their names, "final_" for the final state.
     """
     bodies = {
-        name: BodyState(*(tables[part].sel(body=name).values for part in STATE_PARTS))
+        name: BodyState(*(table[prefix + part].sel(body=name).values for part in STATE_PARTS))
         for name in scene.bodies
     }
-    ledger, work = tables.get("ledger"), {}
+    ledger, work = table.get(f"{prefix}ledger"), {}
     if ledger is not None:
         work = {str(n): ledger.sel(integral=n).values for n in ledger["integral"].values}
-    entry_speeds = _by_contact(scene, tables.get("entry_speed"), CONTACTS)
-    bristles = _by_contact(scene, tables.get("bristle_deflection"), BRISTLES)
+    entry_speeds = _by_contact(scene, table.get(f"{prefix}entry_speed"), CONTACTS)
+    bristles = _by_contact(scene, table.get(f"{prefix}bristle_deflection"), BRISTLES)
     return State(bodies, entry_speeds, work, bristles)
 
 
 def _by_contact(
-    scene: Scene, table: "xr.DataArray | None", dim: str
+    scene: Scene, table: xr.DataArray | None, dim: str
 ) -> dict[str, dict[str, np.ndarray]]:
     """Return the values of a state variable of the contacts by joint and contact.
 
@@ -182,7 +170,7 @@ def _by_contact(
     return by_joint
 
 
-def _impacts(table: "xr.Dataset") -> Impacts:
+def _impacts(table: xr.Dataset) -> Impacts:
     columns = {f.name: table[f.name].values for f in fields(Impacts)}
     names = {name: columns[name].astype(object) for name in ("joint", "contact")}
     return Impacts(**{**columns, **names})

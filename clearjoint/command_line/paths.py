@@ -19,9 +19,6 @@ from ..parametrisation.paths import parameters
 from ..scene_files.locations import FileLocation, Keys, keys_of, listed, written
 from ..scene_files.reading import number_of_text
 
-STATE = "state"
-"""First key of the paths of numbers of the initial state."""
-
 
 @dataclass(frozen=True)
 class WrittenPath:
@@ -79,7 +76,7 @@ def find_path(
     """
     with location.in_errors():
         paths = [keys_of(text) for text in ([texts] if isinstance(texts, str) else texts)]
-    in_state = {keys[0] == STATE for keys in paths}
+    in_state = {keys[0] == "state" for keys in paths}
     if len(in_state) != 1:
         location.refuse(texts, "paths in the scene, or in the state", "name one or the other")
     (is_state,) = in_state

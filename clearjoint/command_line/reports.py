@@ -5,10 +5,10 @@ import base64
 import re
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 import pandas as pd
+import xarray as xr
 
 from ..export.tabular import to_frame
 from ..identification.fit import Fit
@@ -22,18 +22,10 @@ from . import figures
 from .endings import say
 from .folders import FIGURES, MOTION, NUMBERS, PAGE, STORE, read_run, read_summary
 
-if TYPE_CHECKING:
-    import xarray as xr
-
 ROWS = 20
 """Rows of a table that the page shows at most."""
-TABLE = "sweep.csv"
-"""File of the table of a sweep's lanes."""
 VIEW = "view.html"
 """File of the page with the animation of a run."""
-SCREEN = 0.55
-"""Width of a picture on the page as a fraction of its width in pixels. Pictures have more pixels
-than the page needs, so that they stay sharp on screens with a high resolution."""
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 70rem; margin: 2rem auto; padding: 0 1rem;
   color: #1a1a1a; background: #fff; }
@@ -85,10 +77,10 @@ def write_run_report(folder: Path) -> None:
     write_page(folder, *parts)
 
 
-def write_sweep_report(folder: Path, dataset: "xr.Dataset") -> None:
+def write_sweep_report(folder: Path, dataset: xr.Dataset) -> None:
     """Draw the figures of a sweep, and write its page and a CSV table with a row for each lane."""
     frame = lane_table(dataset)
-    frame.to_csv(folder / TABLE, index=False)
+    frame.to_csv(folder / "sweep.csv", index=False)
     figures.draw_sweep(folder, dataset)
     write_page(folder, _table("Lanes", frame, ROWS))
 
@@ -134,9 +126,11 @@ def _picture(path: Path) -> str:
     """Return the HTML of a figure, which contains the picture itself, with the name of its PNG file
     as caption."""
     content = path.read_bytes()
-    data = base64.b64encode(content).decode("ascii")
+    data = base64.b64encode(content).decode()
     name = escape(path.stem.replace("_", " "))
-    width = round(int.from_bytes(content[16:20], "big") * SCREEN)  # the header of a PNG has it
+    # The header of a PNG has its width. Pictures have more pixels than the page needs, so that they
+    # stay sharp on screens with a high resolution.
+    width = round(int.from_bytes(content[16:20], "big") * 0.55)
     image = f'<img alt="{name}" width="{width}" src="data:image/png;base64,{data}">'
     return f"<figure>{image}<figcaption>{name}</figcaption></figure>"
 
@@ -149,7 +143,7 @@ def _table(title: str, frame: pd.DataFrame, rows: int) -> str:
     return f"<h2>{escape(title)}</h2>{shown}{more}"
 
 
-def lane_table(dataset: "xr.Dataset") -> pd.DataFrame:
+def lane_table(dataset: xr.Dataset) -> pd.DataFrame:
     """Return a table with a row for each lane of a sweep: the values of the axes, and the outputs
     that are one number of the lane."""
     dims = dataset["result"].dims

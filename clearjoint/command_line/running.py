@@ -7,11 +7,11 @@ reductions, which are updated at every accepted step and give numbers of the who
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import equinox as eqx
 import numpy as np
 import pandas as pd
+import xarray as xr
 
 from ..export.labelled import Labelled, labelled_dataset
 from ..fields.checks import require, require_positive
@@ -38,9 +38,6 @@ from .endings import FAILED, INTERRUPTED, WELL, CommandResult, say
 from .reports import write_run_report
 from .study import Study
 from .study_parts import RunPart
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 FRAMES = 1000
 """Default number of equal intervals between the saved states of a run."""
@@ -119,11 +116,9 @@ def run(study: Study, folder: Path, progress: bool) -> CommandResult:
     folders.write_summary(folder, "run", study, summary, start)
     write_run_report(folder)
     reached = f"t = {float(solution.time):.6g} s"
-    if code == FAILED:
-        say(f"error: the run ended at {reached}: {RESULTS[solution.result]}")
-    if code == INTERRUPTED:
-        say(f"interrupted at {reached}")
     if code != WELL:
+        failure = f"error: the run ended at {reached}: {RESULTS[solution.result]}"
+        say(failure if code == FAILED else f"interrupted at {reached}")
         say(f"the results so far are in {folder}; {folders.REACHED} has the state to continue from")
     count = "" if solution.impacts is None else f", {len(solution.impacts)} impacts"
     largest = f", largest force {force:.4g} N ({contact})" if contact else ""
@@ -220,7 +215,7 @@ def write_results(
 
 def _outputs(
     quantities: Mapping[str, AbstractQuantity], scene: Scene, solution: Solution
-) -> "xr.Dataset":
+) -> xr.Dataset:
     """Return the values of quantities at the saved states.
 
     The extremes that reductions have found are attributes of the values: "largest" and "smallest"

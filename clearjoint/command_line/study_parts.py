@@ -29,8 +29,6 @@ from ..simulation.reductions.base import AbstractReduction
 from ..simulation.step.settings import Settings
 from ..sweeps.outputs import ImpactTable
 
-Spacing = Literal["linear", "geometric"]
-"""Equal differences, or equal ratios, of successive values."""
 Preset = Literal["preview", "default", "accurate", "reference", "derivatives", "identification"]
 """Names of the settings in `clearjoint.presets`."""
 
@@ -98,7 +96,7 @@ class AxisPart:
     start: float | str | None = None
     stop: float | str | None = None
     count: int = 10
-    spacing: Spacing = "linear"
+    spacing: Literal["linear", "geometric"] = "linear"
 
     def __post_init__(self) -> None:
         require_count("count", self.count, "give a number of values")

@@ -6,9 +6,9 @@ interrupted sweep.
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
 from ..result_codes import result_numbers
 from ..scene_files.locations import FileLocation
@@ -23,16 +23,6 @@ from .paths import FoundPath, find_path
 from .reports import write_sweep_report
 from .study import Study
 from .study_parts import AxisPart, SweepPart
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-PIECES = 16
-"""Default number of chunks into which the lanes of a sweep are divided. A chunk is written to the
-store when all its lanes have ended, so that long sweeps show results early and a process that is
-killed loses few of them."""
-LONGEST = 256
-"""Largest default number of lanes in a chunk."""
 
 
 def sweep(study: Study, folder: Path, progress: bool) -> CommandResult:
@@ -55,6 +45,9 @@ def sweep(study: Study, folder: Path, progress: bool) -> CommandResult:
     sizes = [axis.values.size for axis in axes.values()]
     # Zipped axes have equal numbers of values, one for each lane; others form a grid of lanes.
     lanes = sizes[0] if part.zipped else int(np.prod(sizes))
+    # A chunk is written to the store when all its lanes have ended. With many chunks, long sweeps
+    # show results early, and a process that is killed loses few of them.
+    chunk = part.chunk or int(np.clip(np.ceil(lanes / 16), 1, 256))
     end, settings = study.end(part.end), study.settings("sweep")
     folder.mkdir(parents=True, exist_ok=True)
     write_scene(folder, study.scene, study.state)
@@ -70,7 +63,7 @@ def sweep(study: Study, folder: Path, progress: bool) -> CommandResult:
             Saving(sections=study.sections()),
             zipped=part.zipped,
             path=folder / STORE,
-            chunk=part.chunk or int(np.clip(np.ceil(lanes / PIECES), 1, LONGEST)),
+            chunk=chunk,
             start_time=study.parts.run.start,
             progress=progress,
         )
@@ -134,7 +127,7 @@ def _values(part: AxisPart, found: FoundPath, location: FileLocation) -> np.ndar
     return np.geomspace(start, stop, part.count)
 
 
-def _summary(dataset: "xr.Dataset", code: int) -> Summary:
+def _summary(dataset: xr.Dataset, code: int) -> Summary:
     """Return the numbers of lanes, by how they ended, and the sizes of the axes, by name.
 
     **Arguments:** `code`: exit code of the sweep, which tells whether it was interrupted.
@@ -153,7 +146,7 @@ def _summary(dataset: "xr.Dataset", code: int) -> Summary:
     }
 
 
-def _line(dataset: "xr.Dataset", summary: Summary) -> str:
+def _line(dataset: xr.Dataset, summary: Summary) -> str:
     """Return the result of a sweep as one line of text: numbers of lanes and steps, and the largest
     of all outputs that are forces."""
     lanes, pending = int(summary["lanes"]), int(summary["lanes pending"])

@@ -34,10 +34,6 @@ from ..model.bodies import BodyState, body_state
 from ..quantities.base import AbstractQuantity, Quantity
 from .locations import FileLocation, listed
 
-PACKAGE = __name__.split(".")[0]
-"""Name of this package."""
-MAIN = "__main__"
-"""Module of the classes that a script defines."""
 REQUIRED = inspect.Parameter.empty
 """Default of an argument that has no default."""
 Classes: TypeAlias = Collection[type]
@@ -98,13 +94,12 @@ def require_classes(given: Classes) -> None:
 def class_name(kind: type) -> str:
     """Return the name of a class in files: "Class" if it belongs to the package, else
     "module:Class"."""
-    name = f"{kind.__module__}:{kind.__qualname__}"
-    return kind.__name__ if is_from_package(kind) else name
+    return kind.__name__ if is_from_package(kind) else f"{kind.__module__}:{kind.__qualname__}"
 
 
 def is_from_package(kind: type) -> bool:
     """Return whether a class belongs to this package, instead of a user."""
-    return kind.__module__.split(".")[0] == PACKAGE
+    return kind.__module__.split(".")[0] == __name__.split(".")[0]
 
 
 def is_abstract(kind: type) -> bool:
@@ -179,7 +174,7 @@ def find_maker(
     if not isinstance(name, str):
         location.refuse(name, "the name of a class", f"write {expected}")
     module, _, short = name.rpartition(":")
-    found = known.get(short if module == MAIN else name)
+    found = known.get(short if module == "__main__" else name)
     if found is not None:
         return found
     if name in makers((), given):

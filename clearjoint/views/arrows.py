@@ -21,8 +21,6 @@ USUAL, FAR = 0.5, 5.0
 """The usual force is the quantile `USUAL` of all forces that are not zero. Lengths of arrows are
 proportional to the square root of forces if the largest force exceeds `FAR` times the usual force,
 otherwise to forces."""
-WIDTH = 1.1
-"""Radius of an arrow's head in radii of a bar."""
 MODE_NAMES = {
     MotionMode.FREE_FLIGHT: "free flight",
     MotionMode.ONE_BASE: "contact at one end",
@@ -94,7 +92,7 @@ def arrows(
                 directions = forces / np.maximum(norms, 1e-300)  # zero for no force, not NaN
                 vectors = directions * np.minimum(lengths, longest)
                 starts = points - vectors if at_tip else points
-                poses = between(starts, starts + vectors, WIDTH * bar)
+                poses = between(starts, starts + vectors, 1.1 * bar)
                 # Arrows shorter than 1e-9 m, as in frames without force, shrink to a point in all
                 # directions: a disc would be seen otherwise.
                 hidden = np.linalg.norm(poses[:, :3, 2], axis=1) < 1e-9

@@ -33,8 +33,6 @@ LEGEND_WIDTH = 0.28
 LONGEST_EDGE = 0.3
 """Longest edge of a triangle relative to half the height of the picture: large triangles can't be
 painted in a correct order, since one may be partly before and partly behind another."""
-TITLE = 24
-"""Largest number of characters in a line of the title."""
 DPI = 100
 """Pixels per inch of an animation; a still picture has twice as many."""
 FRAMES_PER_SECOND = 25
@@ -74,7 +72,21 @@ class Film:
         self._triangles = PolyCollection([], linewidths=0.3)
         self._axes.add_collection(self._triangles)
         self._time_text = self.figure.text(0.98, 0.02, "", ha="right", va="bottom", fontsize=11)
-        self._describe(legend)
+        patches = [
+            Patch(facecolor=c, edgecolor="#777777", label=shown(name)) for c, name in legend.entries
+        ]
+        self.figure.legend(
+            handles=patches,
+            title=fill(literal(legend.title), 24),
+            title_fontproperties={"weight": "bold"},
+            loc="upper left",
+            fontsize=9,
+            frameon=False,
+            alignment="left",
+        )
+        # A line of 30 characters of this size, or of 24 of the title's, is as wide as the legend.
+        notes = "\n".join(fill(literal(note), 30) for note in legend.notes)
+        self.figure.text(0.02, 0.02, notes, ha="left", va="bottom", fontsize=8, color="#444444")
         self.show(0)
 
     def show(self, k: int) -> None:
@@ -131,24 +143,6 @@ class Film:
             for k in frames:
                 self.show(k)
                 writer.grab_frame()
-
-    def _describe(self, legend: Legend) -> None:
-        """Write the legend on the left of the picture: title and colours above, notes below."""
-        patches = [
-            Patch(facecolor=c, edgecolor="#777777", label=shown(name)) for c, name in legend.entries
-        ]
-        self.figure.legend(
-            handles=patches,
-            title=fill(literal(legend.title), TITLE),
-            title_fontproperties={"weight": "bold"},
-            loc="upper left",
-            fontsize=9,
-            frameon=False,
-            alignment="left",
-        )
-        # A line of 30 characters of this size is as wide as the legend.
-        notes = "\n".join(fill(literal(note), 30) for note in legend.notes)
-        self.figure.text(0.02, 0.02, notes, ha="left", va="bottom", fontsize=8, color="#444444")
 
 
 def _divided(part: DrawnPart, longest: float) -> DrawnPart:

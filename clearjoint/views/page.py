@@ -23,8 +23,6 @@ SCRIPT = Path(__file__).with_name("page.js")
 """Script of the page's legend and time slider."""
 WITHOUT_WEBGL = Path(__file__).with_name("without_webgl.js")
 """Script that tells the reader if the browser has no WebGL, without which k3d shows nothing."""
-DURATION = 8.0
-"""Time in which the page plays the whole motion at its default speed, s."""
 
 
 @dataclass(frozen=True)
@@ -75,10 +73,12 @@ def page(
             "entries": legend.entries,
             "notes": legend.notes,
             "times": None if times is None else [float(f"{time:.7g}") for time in times],
-            "duration": DURATION,
+            "duration": 8.0,  # s, in which the page plays the whole motion by default
         }
-        script = SCRIPT.read_text(encoding="utf-8")
-        text = plot.get_snapshot(additional_js_code=script.replace("CONTENT", _as_script(content)))
+        # With "<" escaped, no text can end the script element.
+        embedded = json.dumps(content).replace("<", "\\u003c")
+        script = SCRIPT.read_text(encoding="utf-8").replace("CONTENT", embedded)
+        text = plot.get_snapshot(additional_js_code=script)
     # Without WebGL, k3d does not run the script above: this one is separate.
     before, end, after = text.rpartition("</body>")
     return f"{before}<script>{WITHOUT_WEBGL.read_text(encoding='utf-8')}</script>{end}{after}"
@@ -108,8 +108,3 @@ def _drawable(part: DrawnPart, k3d):
 
 def _number(colour: str) -> int:
     return int(colour[1:], 16)
-
-
-def _as_script(value: object) -> str:
-    """Return a value as JSON in which "<" is escaped, so that no text can end a script element."""
-    return json.dumps(value).replace("<", "\\u003c")

@@ -202,15 +202,6 @@ def _rounded(number: float) -> float:
 
 FIELD_OF_VIEW = 30.0
 """Vertical field of view, degrees."""
-FLAT = 0.3
-"""A mechanism is viewed from above if the sine of the angle between the main direction of its joint
-axes and the vertical is less than this number."""
-ZOOM_OUT = 1.1
-"""Size of the picture divided by the extent of all parts in it."""
-INSTANTS = 120
-"""Largest number of frames in which positions of parts are evaluated to place the camera."""
-ITERATIONS = 12
-"""Number of iterations to place the camera, since extents in perspective depend on its distance."""
 WIDE = 1.25
 """Smallest ratio of width to height of a picture."""
 TILTED, OBLIQUE, ABOVE = (0.3, 0.2), (0.75, 0.42), (0.5, 1.2)
@@ -246,8 +237,9 @@ def camera(parts: Sequence[DrawnPart], proportions: Proportions, count: int) -> 
     do not belong to the mechanism: they must be in the picture, but not around its middle.
     `proportions`: has the directions from which the mechanism is seen; `count`: number of frames.
     """
-    # Coordinates below are to the right, upwards and to the viewer, m.
-    instants = np.unique(np.linspace(0, count - 1, min(count, INSTANTS)).astype(int)).tolist()
+    # The parts are evaluated in at most 120 frames. Coordinates below are to the right, upwards and
+    # to the viewer, m.
+    instants = np.unique(np.linspace(0, count - 1, min(count, 120)).astype(int)).tolist()
     axes = _axes(_direction(proportions), proportions.up)
     bodies = [part for part in parts if part.colour not in (FORCE, LOAD)]
     mechanism, everything = (corners(family, instants) @ axes.T for family in (bodies, parts))
@@ -255,14 +247,15 @@ def camera(parts: Sequence[DrawnPart], proportions: Proportions, count: int) -> 
     target = 0.5 * (mechanism.min(axis=0) + mechanism.max(axis=0))
     high = np.abs(everything - target).max()
     distance = high / slope + high  # from which everything is visible
-    for _ in range(ITERATIONS):
+    for _ in range(12):
         # Move the target to the middle of the mechanism's picture, and the camera to the distance
-        # from which everything fills the picture, but in front of the nearest point.
+        # from which everything nearly fills the picture, but in front of the nearest point. Extents
+        # in perspective depend on the distance.
         projected = in_perspective(mechanism - target, distance)
         target[:2] += 0.5 * (projected.min(axis=0) + projected.max(axis=0))
         extent = np.abs(in_perspective(everything - target, distance)).max(axis=0)
         nearest = np.max(everything[:, 2] - target[2])
-        distance = max(ZOOM_OUT * max(extent[1], extent[0] / WIDE) / slope, 1.1 * nearest)
+        distance = max(1.1 * max(extent[1], extent[0] / WIDE) / slope, 1.1 * nearest)
     target = axes.T @ target
     return Camera(target + distance * axes[2], target, axes[1], float(distance * slope))
 
@@ -286,7 +279,9 @@ def _direction(proportions: Proportions) -> np.ndarray:
     up = proportions.up
     front = proportions.front - up * (proportions.front @ up)
     rightwards, upwards = TILTED if proportions.planar else OBLIQUE
-    if np.linalg.norm(front) < FLAT:  # then any horizontal direction is in front
+    # With joint axes within 17° of the vertical, any horizontal direction is in front, and the
+    # mechanism is seen from above.
+    if np.linalg.norm(front) < 0.3:
         front = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
         rightwards, upwards = ABOVE
     front = front / np.linalg.norm(front)

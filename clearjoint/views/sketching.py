@@ -25,10 +25,9 @@ from .parts import BODIES, CLEAR, GROUND_COLOUR, METAL, DrawnPart, between, stil
 from .poses import BodyPoses
 from .proportions import Proportions, equivalent_solid
 
+
 WALL = 0.22
 """Drawn thickness of a bearing's wall as a fraction of its radius."""
-JOURNAL_LENGTH = 1.3
-"""Drawn length of a journal divided by that of its bearing."""
 
 
 @dataclass(frozen=True)
@@ -59,51 +58,9 @@ class DrawnJournal:
         return centre + self.radius * normal
 
 
-def drawn_journal(
-    poses: BodyPoses,
-    bearing: Marker,
-    journal: Marker,
-    radius: float,
-    length: float,
-    sizes: Proportions,
-) -> DrawnJournal:
-    """Return a journal as it is drawn, with enlarged eccentricity.
-
-    The positions of its ends across the bearing's axis are the true ones times the scale of
-    clearances. Along the axis, their distance is the true length times the scale of bearings.
-
-    **Arguments:** `poses`: poses of the bodies in each frame; `bearing`, `journal`: centre and axis
-    of each on its body; `radius`: drawn radius of the journal, m; `length`: true length of the
-    journal, m; `sizes`: has both scales.
-    """
-    axis = poses.direction(bearing.body, bearing.along())
-    journal_axis = poses.direction(journal.body, journal.along())
-    centre = poses.point(bearing.body, bearing.point)
-    reach = poses.point(journal.body, journal.point) - centre
-    # The journal's axis may point along the bearing's axis or against it.
-    sense = np.where(np.sum(journal_axis * axis, axis=1, keepdims=True) < 0.0, -1.0, 1.0)
-    ends = []
-    for side in SIDES:
-        offset = reach + journal_axis * (0.5 * side * length)
-        across = offset - axis * np.sum(offset * axis, axis=1, keepdims=True)
-        along = np.sum(reach * axis, axis=1, keepdims=True)
-        along = along + 0.5 * side * sense * length * sizes.bearing_scale
-        ends.append(centre + axis * along + across * sizes.clearance_scale)
-    drawn_axis = ends[1] - ends[0]
-    drawn_axis /= np.linalg.norm(drawn_axis, axis=1, keepdims=True)
-    # A direction across the axis that rotates with the journal.
-    local = np.cross(journal.along(), np.eye(3)[np.argmin(np.abs(journal.along()))])
-    drawn = frames(drawn_axis, poses.direction(journal.body, local))
-    drawn[:, :3, 3] = 0.5 * (ends[0] + ends[1])
-    return DrawnJournal(np.array(ends), drawn, radius)
-
-
 NEAR = 1e-3
 """Coordinates of the points of a body are rounded to multiples of this fraction of the size of the
 mechanism, to find equal points."""
-SHORT = 0.5
-"""A body is drawn as the convex hull of its joints. The solid of its mass and inertia is added if
-the extent of the joints is less than this fraction of the solid's longest side."""
 
 
 class SketchingPen(AbstractPen):
@@ -238,9 +195,9 @@ class SketchingPen(AbstractPen):
         bore = sizes.bore(None if radius is None else float(radius))
         outer, wide = bore * (1.0 + WALL), float(length) * sizes.bearing_scale
         inner = bore - float(clearance) * sizes.clearance_scale
-        drawn = drawn_journal(self._poses, bearing, journal, inner, float(length), sizes)
+        drawn = self._drawn_journal(bearing, journal, inner, float(length))
         self._fix(bearing, meshes.tube(bore, outer, wide))
-        pin = meshes.cylinder(inner, JOURNAL_LENGTH * wide)
+        pin = meshes.cylinder(inner, 1.3 * wide)  # longer than the bearing
         self._moving.append(DrawnPart(self.element, pin, drawn.poses, METAL, is_journal=True))
         self.journals[self.element] = drawn
         # The bar of the journal's body passes behind the bearing, and the bar of the bearing's body
@@ -317,7 +274,8 @@ class SketchingPen(AbstractPen):
         self._hold(centre)
 
     def body(self, name: str, body: Body) -> None:
-        """Draw a body as the hull of its joints, and its equivalent solid if the hull is small.
+        """Draw a body as the convex hull of its joints, and its equivalent solid if the hull is
+        smaller than half of the solid's longest side.
 
         The equivalent solid is the homogeneous cylinder or box with the body's mass and moments of
         inertia, around the centre of mass.
@@ -327,7 +285,7 @@ class SketchingPen(AbstractPen):
         if name in self._shaped and len(points) <= 1:
             return
         longest = equivalent_solid(body).sides.max()
-        if len(points) <= 1 or np.ptp(points, axis=0).max() < SHORT * longest:
+        if len(points) <= 1 or np.ptp(points, axis=0).max() < 0.5 * longest:
             self.solid(name, body)
             points = np.vstack([points, np.zeros((1, 3))])  # the hull connects joints and solid
         if np.ptp(points, axis=0).max() > NEAR * self._sizes.size:
@@ -383,6 +341,38 @@ class SketchingPen(AbstractPen):
         axis along the marker's axis if the marker has one."""
         rotation = None if marker.axis is None else frame_about(marker.along())
         self._add(marker.body, mesh.moved(pose_at(marker.point, rotation)), colour, opacity)
+
+    def _drawn_journal(
+        self, bearing: Marker, journal: Marker, radius: float, length: float
+    ) -> DrawnJournal:
+        """Return a journal as it is drawn, with enlarged eccentricity.
+
+        The positions of its ends across the bearing's axis are the true ones times the scale of
+        clearances. Along the axis, their distance is the true length times the scale of bearings.
+
+        **Arguments:** `bearing`, `journal`: centre and axis of each on its body; `radius`: drawn
+        radius of the journal, m; `length`: true length of the journal, m.
+        """
+        axis = self._poses.direction(bearing.body, bearing.along())
+        journal_axis = self._poses.direction(journal.body, journal.along())
+        centre = self._poses.point(bearing.body, bearing.point)
+        reach = self._poses.point(journal.body, journal.point) - centre
+        # The journal's axis may point along the bearing's axis or against it.
+        sense = np.where(np.sum(journal_axis * axis, axis=1, keepdims=True) < 0.0, -1.0, 1.0)
+        ends = []
+        for side in SIDES:
+            offset = reach + journal_axis * (0.5 * side * length)
+            across = offset - axis * np.sum(offset * axis, axis=1, keepdims=True)
+            along = np.sum(reach * axis, axis=1, keepdims=True)
+            along = along + 0.5 * side * sense * length * self._sizes.bearing_scale
+            ends.append(centre + axis * along + across * self._sizes.clearance_scale)
+        drawn_axis = ends[1] - ends[0]
+        drawn_axis /= np.linalg.norm(drawn_axis, axis=1, keepdims=True)
+        # A direction across the axis that rotates with the journal.
+        local = np.cross(journal.along(), np.eye(3)[np.argmin(np.abs(journal.along()))])
+        drawn = frames(drawn_axis, self._poses.direction(journal.body, local))
+        drawn[:, :3, 3] = 0.5 * (ends[0] + ends[1])
+        return DrawnJournal(np.array(ends), drawn, radius)
 
     def _ends(self, first: Marker, second: Marker) -> tuple[np.ndarray, np.ndarray]:
         """Return the positions of both markers, (N, 3) m each in global axes, after the hulls of

@@ -40,13 +40,9 @@ Viewable = State | Solution | NonsmoothSolution | Trajectory
 ODD_SIZE = 50.0
 """A mesh from the user is refused if it is larger or smaller than the mechanism by more than this
 factor, since it is probably in a wrong unit."""
-SUFFIXES = (".html", ".gif", ".mp4", ".png", ".pdf", ".svg")
-"""Suffixes of the files that `View.save` can write."""
 MISSED = 1.1
 """The legend notes the largest force of an impact if it exceeds the largest force of all frames by
 more than this factor."""
-ANIMATED = 100
-"""Largest number of frames of a GIF or MP4, 4 s at 25 frames per second."""
 
 
 @dataclass(eq=False, repr=False)
@@ -102,9 +98,9 @@ class View:
         ```
         """
         file = Path(file)
-        suffix = file.suffix.lower()
-        expected = f"a file with one of the suffixes {SUFFIXES}"
-        require(suffix in SUFFIXES, "file", str(file), expected, "rename it")
+        suffix, suffixes = file.suffix.lower(), (".html", ".gif", ".mp4", ".png", ".pdf", ".svg")
+        expected = f"a file with one of the suffixes {suffixes}"
+        require(suffix in suffixes, "file", str(file), expected, "rename it")
         if suffix == ".html":
             file.write_text(self.html, encoding="utf-8")
             return file
@@ -116,7 +112,7 @@ class View:
             remedy = "pass a solution to view(), or save a picture"
             require(self.times is not None, "file", str(file), expected, remedy)
             assert self.times is not None
-            frames = instants_to_show(self.times, ANIMATED).tolist()
+            frames = instants_to_show(self.times, 100).tolist()  # 4 s at 25 frames per second
         elif self.times is not None and time is not None:
             frames = [int(np.argmin(np.abs(self.times - time)))]
         Film(self.parts, self._camera, self.legend, self.times).save(file, frames)
