@@ -72,7 +72,8 @@ def journal_frames(
         axes.set_axis_off()
     nearest = _nearest(observation.times, instants)
     for row, base in enumerate(BASES):
-        offsets, touching = _drawn(observation, joint, base, clearance, section)
+        offsets = eccentricity_vectors(observation, joint, base, section) * (DRAWN_GAP / clearance)
+        touching = observation.contacts[joint][base].penetration > 0.0
         for k, index in enumerate(nearest):
             axes = grid[2 * (k // columns) + row, k % columns]
             Picture(axes).show(offsets[index], touching[index])
@@ -126,7 +127,9 @@ def animate_journal(
     for axes, base in zip(pair, BASES, strict=True):
         axes.set_axis_off()
         axes.set_title(f"base {base}", fontsize=10)
-        pictures.append((Picture(axes), *_drawn(observation, joint, base, clearance, section)))
+        offsets = eccentricity_vectors(observation, joint, base, section) * (DRAWN_GAP / clearance)
+        touching = observation.contacts[joint][base].penetration > 0.0
+        pictures.append((Picture(axes), offsets, touching))
 
     def draw(index: int) -> list[Artist]:
         for picture, offsets, touching in pictures:
@@ -162,27 +165,6 @@ class Picture:
         self._journal.set_facecolor(DARK if touching else LIGHT)
         self._centre.set_data(offset[:1], offset[1:])
         self._centre.set_color("white" if touching else DARK)
-
-
-def _drawn(
-    observation: Observation,
-    joint: str,
-    base: str,
-    clearance: float,
-    section: CrossSection | None,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the positions of one base in the pictures, and when it touches the wall, at the N
-    observed times.
-
-    The arguments are those of `journal_frames`, and `base`: "V" or "W".
-
-    **Returns:** centre of the base in the cross-section, (N, 2) in radii of the bearing, enlarged
-    so that the clearance becomes `DRAWN_GAP`; mask (N,) of the times at which the base touches the
-    wall.
-    """
-    vectors = eccentricity_vectors(observation, joint, base, section)
-    touching = observation.contacts[joint][base].penetration > 0.0
-    return vectors * (DRAWN_GAP / clearance), touching
 
 
 def _nearest(times: np.ndarray, instants: Instants) -> list[int]:

@@ -21,8 +21,6 @@ ENERGIES = {
     "work of drivers and loads": ("supplied",),
 }
 """Keys of `Observation.energies` whose sum is one curve, by the curve's label in the legend."""
-LEDGER = {*ENERGIES["dissipated"], "supplied"}
-"""Keys of `Observation.energies` that only a run with an energy ledger has."""
 
 
 def energy_ledger(
@@ -83,7 +81,8 @@ def energy_ledger(
     factor, unit = fitting_unit(drift, "J")
     below.plot(times, drift * factor, color=DARK, linewidth=1.0)
     below.margins(x=0.0)
-    has_ledger = not energies.keys().isdisjoint(LEDGER)
+    # Only a run with an energy ledger has these energies.
+    has_ledger = not energies.keys().isdisjoint({*ENERGIES["dissipated"], "supplied"})
     largest_change = max(np.ptp(values) for values in changes.values())
     if has_ledger and largest_change > 0.0:  # a title tells how large the drift is relatively
         share = np.abs(drift).max(initial=0.0) / largest_change

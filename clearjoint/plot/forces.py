@@ -23,8 +23,6 @@ OVER_USUAL_PEAK, OVER_USUAL_VALUE = 6.0, 20.0
 """An axis becomes logarithmic if the largest force exceeds the first number times the median of the
 forces' peaks, or the second number times the median over time of the forces in contact: on a linear
 axis, half of the forces would then be in the lowest sixth, or twentieth, of its height."""
-FEWEST_PEAKS = 3
-"""Smallest number of peaks for which their median is used."""
 
 
 def contact_and_reaction(
@@ -166,7 +164,7 @@ def _over_time(
         acting, weights = values > 0.0, np.tile(durations, len(curves))
         usual = np.quantile(values[acting], 0.5, weights=weights[acting], method="inverted_cdf")
         largest = peaks.max()
-        has_outlier = len(peaks) >= FEWEST_PEAKS and largest > OVER_USUAL_PEAK * np.median(peaks)
+        has_outlier = len(peaks) >= 3 and largest > OVER_USUAL_PEAK * np.median(peaks)
         if logarithmic or has_outlier or largest > OVER_USUAL_VALUE * usual:
             # The axis begins somewhat below the smallest peak and the usual force, but it spans at
             # least one and a half decades, and at most four.

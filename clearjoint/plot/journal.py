@@ -31,15 +31,6 @@ XY: CrossSection = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0)}
 >>> plot.XY["X"]
 (1.0, 0.0, 0.0)
 """
-WIDTHS = 1.6, 0.9
-"""Widths of the lines of base V and base W, points: W is thinner, as it may lie on V."""
-PRESSED = 0.05
-"""`eccentricities` draws eccentricity minus clearance if this difference never exceeds this
-fraction of the clearance, so that its changes are visible for a journal that stays at the wall."""
-BEARING_AXES = ("the bearing's x", "the bearing's y")
-"""Names of the default directions of a cross-section."""
-SMALLEST_IN_MILLIMETRES = 0.2e-3
-"""Clearances below this one, m, are drawn in micrometres."""
 
 
 def eccentricities(
@@ -85,7 +76,7 @@ def eccentricities(
     differences = np.concatenate([size for _, size in sizes]) - radius
     # `zero` is the eccentricity, m, that the vertical axis shows as zero.
     zero, quantity = 0.0, "eccentricity"
-    if bool((np.abs(differences) <= PRESSED * radius).all()):
+    if bool((np.abs(differences) <= 0.05 * radius).all()):  # the journal stays at the wall
         zero, quantity = radius, "eccentricity − clearance"
         factor, unit = fitting_unit(differences, "m")
     time_factor, time = time_unit(observation.times[in_window])
@@ -175,8 +166,8 @@ def journal_orbit(
     }
     curves = [(label, *(path * factor).T) for label, path in without_twins(paths)]
     draw_lines(axes, curves)
-    # `axes` may have earlier lines: the new ones are the last.
-    for line, width in zip(axes.get_lines()[-len(curves) :], WIDTHS, strict=False):
+    # `axes` may have earlier lines: the new ones are the last. W is thinner, as it may lie on V.
+    for line, width in zip(axes.get_lines()[-len(curves) :], (1.6, 0.9), strict=False):
         line.set_linewidth(width)
     return _dress_orbit(axes, radius, section)
 
@@ -240,7 +231,7 @@ def length_unit(clearance: float) -> tuple[float, str]:
     **Returns:** the factor from m to the unit, and the unit: "mm" for a clearance of at least
     0.2 mm, else "µm".
     """
-    return (1e3, "mm") if clearance >= SMALLEST_IN_MILLIMETRES else (1e6, "µm")
+    return (1e3, "mm") if clearance >= 0.2e-3 else (1e6, "µm")
 
 
 def observed_clearance(observation: Observation, joint: str) -> float:
@@ -271,7 +262,7 @@ def _dress_orbit(axes: Axes, clearance: float, section: CrossSection | None) -> 
     legend_above(axes, 3)
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
-    right, up = BEARING_AXES if section is None else map(shown, section)
+    right, up = map(shown, ("the bearing's x", "the bearing's y") if section is None else section)
     return dress(axes, f"eccentricity along {right}, {unit}", f"eccentricity along {up}, {unit}")
 
 

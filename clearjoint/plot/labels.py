@@ -16,24 +16,9 @@ PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
 """SI prefixes by their power of ten."""
 PREFIXED = ("m", "s", "N", "J", "W", "Pa", "Hz", "rad", "N s")
 """Units that take a prefix, also as the numerator of a quotient: mm/s."""
-LARGEST = {"m": 0, "s": 0, "rad": 0}
-"""Largest power of ten of a unit's prefix, by unit: kilometres and kiloseconds are not used."""
-LAST_IN_MILLISECONDS = 2.0
-"""A time axis is in ms if all its times are below this one, s."""
-SMALLEST_IN_KILONEWTONS = 1e4
-"""Forces from this one on, N, are shown in kN in figures of single runs."""
-LOGARITHMIC = 12.0
-"""Ratio of the largest to the smallest value, a little more than a decade, above which an axis is
-logarithmic."""
 GEOMETRIC = 1e-6
 """Largest relative difference of the ratios of successive values in a geometric series, which
 allows for rounding errors."""
-FEW_TICKS = 5.0
-"""Ratio of the largest to the smallest value up to which ticks of a logarithmic axis are equally
-spaced."""
-MANY_DECADES = 500.0
-"""Ratio of the largest to the smallest value from which on ticks of a logarithmic axis are only at
-powers of ten."""
 
 
 class ScaledValues(NamedTuple):
@@ -122,7 +107,7 @@ def fitting_unit(values: np.ndarray, unit: str) -> tuple[float, str]:
     """
     if unit == "N":
         largest = np.abs(values).max(initial=0.0)
-        return (1e-3, "kN") if largest >= SMALLEST_IN_KILONEWTONS else (1.0, "N")
+        return (1e-3, "kN") if largest >= 1e4 else (1.0, "N")
     exponent, text = _prefixed(np.asarray(values, dtype=float), unit)
     return 10.0**-exponent, text
 
@@ -135,7 +120,7 @@ def time_unit(times: np.ndarray, window: TimeSpan | None = None) -> tuple[float,
     **Returns:** the factor from s to the unit, and the unit's text.
     """
     last = np.abs(np.asarray(times if window is None else window, dtype=float)).max(initial=0.0)
-    return (1e3, "ms") if last < LAST_IN_MILLISECONDS else (1.0, "s")
+    return (1e3, "ms") if last < 2.0 else (1.0, "s")
 
 
 def time_axis(
@@ -157,15 +142,14 @@ def _prefixed(values: np.ndarray, unit: str) -> tuple[int, str]:
     """Return the power of ten of the prefix that brings the largest finite value between 1 and
     1000, and the text of the unit with this prefix.
 
-    The power is 0 for units without prefix and if all values are zero. It is limited by `PREFIXES`
-    and `LARGEST`.
+    The power is 0 for units without prefix and if all values are zero. It is limited by `PREFIXES`.
     """
     text = unit.replace("^2", "²").replace("^3", "³")
     first = unit.split("/")[0]  # a prefix scales the numerator: mm/s for m/s
     largest = np.abs(values[np.isfinite(values)]).max(initial=0.0)
     if first not in PREFIXED or largest == 0.0:
         return 0, text
-    highest = LARGEST.get(first, max(PREFIXES))
+    highest = 0 if first in ("m", "s", "rad") else max(PREFIXES)  # no kilometres or kiloseconds
     exponent = int(np.clip(3 * np.floor(np.log10(largest) / 3), min(PREFIXES), highest))
     return exponent, PREFIXES[exponent] + text
 
@@ -179,7 +163,7 @@ def suits_logarithm(values: np.ndarray, swept: bool = False) -> bool:
     finite = values[np.isfinite(values)]
     if finite.size == 0 or finite.min() <= 0.0:
         return False
-    if finite.max() > LOGARITHMIC * finite.min():
+    if finite.max() > 12.0 * finite.min():  # a little more than a decade
         return True
     distinct = np.unique(finite)
     if not swept or len(distinct) < 3:
@@ -213,8 +197,8 @@ def tick_logarithm(axis: Axis, values: np.ndarray) -> None:
     times powers of ten up to 500 times, and matplotlib's own, at powers of ten, above.
     """
     finite = values[np.isfinite(values)]
-    if finite.max() < MANY_DECADES * finite.min():
-        few = finite.max() <= FEW_TICKS * finite.min()
+    if finite.max() < 500.0 * finite.min():
+        few = finite.max() <= 5.0 * finite.min()
         equal = MaxNLocator(5, steps=[1, 2, 2.5, 5, 10])
         axis.set_major_locator(equal if few else LogLocator(subs=(1.0, 2.0, 5.0)))
         axis.set_major_formatter(StrMethodFormatter("{x:g}"))

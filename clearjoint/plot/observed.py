@@ -14,10 +14,6 @@ from ..fields.suggestions import nearest
 from ..simulation.results.observation import ContactObservation, Observation
 
 T = TypeVar("T")
-ALIKE, ALIKE_OF_LARGEST = 1e-3, 1e-5
-"""Two curves count as equal if they differ at each point by at most the first number times the
-value there plus the second number times the largest value of all curves: less than a line's
-width."""
 
 
 def contacts(observation: Observation, joint: str) -> dict[str, ContactObservation]:
@@ -53,6 +49,9 @@ def without_twins(curves: Mapping[str, np.ndarray]) -> list[tuple[str, np.ndarra
     """Merge equal curves, so that none hides another: the two end circles of a journal, its bases
     V and W, have the same motion and forces in planar motion.
 
+    Two curves count as equal if they differ by less than a line's width: at each point by at most a
+    thousandth of the value there plus 1e-5 of the largest value of all curves.
+
     **Arguments:** `curves`: arrays of one shape, by label.
 
     **Returns:** label and values of each remaining curve, in the given order. The label of merged
@@ -62,7 +61,7 @@ def without_twins(curves: Mapping[str, np.ndarray]) -> list[tuple[str, np.ndarra
     distinct: list[tuple[list[str], np.ndarray]] = []
     for label, values in curves.items():
         for names, first in distinct:
-            if np.allclose(values, first, rtol=ALIKE, atol=ALIKE_OF_LARGEST * scale):
+            if np.allclose(values, first, rtol=1e-3, atol=1e-5 * scale):
                 names.append(label)
                 break
         else:

@@ -24,8 +24,6 @@ from .observed import contact, without_twins
 from .style import BLUE, DARK, LIGHT, VERMILLION, legend_above, polar_or_new
 from .sweeps import require_names
 
-Weight = Literal["impulse", "force"]
-"""Quantity that the length of a bar of `contact_rose` shows."""
 BAR_STYLES = (
     {"facecolor": LIGHT, "edgecolor": BLUE, "linewidth": 0.6},
     {"facecolor": "none", "edgecolor": VERMILLION, "linewidth": 0.6, "hatch": "////"},
@@ -37,7 +35,7 @@ def contact_rose(
     observation: Observation,
     joint: str,
     *,
-    weight: Weight = "impulse",
+    weight: Literal["impulse", "force"] = "impulse",
     sectors: int = 36,
     section: CrossSection | None = None,
     axes: Axes | None = None,

@@ -4,7 +4,7 @@ The page consists of rows: a description of the scene and the run, the paths of 
 over time, energies with a spectrum, and a table of impacts. Each row is a matplotlib `SubFigure`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from textwrap import fill
 from typing import NamedTuple
@@ -34,10 +34,6 @@ from .report_tables import IMPACT_COLUMNS, JOINT_COLUMNS, Cells, impact_rows, jo
 from .style import GREY, draw_lines, dress
 from .time_series import is_even, labelled, series, spectrum_of, trajectory_of
 
-WIDTH = 7.4
-"""Width between the margins of the page, inches."""
-LETTER = 0.066
-"""Width of a letter in a table, inches; a little more than that of bold text."""
 TITLE = 26
 """Largest number of characters of a name in the title of a figure."""
 LINE = 0.145
@@ -45,22 +41,12 @@ LINE = 0.145
 SMALL_MOTION = 0.02
 """Paths of the bodies are not drawn if no centre moves farther than this fraction of the size of
 the mechanism."""
-JOINT_POSITIONS = (0.0, 0.14, 0.30, 0.50, 0.585, 0.81)
-"""Left ends of the columns of the table of joints, as fractions of the page's width."""
-IMPACT_POSITIONS = (0.0, 0.16, 0.26, 0.36, 0.48, 0.615, 0.745, 0.86)
-"""The same for the table of impacts."""
 PAGE = (8.27, 11.69)
 """Width and height, inches: A4."""
 MOST_ROWS = 8
 """Largest number of joints or impacts that a table lists."""
 TABLE_EXTRA_LINES = 2.6
 """Height of a table's head and of the gaps around the table, in lines of text."""
-MOTION_HEIGHT, FORCES_HEIGHT, CONTACT_HEIGHT, ENERGY_HEIGHT = 2.6, 2.4, 0.2, 2.5
-"""Heights of figures, inches, before they are stretched to fill the page: motion; forces, and below
-them phases of the motion; addition to the latter for each joint with contacts; energies with the
-spectrum."""
-TITLE_HEIGHT = 0.4
-"""Height of the title, inches."""
 MARGIN = 0.4
 """Margin of the page, inches."""
 
@@ -109,11 +95,11 @@ def report(
     kind, remedy = type(solution).__name__, "draw other results by the other functions of plot"
     require(isinstance(solution, Solution), "solution", kind, "a Solution of simulate()", remedy)
     parts = _parts(scene, solution, _record(scene, solution, quantity, unit))
-    # Tables have the heights that they need; figures share the rest of the page.
+    # Tables have the heights that they need, the title 0.4 inches; figures share the rest.
     width, height = (length - 2.0 * MARGIN for length in PAGE)
     tables = sum(part.height for part in parts if part.is_table)
     figures = sum(part.height for part in parts if not part.is_table)
-    stretch = (height - TITLE_HEIGHT - tables) / figures
+    stretch = (height - 0.4 - tables) / figures
     heights = [part.height * (1.0 if part.is_table else stretch) for part in parts]
     # A page has small texts and thin lines; other figures keep matplotlib's settings.
     with rc_context():
@@ -168,11 +154,11 @@ def _parts(scene: Scene, solution: Solution, record: xr.DataArray) -> list[_Part
     height = LINE * (len(lines) + len(joints) + TABLE_EXTRA_LINES)
     # The functions draw later, when the heights of all rows are known.
     parts = [_Part(height, lambda row: draw_description(row, lines, joints), is_table=True)]
-    parts += [_Part(MOTION_HEIGHT, lambda row: draw_motion(row, scene, path, along))]
-    if along.contacts:
-        height = FORCES_HEIGHT + CONTACT_HEIGHT * len(along.contacts)
+    parts += [_Part(2.6, lambda row: draw_motion(row, scene, path, along))]
+    if along.contacts:  # the phases of the motion below the forces have a row for each joint
+        height = 2.4 + 0.2 * len(along.contacts)
         parts += [_Part(height, lambda row: draw_over_time(row, along))]
-    parts += [_Part(ENERGY_HEIGHT, lambda row: draw_energies(row, at_ends, record))]
+    parts += [_Part(2.5, lambda row: draw_energies(row, at_ends, record))]
     if solution.impacts:
         impacts = impact_rows(solution.impacts, MOST_ROWS)
         height = LINE * (len(impacts) + TABLE_EXTRA_LINES)
@@ -211,35 +197,30 @@ def draw_description(row: SubFigure, lines: list[str], joints: list[Cells]) -> N
     axes = row.add_subplot()
     for line, text in enumerate(lines):
         _write(axes, 0.0, line, shown(text, 125))  # as many letters as the page is wide
-    _table(axes, JOINT_COLUMNS, joints, JOINT_POSITIONS, len(lines) + 0.5)
+    _table(axes, JOINT_COLUMNS, joints, len(lines) + 0.5)
 
 
 def draw_impacts(row: SubFigure, impacts: list[Cells]) -> None:
     """Write a table with the rows `impacts`, whose columns are `IMPACT_COLUMNS`."""
     axes = row.add_subplot()
     _write(axes, 0.0, 0.0, "Impacts of largest force", "bold")
-    _table(axes, IMPACT_COLUMNS, impacts, IMPACT_POSITIONS, 1.2)
+    _table(axes, IMPACT_COLUMNS, impacts, 1.2)
 
 
-def _table(
-    axes: Axes,
-    head: Cells,
-    rows: list[Cells],
-    positions: tuple[float, ...],
-    first: float,
-) -> None:
+def _table(axes: Axes, columns: Mapping[str, float], rows: list[Cells], first: float) -> None:
     """Write a table with a rule below the head.
 
-    **Arguments:** `head`: titles of the columns; `positions`: left ends of the columns, as
-    fractions of the width; `first`: line of the head, counted from the top of the axes.
+    **Arguments:** `columns`: left ends of the columns, as fractions of the width, by their titles;
+    `first`: line of the head, counted from the top of the axes.
     """
     axes.set_axis_off()
-    # Number of letters for which each column has space; longer texts are shortened.
-    lengths = [int(WIDTH * width / LETTER) for width in np.diff([*positions, 1.0])]
-    for position, cell in zip(positions, head, strict=True):
-        _write(axes, position, first, cell, weight="bold")
+    # Number of letters for which each column has space; longer texts are shortened. The page is
+    # 7.4 inches wide, and a letter of bold text a little less than 0.066.
+    lengths = [int(7.4 * width / 0.066) for width in np.diff([*columns.values(), 1.0])]
+    for title, position in columns.items():
+        _write(axes, position, first, title, weight="bold")
     for line, row in enumerate(rows):
-        for position, length, cell in zip(positions, lengths, row, strict=False):
+        for position, length, cell in zip(columns.values(), lengths, row, strict=False):
             _write(axes, position, first + 1.3 + line, shown(cell, length))
     # The rule is 1.1 lines below the top of the head, just above the first row at 1.3 lines.
     shift = ScaledTranslation(0.0, -LINE * (first + 1.1), axes.figure.dpi_scale_trans)

@@ -15,28 +15,28 @@ from .labels import fitting_unit
 
 Cells = Sequence[str]
 """Texts of a row of a table, from left to right."""
-PLAYS = ("clearance", "play", "backlash")
-"""Names of the fields in which joints store their clearance or play."""
 SYMBOLS = {"restitution": "c", "coefficient": "µ", "breakaway": "µ_S", "kinetic": "µ_C"}
 """Symbols of the numbers of a contact or friction law that the table shows, by field name."""
-JOINT_COLUMNS = ("joint", "kind", "bodies", "play", "normal law", "friction")
-"""Titles of the columns of the table of joints."""
-IMPACT_COLUMNS = (
-    "joint",
-    "contact",
-    "onset, ms",
-    "duration, µs",
-    "entry speed, m/s",
-    "exit speed, m/s",
-    "peak force, N",
-    "penetration, µm",
-)
-"""Titles of the columns of the table of impacts."""
-
-ALIKE, ALIKE_AT_ONCE = 1e-3, 8
-"""Two impacts count as equal if their onsets differ by at most the first number times the duration,
-and their peak forces by at most the first number times the force. The second number is that of the
-latest groups of equal impacts with which each impact is compared."""
+JOINT_COLUMNS = {
+    "joint": 0.0,
+    "kind": 0.14,
+    "bodies": 0.30,
+    "play": 0.50,
+    "normal law": 0.585,
+    "friction": 0.81,
+}
+IMPACT_COLUMNS = {
+    "joint": 0.0,
+    "contact": 0.16,
+    "onset, ms": 0.26,
+    "duration, µs": 0.36,
+    "entry speed, m/s": 0.48,
+    "exit speed, m/s": 0.615,
+    "peak force, N": 0.745,
+    "penetration, µm": 0.86,
+}
+"""Titles of the columns of the tables of joints and impacts, and the columns' left ends as
+fractions of the width of the page."""
 
 
 def joint_rows(scene: Scene, most: int) -> list[Cells]:
@@ -68,13 +68,18 @@ def _joint_row(name: str, joint: AbstractConstraint | AbstractContactJoint) -> C
 def _law(law: object) -> str:
     """Return the class name of a law, and its restitution or coefficients of friction, such as
     "LankaraniNikravesh, c 0.9"."""
-    values = {symbol: getattr(law, field, None) for field, symbol in SYMBOLS.items()}
     numbers = [
-        f"{symbol} {float(np.asarray(value)):.3g}"
-        for symbol, value in values.items()
-        if value is not None and np.shape(value) == ()
+        f"{symbol} {number:.3g}"
+        for field, symbol in SYMBOLS.items()
+        if (number := _single(law, field)) is not None
     ]
     return ", ".join([type(law).__name__, *numbers])
+
+
+def _single(owner: object, field: str) -> float | None:
+    """Return the value of a field that is a single number; ``None`` for all others."""
+    value = getattr(owner, field, None)
+    return float(np.asarray(value)) if value is not None and np.shape(value) == () else None
 
 
 def _play(joint: AbstractContactJoint) -> str:
@@ -82,11 +87,10 @@ def _play(joint: AbstractContactJoint) -> str:
     no field of one of these names that is a single number with a unit."""
     units = {field.name: field.metadata.get("unit", "") for field in fields(joint)}
     texts = []
-    for name in PLAYS:
-        value = getattr(joint, name, None)
-        if units.get(name) and value is not None and np.shape(value) == ():
-            factor, unit = fitting_unit(np.asarray(value), str(units[name]))
-            texts.append(f"{float(np.asarray(value)) * factor:.4g} {unit}")
+    for name in ("clearance", "play", "backlash"):
+        if units.get(name) and (play := _single(joint, name)) is not None:
+            factor, unit = fitting_unit(np.array(play), str(units[name]))
+            texts.append(f"{play * factor:.4g} {unit}")
     return ", ".join(texts) or "yes"
 
 
@@ -174,22 +178,23 @@ def impact_rows(impacts: Impacts, most: int) -> list[Cells]:
 
 
 def _alike(impacts: Impacts) -> dict[int, list[str]]:
-    """Group the equal simultaneous impacts of a joint's contacts.
+    """Group the equal simultaneous impacts of a joint's contacts: their onsets differ by at most a
+    thousandth of the duration, and their peak forces by at most a thousandth.
 
     **Returns:** for each group, the labels of the contacts, by the index of the group's first
     impact in `impacts`.
     """
     groups: dict[int, list[str]] = {}
-    # In the order of the onsets, an impact can only belong to one of the latest groups, in which
-    # its contact has no other impact.
+    # In the order of the onsets, an impact can only belong to one of the latest groups, of which
+    # eight suffice, in which its contact has no other impact.
     for k in np.lexsort((impacts.contact.astype(str), impacts.onset)):
         same = [
             j
-            for j in list(groups)[-ALIKE_AT_ONCE:]
+            for j in list(groups)[-8:]
             if impacts.joint[j] == impacts.joint[k]
             and impacts.contact[k] not in groups[j]
-            and abs(impacts.onset[j] - impacts.onset[k]) <= ALIKE * impacts.duration[k]
-            and np.isclose(impacts.peak_force[j], impacts.peak_force[k], rtol=ALIKE)
+            and abs(impacts.onset[j] - impacts.onset[k]) <= 1e-3 * impacts.duration[k]
+            and np.isclose(impacts.peak_force[j], impacts.peak_force[k], rtol=1e-3)
         ]
         if same:
             groups[same[0]].append(str(impacts.contact[k]))

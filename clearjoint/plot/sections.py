@@ -23,9 +23,6 @@ from .sweeps import is_successful, mark_failed, only_axis, require_names
 
 SHADES = LinearSegmentedColormap.from_list("later is darker", [LIGHT, BLUE, DARK])
 """Colours of the crossings by their numbers."""
-UNLIKE = 20.0
-"""Ratio of the largest values of two channels up to which their axes have equal scales. For more
-different ones, the points would lie on a line."""
 
 
 def poincare_map(
@@ -179,9 +176,10 @@ def section_points(
     rows = [np.asarray(row)[kept] for row in values]
     sizes = [np.abs(row[np.isfinite(row)]).max(initial=0.0) for row in rows]
     # Channels of the same unit and a similar size get the same prefix and the same scale, as both
-    # components of a vector should; with a circle they must, whatever their sizes.
+    # components of a vector should; if one is 20 times the other, the points would lie on a line.
+    # With a circle the scales must be the same, whatever the sizes.
     largest = max(*sizes, 0.0 if clearance is None else clearance)
-    similar = units[0] == units[1] and largest <= UNLIKE * min(sizes)
+    similar = units[0] == units[1] and largest <= 20.0 * min(sizes)
     same = similar or clearance is not None
     columns = []
     for row, size, channel, unit in zip(rows, sizes, channels, units, strict=True):

@@ -27,8 +27,6 @@ LINES: tuple[tuple[str, Dashes], ...] = (
     (ORANGE, (0, (6, 1, 1, 1, 1, 1))),
 )
 """Colours (of M. Okabe and K. Ito, which colour-blind people can distinguish) and line styles."""
-SIZE = (6.4, 4.0)
-"""Width and height of a new figure, inches."""
 TimeSpan = tuple[float, float]
 """Start and end of the drawn time, s."""
 
@@ -44,7 +42,7 @@ def next_colour(axes: Axes) -> str:
     return min((colour for colour, _ in LINES), key=drawn.count)
 
 
-def axes_or_new(axes: Axes | None, size: tuple[float, float] = SIZE) -> Axes:
+def axes_or_new(axes: Axes | None, size: tuple[float, float] = (6.4, 4.0)) -> Axes:
     """Return `axes`, or for None the axes of a new figure of width and height `size`, inches."""
     if axes is not None:
         return axes

@@ -39,13 +39,10 @@ def of_lanes(dataset: xr.Dataset, variable: str, along: tuple[str, ...]) -> xr.D
     require_names(dataset, (variable, *along))
     # Axes that vary together share the dimension "lane".
     dims = tuple(dataset[axis].dims[0] for axis in along)
-    require(
-        sorted(map(str, dataset[variable].dims)) == sorted(map(str, dims)),
-        "variable",
-        f"{variable} along {dataset[variable].dims}",
-        f"a number for each value of {along}",
-        "select along the other dimensions first: dataset.sel(...)",
-    )
+    found, expected = dataset[variable].dims, f"a number for each value of {along}"
+    is_valid = sorted(map(str, found)) == sorted(map(str, dims))
+    remedy = "select along the other dimensions first: dataset.sel(...)"
+    require(is_valid, "variable", f"{variable} along {found}", expected, remedy)
     return dataset[variable].where(is_successful(dataset)).transpose(*dims)
 
 
@@ -56,14 +53,9 @@ def only_axis(dataset: xr.Dataset, axis: str | None) -> str:
     """
     if axis is not None:
         return axis
-    dims = dataset["result"].dims
-    require(
-        len(dims) == 1 and dims[0] in dataset.coords,
-        "axis",
-        axis,
-        f"one of {tuple(map(str, dataset['result'].coords))}",
-        "name it",
-    )
+    dims, known = dataset["result"].dims, tuple(map(str, dataset["result"].coords))
+    is_only = len(dims) == 1 and dims[0] in dataset.coords
+    require(is_only, "axis", axis, f"one of {known}", "name it")
     return str(dims[0])
 
 
@@ -91,17 +83,8 @@ def mark_failed(
 def require_names(dataset: xr.Dataset, names: tuple[str, ...]) -> None:
     """Raise `ValueError` unless a data set has variables or coordinates of all these names."""
     unknown = [name for name in names if name not in dataset.variables]
-    require(
-        not unknown,
-        "dataset",
-        unknown,
-        f"names out of {sorted(map(str, dataset.variables))}",
-        "pass names of this sweep",
-    )
-
-
-LONG = 40
-"""Characters of a label from which on a legend has one column instead of two."""
+    expected = f"names out of {sorted(map(str, dataset.variables))}"
+    require(not unknown, "dataset", unknown, expected, "pass names of this sweep")
 
 
 def against(
@@ -165,8 +148,7 @@ def against(
     mark_failed(axes, x.values, is_successful(dataset).values, colour)
     labels = axes.get_legend_handles_labels()[1]
     if len(labels) > 1:
-        columns = 1 if max(map(len, map(str, labels))) > LONG else 2
-        legend_above(axes, columns)
+        legend_above(axes, 1 if max(map(len, map(str, labels))) > 40 else 2)
     return dress(axes, x.label, y.label)
 
 
@@ -255,16 +237,12 @@ def parameter_map(
     return axes
 
 
-Bounds = tuple[float, float]
-"""Smallest and largest value of a parameter, in the unit of the data set."""
-
-
 def convergence(
     dataset: xr.Dataset,
     variable: str,
     axis: str | None = None,
     *,
-    within: Bounds | None = None,
+    within: tuple[float, float] | None = None,
     label: str | None = None,
     colour: str | None = None,
     axes: Axes | None = None,
@@ -313,7 +291,11 @@ def convergence(
 
 
 def power_law_exponent(
-    dataset: xr.Dataset, variable: str, axis: str | None = None, *, within: Bounds | None = None
+    dataset: xr.Dataset,
+    variable: str,
+    axis: str | None = None,
+    *,
+    within: tuple[float, float] | None = None,
 ) -> float:
     """Return the exponent p of the power law C a^p that fits an output of a sweep over its
     parameter a, by least squares of logarithms.

@@ -188,14 +188,8 @@ def phase_portrait(
     return dress(axes, x.label, y.label)
 
 
-DECADES = 8.0
-"""A spectrum shows amplitudes down to this many powers of ten below the largest one. Smaller ones
-are rounding errors, or leak from the largest one."""
 FEWEST = 4
 """Smallest number of samples for a spectrum, which then has two frequencies."""
-UNEVEN = 1e-6
-"""Intervals between samples count as equal if the largest and the smallest differ by no more than
-this fraction of their mean. It allows for the rounding of times."""
 
 
 def amplitude_spectrum(record: xr.DataArray, taper: str = "hann") -> xr.DataArray:
@@ -249,11 +243,12 @@ def amplitude_spectrum(record: xr.DataArray, taper: str = "hann") -> xr.DataArra
 
 def is_even(intervals: np.ndarray) -> bool:
     """Return whether a spectrum of N samples is possible: the `intervals` (N - 1,), s, between them
-    are equal, and N is at least 4."""
+    are equal, and N is at least 4. Times are rounded: intervals may differ by 1e-6 of their mean.
+    """
     if len(intervals) + 1 < FEWEST:
         return False
     mean = float(intervals.mean())
-    return mean > 0.0 and bool(np.ptp(intervals) <= UNEVEN * mean)
+    return mean > 0.0 and bool(np.ptp(intervals) <= 1e-6 * mean)
 
 
 def spectrum(
@@ -316,7 +311,8 @@ def spectrum_of(record: xr.DataArray, *, taper: str = "hann", axes: Axes | None 
     largest = y.values.max(initial=0.0)
     if largest > 0.0:  # a constant record has no amplitudes to show on a logarithmic axis
         axes.set_yscale("log")
-        axes.set_ylim(max(0.5 * y.values.min(), largest * 10.0**-DECADES), 2.0 * largest)
+        # Amplitudes below 1e-8 of the largest are rounding errors, or leak from the largest.
+        axes.set_ylim(max(0.5 * y.values.min(), 1e-8 * largest), 2.0 * largest)
     title = f"window: {taper}; lines {float(frequencies[0]):.3g} Hz apart"
     axes.set_title(title, fontsize="small", loc="right")
     return dress(axes, f"frequency, {unit}", f"amplitude of {y.label}")

@@ -17,10 +17,6 @@ from .sketching import SketchingPen
 LONGEST = 0.3
 """Length of the longest arrow, as a fraction of the size of the mechanism, which is the diagonal of
 the box around it."""
-USUAL, FAR = 0.5, 5.0
-"""The usual force is the quantile `USUAL` of all forces that are not zero. Lengths of arrows are
-proportional to the square root of forces if the largest force exceeds `FAR` times the usual force,
-otherwise to forces."""
 MODE_NAMES = {
     MotionMode.FREE_FLIGHT: "free flight",
     MotionMode.ONE_BASE: "contact at one end",
@@ -58,8 +54,9 @@ def arrows(
     """Return arrows of the contact forces on the second body of each contact, with tips at the
     contact points, and of constant loads, which start at the point of application.
 
-    If the largest force is far above the usual forces, as in an impact during a motion along the
-    wall, lengths are proportional to the square root of forces, so that all are visible.
+    If the largest force is more than five times the median of all forces that are not zero, as in
+    an impact during a motion along the wall, lengths are proportional to the square root of forces,
+    so that all are visible.
 
     **Arguments:**
 
@@ -78,7 +75,7 @@ def arrows(
     largest, longest = float(sizes.max()), LONGEST * size
     root = False
     if scale is None:
-        root = len(acting) > 0 and largest > FAR * float(np.quantile(acting, USUAL))
+        root = len(acting) > 0 and largest > 5.0 * float(np.median(acting))
         scale = longest / largest if len(acting) else 1.0
     longest *= 1.0 + 1e-9  # a longest arrow is not cut because of rounding errors
     cut = longest / scale if bool((sizes * scale > longest).any()) else None

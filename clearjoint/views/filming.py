@@ -30,9 +30,6 @@ SHADE = 0.45
 """Brightness of surfaces that face away from the light, as a fraction of full brightness."""
 LEGEND_WIDTH = 0.28
 """Width of the legend relative to that of the figure."""
-LONGEST_EDGE = 0.3
-"""Longest edge of a triangle relative to half the height of the picture: large triangles can't be
-painted in a correct order, since one may be partly before and partly behind another."""
 DPI = 100
 """Pixels per inch of an animation; a still picture has twice as many."""
 FRAMES_PER_SECOND = 25
@@ -59,7 +56,9 @@ class Film:
         size: tuple[float, float] = (8.0, 4.8),
     ):
         self._times = times
-        self._parts = [_divided(part, LONGEST_EDGE * camera.reach) for part in parts]
+        # Large triangles can't be painted in a correct order, since one may be partly before and
+        # partly behind another. The reach is half the height of the picture.
+        self._parts = [_divided(part, 0.3 * camera.reach) for part in parts]
         self._view, self._target = camera.axes(), camera.target
         self._distance = float(np.linalg.norm(camera.eye - camera.target))
         self.figure = Figure(figsize=size, dpi=DPI)

@@ -17,9 +17,6 @@ from ..fields.types import ArrayLike
 
 ROUND = 32
 """Number of sides of round shapes."""
-TOOTH = np.array([-0.36, -0.16, 0.16, 0.36])
-"""Angles of a tooth's corners from its middle, in angles between two teeth (pitches): root, tip,
-tip, root. On the pitch circle the tooth is about half a pitch wide, as in a real gear."""
 
 
 class Mesh(NamedTuple):
@@ -134,10 +131,11 @@ def gear(radius: float, teeth: int, width: float) -> Mesh:
     """
     module = 2.0 * abs(radius) / teeth  # m
     pitch = 2.0 * np.pi / teeth  # rad
-    angle = (np.arange(teeth)[:, None] + TOOTH) * pitch
-    outwards = np.sign(radius)
-    # Heights of root and tip over the pitch circle in modules, as ISO 53 has them.
-    height = np.tile(outwards * module * np.array([-1.25, 1.0, 1.0, -1.25]), teeth)
+    # Corners of a tooth: root, tip, tip, root. Their angles from its middle, in pitches, make it
+    # about half a pitch wide on the pitch circle. Their heights over that circle, in modules, are
+    # those of ISO 53.
+    angle = (np.arange(teeth)[:, None] + np.array([-0.36, -0.16, 0.16, 0.36])) * pitch
+    height = np.tile(np.sign(radius) * module * np.array([-1.25, 1.0, 1.0, -1.25]), teeth)
     size = abs(radius) + height
     rim = np.stack([size * np.cos(angle.ravel()), size * np.sin(angle.ravel())], 1)
     count, after = len(rim), np.roll(np.arange(len(rim)), -1)

@@ -12,10 +12,6 @@ from ..model.bodies import GROUND, State
 from ..model.scene import Scene
 from ..simulation.results.solution import Trajectory
 
-ANGLES = (0.0, 0.7, -0.7, 1.6)
-"""Angles of the first hinge, rad, that are tried one after another until the loops of joints can be
-closed: at zero, links may be in a dead-centre position."""
-
 
 @dataclass(frozen=True)
 class BodyPoses:
@@ -77,7 +73,8 @@ def initial_state(scene: Scene) -> tuple[State, bool]:
     straight = arranged_state(scene)
     if is_closed(scene, straight):
         return straight, True
-    for angle in ANGLES:
+    # At the angle zero of the first hinge, rad, links may be in a dead-centre position.
+    for angle in (0.0, 0.7, -0.7, 1.6):
         try:
             return assemble(scene, arranged_state(scene, angle=angle)), True
         except ValueError:
@@ -105,13 +102,9 @@ def instants_to_show(times: np.ndarray, most: int) -> Int[np.ndarray, " M"]:
 
 def require_bodies(state: State, bodies: Mapping[str, object]) -> None:
     """Raise `ValueError` unless a state has exactly the bodies of a scene."""
-    require(
-        set(state.bodies) == set(bodies),
-        "motion",
-        sorted(state.bodies),
-        f"of the scene's bodies {sorted(bodies)}",
-        "pass a state or a solution of this scene",
-    )
+    found, known = sorted(state.bodies), sorted(bodies)
+    remedy = "pass a state or a solution of this scene"
+    require(found == known, "motion", found, f"of the scene's bodies {known}", remedy)
 
 
 def require_instants(trajectory: Trajectory) -> None:

@@ -23,14 +23,6 @@ BAR = 0.014
 """Radius of a bar as a fraction of the size of the mechanism, the diagonal of the box around it."""
 BORE = 2.4
 """Smallest drawn radius of a bearing, in radii of a bar."""
-DRAWN_GAP = 0.3
-"""Largest ratio of a drawn clearance to the drawn radius of its bearing, if the scale is chosen
-automatically: the clearance is well visible, and the journal is still thick."""
-WIDEST_GAP = 0.9
-"""Largest accepted ratio of a drawn clearance to the drawn radius of its bearing, for a scale that
-the user gives."""
-ALIKE = 1e-3
-"""Two principal moments of inertia count as equal up to this relative difference."""
 PLANAR = 0.95
 """A mechanism counts as planar if its joint axes are nearly parallel: the sum of their squared
 components along their main direction exceeds this fraction of the sum of all squared components."""
@@ -89,17 +81,13 @@ def proportions(
     drawn = [BORE * bar if b.radius is None else b.radius * bearing_scale for b in noted.bores]
     # The scale of each clearance at which it is as large as the drawn radius of its bearing.
     limits = [bore / b.clearance for bore, b in zip(drawn, noted.bores, strict=True)]
-    if clearance_scale is None:
-        clearance_scale = max(1.0, _rounded(DRAWN_GAP * min(limits))) if limits else 1.0
+    if clearance_scale is None:  # the clearance is well visible, and the journal still thick
+        clearance_scale = max(1.0, _rounded(0.3 * min(limits))) if limits else 1.0
     require_positive("clearance_scale", clearance_scale, "give the scale of the drawn clearances")
-    most = WIDEST_GAP * min(limits, default=np.inf)
-    require(
-        clearance_scale <= most,
-        "clearance_scale",
-        clearance_scale,
-        f"at most {most:.3g}, so that the journal keeps a positive radius",
-        "lower it, or draw bearings larger with `bearing_scale`",
-    )
+    most = 0.9 * min(limits, default=np.inf)
+    expected = f"at most {most:.3g}, so that the journal keeps a positive radius"
+    remedy = "lower it, or draw bearings larger with `bearing_scale`"
+    require(clearance_scale <= most, "clearance_scale", clearance_scale, expected, remedy)
     front, planar = _front(poses, noted)
     up = _up(scene, front, planar)
     return Proportions(size, bar, float(bearing_scale), float(clearance_scale), front, up, planar)
@@ -122,13 +110,13 @@ class BodySolid(NamedTuple):
 def equivalent_solid(body: Body) -> BodySolid:
     """Return the homogeneous solid with a body's mass and moments of inertia.
 
-    It is a cylinder if exactly two principal moments are equal, else a box. It represents a body
-    whose shape is unknown.
+    It is a cylinder if exactly two principal moments are equal, up to a thousandth, else a box. It
+    represents a body whose shape is unknown.
     """
     # `inertia` has either the moments (3,) about the body axes, or is a matrix (3, 3).
     inertia, mass = np.asarray(body.inertia), float(np.asarray(body.mass))
     moments, axes = (inertia, np.eye(3)) if inertia.ndim == 1 else np.linalg.eigh(inertia)
-    equal = [k for k in range(3) if np.isclose(moments[k - 1], moments[k - 2], rtol=ALIKE)]
+    equal = [k for k in range(3) if np.isclose(moments[k - 1], moments[k - 2], rtol=1e-3)]
     # A cylinder of mass m, radius r and length L has the moments m r² / 2 along its axis, and
     # m (3 r² + L²) / 12 across. Moments of no real solid could give a negative L².
     if len(equal) == 1:

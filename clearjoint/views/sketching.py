@@ -25,7 +25,6 @@ from .parts import BODIES, CLEAR, GROUND_COLOUR, METAL, DrawnPart, between, stil
 from .poses import BodyPoses
 from .proportions import Proportions, equivalent_solid
 
-
 WALL = 0.22
 """Drawn thickness of a bearing's wall as a fraction of its radius."""
 

@@ -40,9 +40,6 @@ Viewable = State | Solution | NonsmoothSolution | Trajectory
 ODD_SIZE = 50.0
 """A mesh from the user is refused if it is larger or smaller than the mechanism by more than this
 factor, since it is probably in a wrong unit."""
-MISSED = 1.1
-"""The legend notes the largest force of an impact if it exceeds the largest force of all frames by
-more than this factor."""
 
 
 @dataclass(eq=False, repr=False)
@@ -250,13 +247,10 @@ def _poses(
     chosen = instants_to_show(times, frames)
     shown = _at(trajectory, chosen)
     if observation is not None:
-        require(
-            np.shape(observation.times) == times.shape,
-            "observation",
-            f"of {np.size(observation.times)} instants",
-            f"of the motion's {len(times)}",
-            "pass the result of observe(scene, solution), or nothing",
-        )
+        fits, given = np.shape(observation.times) == times.shape, np.size(observation.times)
+        expected = f"of the motion's {len(times)}"
+        remedy = "pass the result of observe(scene, solution), or nothing"
+        require(fits, "observation", f"of {given} instants", expected, remedy)
         observation = _at(observation, chosen)
     elif forces and not isinstance(motion, Trajectory) and scene.contact_joints():
         observation = observe(scene, motion, shown)
@@ -302,13 +296,10 @@ def _given(scene: Scene, meshes: Mapping[str, MeshLike], sizes: Proportions) -> 
         require(name in scene.bodies, "meshes", name, f"by names of bodies {known}", "rename it")
         mesh = given_mesh(f"meshes[{name!r}]", value)
         size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))  # diagonal of its box, m
-        require(
-            sizes.size / ODD_SIZE <= size <= sizes.size * ODD_SIZE,
-            f"meshes[{name!r}]",
-            f"{size:.3g} m large",
-            f"about as large as the mechanism, {sizes.size:.3g} m",
-            "give it in m; for a file in mm: trimesh.load(file).apply_scale(1e-3)",
-        )
+        is_usual = sizes.size / ODD_SIZE <= size <= sizes.size * ODD_SIZE
+        expected = f"about as large as the mechanism, {sizes.size:.3g} m"
+        remedy = "give it in m; for a file in mm: trimesh.load(file).apply_scale(1e-3)"
+        require(is_usual, f"meshes[{name!r}]", f"{size:.3g} m large", expected, remedy)
         checked[name] = mesh
     return checked
 
@@ -345,7 +336,7 @@ def _notes(has_clearance: bool, sizes: Proportions, force_arrows: Arrows) -> lis
 
 def _missed(motion: Viewable | None, observed: Observation | None) -> list[str]:
     """Return a note on the largest force of all impacts if it acts between two frames and exceeds
-    the forces of all frames; else no note.
+    the forces of all frames by more than a tenth; else no note.
 
     **Arguments:** `motion`: as in `view`; `observed`: its observation in all frames, or ``None``.
     """
@@ -356,7 +347,7 @@ def _missed(motion: Viewable | None, observed: Observation | None) -> list[str]:
     shown = max((float(np.max(contact.normal_force)) for contact in contacts), default=0.0)
     peak = float(impacts.peak_force.max())
     note = f"largest contact force, between frames: {_newtons(peak)}"
-    return [note] if peak > MISSED * shown else []
+    return [note] if peak > 1.1 * shown else []
 
 
 def _newtons(force: float) -> str:
