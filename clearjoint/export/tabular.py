@@ -115,14 +115,11 @@ def to_frame(dataset: "xr.Dataset", rows: str | None = None) -> "pd.DataFrame":
     rows = next(iter(map(str, dataset.sizes))) if rows is None else rows
     # The coordinate along the rows becomes the index; further coordinates become columns.
     columns = {}
-    coordinates = [name for name in dataset.coords if name != rows]
-    for name in (*coordinates, *dataset.data_vars):
-        array = dataset[name]
-        if rows in array.dims:
-            columns |= _columns(str(name), array, rows)
-    index = dataset[rows]
-    named = header(rows, index.attrs)
-    return pd.DataFrame(columns, index=pd.Index(index.values, name=named))
+    for name in (*dataset.coords, *dataset.data_vars):
+        if name != rows and rows in dataset[name].dims:
+            columns |= _columns(str(name), dataset[name], rows)
+    index = pd.Index(dataset[rows].values, name=header(rows, dataset[rows].attrs))
+    return pd.DataFrame(columns, index=index)
 
 
 def _columns(name: str, array: "xr.DataArray", rows: str) -> dict[str, np.ndarray]:
@@ -149,6 +146,4 @@ def _columns(name: str, array: "xr.DataArray", rows: str) -> dict[str, np.ndarra
 def _meanings(codes: np.ndarray, attributes: dict) -> np.ndarray:
     flags = np.atleast_1d(attributes["flag_values"]).tolist()
     texts = dict(zip(flags, attributes["flag_meanings"].split(), strict=True))
-    return np.array([texts.get(code, str(code)) for code in codes.ravel()], dtype=object).reshape(
-        codes.shape
-    )
+    return np.vectorize(lambda code: texts.get(code, str(code)), otypes=[object])(codes)

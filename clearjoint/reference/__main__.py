@@ -2,7 +2,7 @@
 
 import argparse
 import importlib
-import types
+import inspect
 import warnings
 from pathlib import Path
 
@@ -16,23 +16,6 @@ except ImportError as error:
         'The reference pages need pdoc: pip install "clearjoint[reference]"'
     ) from error
 
-MODULES = (
-    "",
-    ".extend",
-    ".films",
-    ".frictions",
-    ".laws",
-    ".mechanisms",
-    ".plot",
-    ".presets",
-    ".profiles",
-    ".quantities",
-    ".results",
-    ".simulation.step.presets",
-    ".testing",
-)
-"""Documented modules, each on a page, without the prefix "clearjoint"."""
-
 
 def main() -> None:
     """Write the pages into the folder that the command line names, and print the path of the first
@@ -43,14 +26,18 @@ def main() -> None:
     )
     folder = parser.parse_args().folder
     folder.mkdir(parents=True, exist_ok=True)
+    # The package, its public modules, of which it does not import two itself, and the module that
+    # describes the presets.
+    inner = ("plot", "testing", "simulation.step.presets")
+    *_, presets = (importlib.import_module(f"clearjoint.{name}") for name in inner)
+    modules = [clearjoint, presets, *(getattr(clearjoint, name) for name in dir(clearjoint))]
     pages = {}
-    for suffix in MODULES:
-        module = importlib.import_module("clearjoint" + suffix)
+    for module in filter(inspect.ismodule, modules):
         # pdoc omits names that are imported from elsewhere, unless they are in `__all__`.
         vars(module)["__all__"] = [
             name
             for name, value in vars(module).items()
-            if not name.startswith("_") and not isinstance(value, types.ModuleType)
+            if not name.startswith("_") and not inspect.ismodule(value)
         ]
         pages[module.__name__] = pdoc.doc.Module(module)
     # The page of the package ends with the list of changes.

@@ -24,15 +24,11 @@ SUFFIXES = ".toml", ".json"
 """Suffixes of the files that can be read and written."""
 SCHEMA = "$schema"
 """The key under which a JSON file names its JSON Schema."""
-LONGEST_LINE = 12
-"""Largest number of entries of a list that TOML files have in one line."""
 DEEPEST = 32
 """Largest number of nested tables and lists in a file."""
 DEEP_KEY = re.compile(rf"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){{{DEEPEST}}}""")
 """A dotted key with at least `DEEPEST` dots. It is refused before tomllib reads the text, since
 tomllib's time grows with the square of the key's length."""
-LARGEST = 200_000_000
-"""Largest size of a file that is read, bytes."""
 
 
 def suffix_of(path: Path) -> str:
@@ -52,10 +48,7 @@ def read_document(path: Path) -> tuple[Document, FileLocation]:
     for a file that is too large, and as `parse`.
     """
     suffix, location = suffix_of(path), FileLocation(str(path))
-    size = path.stat().st_size
-    if size > LARGEST:
-        location.refuse(f"{size} bytes", f"at most {LARGEST}", "shorten its tables of numbers")
-    content = path.read_bytes()
+    content = read_bytes(path, 200_000_000)
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -63,6 +56,17 @@ def read_document(path: Path) -> tuple[Document, FileLocation]:
         location.refuse(byte, "UTF-8 text", "save the file in the encoding UTF-8")
     location.source = Source(text, suffix)
     return parse(text, suffix, str(path)), location
+
+
+def read_bytes(path: Path, most: int) -> bytes:
+    """Return the content of a file.
+
+    **Raises:** `ValueError` for a file of more than `most` bytes.
+    """
+    size = path.stat().st_size
+    if size > most:
+        FileLocation(str(path)).refuse(f"{size} bytes", f"at most {most}", "shorten the file")
+    return path.read_bytes()
 
 
 def parse(text: str, suffix: str, file: str) -> Document:
@@ -73,16 +77,14 @@ def parse(text: str, suffix: str, file: str) -> Document:
     **Raises:** `ValueError` with line and column for text that is not valid, and for more than
     `DEEPEST` nested tables and lists.
     """
-    content, is_deep = None, False
     try:
-        if suffix == ".toml" and DEEP_KEY.search(text):
-            is_deep = True
-        elif suffix == ".toml":
-            content = tomllib.loads(text)
-        else:
+        is_deep = suffix == ".toml" and DEEP_KEY.search(text) is not None
+        if suffix == ".json":
             content = json.loads(text, object_pairs_hook=_without_repetition)
+        else:
+            content = {} if is_deep else tomllib.loads(text)
     except RecursionError:  # the parsers follow nested content by recursion
-        is_deep = True
+        content, is_deep = {}, True
     except ValueError as error:
         # Python's message about a number with too many digits ends with advice for programmers.
         reason = str(error).split("; use sys.", maxsplit=1)[0]
@@ -113,11 +115,11 @@ def _without_repetition(pairs: list[tuple[str, object]]) -> Document:
     **Raises:** `ValueError` for a key that occurs twice, of which `json` would silently take the
     last value; TOML forbids it.
     """
-    table = dict(pairs)
-    if len(table) < len(pairs):
-        names = [name for name, _ in pairs]
-        repeated = next(name for name in names if names.count(name) > 1)
-        raise ValueError(f"the key {repeated!r} occurs twice in one object")
+    table: Document = {}
+    for name, value in pairs:
+        if name in table:
+            raise ValueError(f"the key {name!r} occurs twice in one object")
+        table[name] = value
     return table
 
 
@@ -144,6 +146,6 @@ def format_document(document: Document, suffix: str, units: Units, schema: str |
         if unit != "1":
             item.comment(unit)
         if isinstance(item, Array):
-            item.multiline(len(item) > LONGEST_LINE)
+            item.multiline(len(item) > 12)
     text = tomlkit.dumps(tables)
     return text if schema is None else f"#:schema ./{schema}\n{text}"

@@ -16,9 +16,6 @@ KEY = re.compile(r"""\[?(?:'([^']*)'|"([^"]*)"|([^.\[\]'"]+))\]?\.?""")
 path names a location by a text such as "joints.pin.clearance"."""
 LONGEST = 60
 """Largest number of characters of a value that an error message shows."""
-LONGEST_SOURCE = 100_000
-"""Error messages name lines of TOML files with at most this number of characters. Lines of longer
-files would take too long to find, by parsing parts of the file again and again."""
 
 
 def split(text: str) -> tuple[str, ...]:
@@ -95,7 +92,9 @@ class Source:
         for depth in range(1, len(keys) + 1):
             if keys[:depth] in self.changes:
                 return f" with --set {self.changes[keys[:depth]]}"
-        if not self._is_toml or len(self._text) > LONGEST_SOURCE:
+        # Lines of longer files would take too long to find, by parsing parts of the file again and
+        # again.
+        if not self._is_toml or len(self._text) > 100_000:
             return ""
         keys = existing(tomllib.loads(self._text), keys)  # a missing key: the table around it
         return f", line {self._line(keys)}" if keys else ""

@@ -41,8 +41,6 @@ ABSENT = "none"
 """Text that stands for ``None``, which TOML does not have."""
 NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf)(?:\s+|(?=\D)|$)(.*)")
 """A number and the unit behind it, which may be empty."""
-LONGEST = 200
-"""Largest number of characters of a text that is read as a number with a unit."""
 
 
 def axis_and_angle(
@@ -228,7 +226,7 @@ def number_of_text(text: str, unit: str | None, location: FileLocation) -> float
     `unit`, and for a unit where none is declared.
     """
     expected = "a number" if unit is None else f"a number in {unit}"
-    matched = NUMBER.fullmatch(text) if len(text) <= LONGEST else None
+    matched = NUMBER.fullmatch(text) if len(text) <= 200 else None
     if matched is None:
         location.refuse(text, expected, "write a number, in quotes only if it has a unit")
     digits, written = matched[1], matched[2].strip()

@@ -24,8 +24,6 @@ from .reading import EULER_PARAMETERS, KIND, axis_and_angle
 
 Schema: TypeAlias = dict[str, object]
 """A JSON Schema, or a part of one, as a dictionary."""
-DIALECT = "https://json-schema.org/draft/2020-12/schema"
-"""Version of JSON Schema."""
 NUMBER: Schema = {"type": ["number", "string"]}
 """Schema of a number, which may be a text with a unit."""
 ROWS = "numbers"
@@ -81,7 +79,8 @@ class Catalogue:
         that the file must have.
         """
         whole = _table({SCHEMA: {"type": "string"}, **properties}, required)
-        return {SCHEMA: DIALECT, "title": title, **whole, "$defs": self.definitions}
+        dialect = "https://json-schema.org/draft/2020-12/schema"
+        return {SCHEMA: dialect, "title": title, **whole, "$defs": self.definitions}
 
     def properties(self, make: Maker) -> Schema:
         """Return the schemas of the arguments of a class or of a static method, by name, with their

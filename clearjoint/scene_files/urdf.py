@@ -31,6 +31,7 @@ from ..model.joints.ideal import FixedJoint, PrismaticJoint, RevoluteJoint
 from ..model.scene import Scene
 from .classes import Expectation, arguments
 from .files import FilePath
+from .formats import read_bytes
 from .locations import FileLocation, listed
 from .reading import Reader
 
@@ -48,27 +49,16 @@ OF_JOINTS = {
 }
 OF_LINKS = {"visuals": "visual shapes", "collisions": "collision shapes"}
 """Contents of joints and of links that a scene lacks: names in messages, by yourdfpy's names."""
-READ = {"link", "joint", "material"}
-"""Tags of XML elements that need no warning. Materials belong to the visual shapes."""
 HINGES = "revolute", "continuous"
 """Types of joints with one axis of rotation, which may have play."""
 BACKLASH = "backlash"
 """Name, in `play`, of the angle of a backlash, rad. The class `Backlash` calls it `play`."""
-WIND_UP = 0.1
-"""Fraction of the backlash by which the joint's effort limit turns the joint past the end of the
-play. It determines the torsional stiffness if none is given. It is small, so that the elastic
-deflection of the surfaces in contact (flanks) is small compared with the play."""
 GIVEN_BY_THE_FILE = {
     *("bearing_body", "bearing_point", "bearing_axis"),
     *("journal_body", "journal_point", "journal_axis"),
     *("first", "second", "axis_first", "axis_second", "play", "play_length"),
 }
 """Arguments of `ClearanceJoint` and `Backlash` that `play` may not contain."""
-DIGITS = 15
-"""Number of decimals to which rotation matrices are rounded. Rounding restores the exact zeros of a
-quarter turn, which make the compiled program smaller."""
-LARGEST_FILE = 50_000_000
-"""Largest size of a URDF file, bytes."""
 
 
 @dataclass(frozen=True)
@@ -216,7 +206,9 @@ def _not_carried_over(
     roots = [link for link in robot.links if frames[link.name].body == GROUND]
     omitted["inertia of the root"] = [link.name for link in roots if not _is_massless(link)]
     named = [f"{title} of {', '.join(names)}" for title, names in omitted.items() if names]
-    return "; ".join([*named, *(f"<{tag}>" for tag in sorted(set(tags) - READ))])
+    # Materials belong to the visual shapes.
+    others = sorted({*tags} - {"link", "joint", "material"})
+    return "; ".join([*named, *(f"<{tag}>" for tag in others)])
 
 
 def _robot(path: Path) -> tuple["yourdfpy.Robot", list[str]]:
@@ -229,11 +221,7 @@ def _robot(path: Path) -> tuple["yourdfpy.Robot", list[str]]:
         import yourdfpy
     except ImportError as error:
         raise ImportError('URDF files need pip install "clearjoint[urdf]"') from error
-    size = path.stat().st_size
-    if size > LARGEST_FILE:
-        expected = f"at most {LARGEST_FILE}"
-        FileLocation(str(path)).refuse(f"{size} bytes", expected, "shorten the file")
-    content = path.read_bytes()
+    content = read_bytes(path, 50_000_000)
     try:
         # yourdfpy silently skips elements that it does not know; their tags are needed to warn.
         tags = [entry.tag for entry in ElementTree.fromstring(content)]
@@ -294,7 +282,9 @@ def _backlash(
         if not 0.0 < effort < math.inf:
             needed = "a `torsional_stiffness`, since the joint has no effort limit"
             location.refuse(None, needed, "give it in N m/rad")
-        options["torsional_stiffness"] = effort / (WIND_UP * float(given[BACKLASH]))
+        # The limit turns the joint past the end of the play by a tenth of it: the elastic
+        # deflection of the surfaces in contact (flanks) is small compared with the play.
+        options["torsional_stiffness"] = effort / (0.1 * float(given[BACKLASH]))
     with location.in_errors():
         return Backlash(hinge.first, hinge.second, play=given[BACKLASH], **axes, **options)
 
@@ -404,8 +394,8 @@ def _joint(
     bodies = parent.body, child.body
     axis = np.asarray(joint.axis, dtype=float)
     numbers = np.array([*np.ravel(frame), *np.ravel(axis)])
-    if axis.shape != (3,) or not np.isfinite(numbers).all():
-        wrong = numbers[~np.isfinite(numbers)].tolist()
+    wrong = numbers[~np.isfinite(numbers)].tolist()
+    if axis.shape != (3,) or wrong:
         remedy = "correct the <origin> and the <axis>"
         location.refuse(wrong, "finite origin and axis (3,)", remedy)
     with location.in_errors():
@@ -431,7 +421,8 @@ def _joint(
 def _transform(origin: np.ndarray | None) -> np.ndarray:
     """Return the homogeneous matrix (4, 4), m, of an <origin> element; the identity for None."""
     matrix = np.eye(4) if origin is None else np.array(origin, dtype=float)
-    matrix[:3, :3] = np.round(matrix[:3, :3], DIGITS)
+    # Rounding restores the exact zeros of a quarter turn, which make the compiled program smaller.
+    matrix[:3, :3] = np.round(matrix[:3, :3], 15)
     return matrix
 
 
