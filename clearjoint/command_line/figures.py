@@ -22,10 +22,6 @@ from ..simulation.run.sections import Crossings
 from .endings import say
 from .folders import FIGURES, OUTPUTS, read_summary, read_table
 
-MOST_LINES = 6
-"""Largest number of values of a sweep's second axis for which an output is drawn as one curve for
-each value. For more values, a map is drawn."""
-
 
 def draw_run(folder: Path, scene: Scene, solution: Solution, observed: Observation) -> None:
     """Draw the figures of a run: path of the journal (orbit) and forces of each clearance joint,
@@ -57,8 +53,8 @@ def draw_sweep(folder: Path, dataset: xr.Dataset) -> None:
     """Draw the figures of a sweep: outputs over the axes, and bifurcation diagrams.
 
     An output is drawn over the first axis. For two axes there is a curve for each value of the
-    second axis or, if these are many, a map of colours over both. The channels of Poincaré sections
-    are drawn if there is one axis only.
+    second axis or, if these are more than six, a map of colours over both. The channels of Poincaré
+    sections are drawn if there is one axis only.
     """
     matplotlib.use("agg")
     lanes = dataset["result"]
@@ -96,7 +92,7 @@ def _draw_output(folder: Path, dataset: xr.Dataset, name: str, axes: list[str]) 
         return
     if len(axes) == 1 or dataset["result"].dims == ("lane",):
         _save(folder, name, plot.against(dataset, name, axes[0]))
-    elif len(axes) == 2 and dataset.sizes[axes[1]] <= MOST_LINES:
+    elif len(axes) == 2 and dataset.sizes[axes[1]] <= 6:
         drawn = plot.style.axes_or_new(None)
         for value in dataset[axes[1]].values:
             plot.against(dataset.sel({axes[1]: value}), name, axes[0], axes=drawn)

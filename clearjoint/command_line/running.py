@@ -47,9 +47,6 @@ saved."""
 LARGEST, SMALLEST = " largest", " smallest"
 """Suffixes of the names of the reductions that find the extremes of an output, after the output's
 name."""
-MISSED = 0.02
-"""A note is printed if the samples of an output miss an extreme by more than this fraction of the
-output's range."""
 
 
 class Negative(AbstractQuantity):
@@ -245,10 +242,10 @@ def _note_missed_extremes(
     name: str, values: np.ndarray, extremes: Mapping[str, float], unit: str | None
 ) -> None:
     """Print a note if the saved samples of an output, `values` (N,), miss its `extremes`, which
-    reductions have found, by more than the fraction `MISSED` of the output's range."""
+    reductions have found, by more than a fiftieth of the output's range."""
     largest, smallest = extremes["largest"], extremes["smallest"]
     missed = max(largest - values.max(), values.min() - smallest)
-    if missed > MISSED * (largest - smallest):
+    if missed > 0.02 * (largest - smallest):
         say(
             f"note: the saved samples of {name} are between {values.min():.4g} and "
             f"{values.max():.4g} {unit}, the run between {smallest:.4g} and {largest:.4g} {unit}: "

@@ -151,39 +151,26 @@ def read_study(path: Path, changes: Iterable[str] = ()) -> Study:
     document, location = read_document(path)
     if "bodies" in document:  # a scene file, which may have sections of a study
         study = {key: document.pop(key) for key in PARTS if key in document}
-        scene_document, scene_location = document, location
+        tables, scene_location = document, location
+    elif SCENE in document:  # a table, or the path of a scene file relative to the study file
+        study, tables, scene_location = document, document.pop(SCENE), location.at(SCENE)
+        if not isinstance(tables, dict):
+            file = path.parent / str(tables)
+            if not file.is_file():
+                expected = "the path of a scene file, or a table"
+                scene_location.refuse(tables, expected, "correct it")
+            tables, scene_location = read_document(file)
     else:
-        study, scene_document, scene_location = _parts_and_scene(document, location)
+        remedy = 'a study file names one, scene = "four_bar.toml"; a scene file has [bodies.<name>]'
+        location.refuse(sorted(document), "`scene` or `bodies`", remedy)
     for change in changes:
-        is_in_study, keys = _set(study, scene_document, change)
+        is_in_study, keys = _set(study, tables, change)
         changed = location if is_in_study else scene_location
         if changed.source is not None:
             changed.source.changes[(*changed.keys, *keys)] = change
-    scene, state = scene_of_document(scene_document, (), scene_location)
+    scene, state = scene_of_document(tables, (), scene_location)
     parts = Reader(CLASSES).instance(StudyParts, study, location, other_keys=(SCENE,))
     return Study(scene, state, parts, location, study)
-
-
-def _parts_and_scene(
-    document: Document, location: FileLocation
-) -> tuple[Document, Document, FileLocation]:
-    """Return the sections of a study file, and the tables and the location of its scene.
-
-    The key "scene" of the file has the scene as a table, or the path of a scene file relative to
-    the study file.
-
-    **Raises:** `ValueError` for a file without this key, and for a path without file.
-    """
-    if SCENE not in document:
-        remedy = 'a study file names one, scene = "four_bar.toml"; a scene file has [bodies.<name>]'
-        location.refuse(sorted(document), "`scene` or `bodies`", remedy)
-    scene = document.pop(SCENE)
-    if isinstance(scene, dict):
-        return document, scene, location.at(SCENE)
-    path = Path(location.file).parent / str(scene)
-    if not path.is_file():
-        location.at(SCENE).refuse(scene, "the path of a scene file, or a table", "correct it")
-    return document, *read_document(path)
 
 
 def _set(study: Document, scene: Document, change: str) -> tuple[bool, Keys]:

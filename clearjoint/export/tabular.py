@@ -85,9 +85,8 @@ def write_netcdf(dataset: "xr.Dataset", path: str | PathLike[str]) -> None:
         written = name.encode("latin-1", "backslashreplace").decode("latin-1")
         if written != name:
             escaped[name] = written
-    for name in escaped:
-        if name in dataset.variables:
-            dataset = dataset.assign({name: dataset[name].assign_attrs(original_name=name)})
+            if name in dataset.variables:
+                dataset = dataset.assign({name: dataset[name].assign_attrs(original_name=name)})
     dataset.rename(escaped).to_netcdf(path, engine="scipy", format="NETCDF3_64BIT")
 
 

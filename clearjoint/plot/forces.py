@@ -203,14 +203,13 @@ def hysteresis(
     axes = axes_or_new(axes)
     # Each loop is the penetration (n,), m, and the force (n,), N, of an impact.
     loops = [_loop(observation, impacts, k) for k in range(min(count, len(impacts)))]
-    energies = [float(np.trapezoid(force, depth)) for depth, force in loops]
     depth_factor, depth_unit = fitting_unit(np.concatenate([depth for depth, _ in loops]), "m")
     force_factor, force_unit = fitting_unit(np.concatenate([force for _, force in loops]), "N")
     curves = []
     for k, (depth, force) in enumerate(loops):
-        factor, unit = fitting_unit(np.array(energies[k]), "J")
-        label = f"impact {k + 1} at {impacts.onset[k] * 1e3:.1f} ms"
-        label = f"{label}: {energies[k] * factor:.3g} {unit}"
+        energy = np.trapezoid(force, depth)
+        factor, unit = fitting_unit(energy, "J")
+        label = f"impact {k + 1} at {impacts.onset[k] * 1e3:.1f} ms: {energy * factor:.3g} {unit}"
         curves.append((label, depth * depth_factor, force * force_factor))
     draw_lines(axes, curves, 2.0)
     axes.set_xlim(left=0.0)

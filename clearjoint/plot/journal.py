@@ -64,15 +64,11 @@ def eccentricities(
     >>> axes = plot.eccentricities(observed, "shoulder", 0.5e-3)
     """
     axes = axes_or_new(axes)
-    radius = _radius(observation, joint, clearance)
+    radius = observed_clearance(observation, joint) if clearance is None else clearance
     factor, unit = length_unit(radius)
     in_window = inside(observation.times, window)
-    sizes = without_twins(
-        {
-            f"base {base}": np.asarray(contact(observation, joint, base).eccentricity)[in_window]
-            for base in BASES
-        }
-    )
+    bases = {f"base {base}": contact(observation, joint, base) for base in BASES}
+    sizes = without_twins({n: np.asarray(c.eccentricity)[in_window] for n, c in bases.items()})
     differences = np.concatenate([size for _, size in sizes]) - radius
     # `zero` is the eccentricity, m, that the vertical axis shows as zero.
     zero, quantity = 0.0, "eccentricity"
@@ -157,7 +153,7 @@ def journal_orbit(
     >>> axes = plot.journal_orbit(observed, "shoulder", 0.5e-3)
     """
     axes = axes_or_new(axes, (4.8, 5.0))
-    radius = _radius(observation, joint, clearance)
+    radius = observed_clearance(observation, joint) if clearance is None else clearance
     factor, _ = length_unit(radius)
     in_window = inside(observation.times, window)
     paths = {
@@ -197,7 +193,7 @@ def orbit_in_contact(
     axes = axes_or_new(axes, (4.8, 5.0))
     in_window = inside(observation.times, window)
     orbit = eccentricity_vectors(observation, joint, base, section)[in_window]
-    radius = _radius(observation, joint, clearance)
+    radius = observed_clearance(observation, joint) if clearance is None else clearance
     orbit = orbit * length_unit(radius)[0]
     touching = contact(observation, joint, base).penetration[in_window] > 0.0
     in_contact = np.where(touching[:, None], orbit, np.nan)  # the line has gaps in flight
@@ -250,10 +246,6 @@ def observed_clearance(observation: Observation, joint: str) -> float:
     ]
     require(len(bases) > 0, "joint", joint, f"one with a journal, of {journals}", "name one")
     return float(np.median(np.asarray(bases[0].eccentricity) - bases[0].penetration))
-
-
-def _radius(observation: Observation, joint: str, clearance: float | None) -> float:
-    return observed_clearance(observation, joint) if clearance is None else clearance
 
 
 def _dress_orbit(axes: Axes, clearance: float, section: CrossSection | None) -> Axes:

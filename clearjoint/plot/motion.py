@@ -181,5 +181,6 @@ def _over_time(
 
 
 def _number(component: str) -> int:
-    require(component in ("X", "Y", "Z"), "component", component, "X, Y or Z", "name one of them")
-    return "XYZ".index(component)
+    names = ("X", "Y", "Z")
+    require(component in names, "component", component, f"one of {names}", "name one of them")
+    return names.index(component)

@@ -38,9 +38,6 @@ TITLE = 26
 """Largest number of characters of a name in the title of a figure."""
 LINE = 0.145
 """Height of a line of text, inches."""
-SMALL_MOTION = 0.02
-"""Paths of the bodies are not drawn if no centre moves farther than this fraction of the size of
-the mechanism."""
 PAGE = (8.27, 11.69)
 """Width and height, inches: A4."""
 MOST_ROWS = 8
@@ -187,8 +184,7 @@ def _record(
     if np.ptp(vectors, axis=0).max() == 0.0:
         vectors, name, unit = np.asarray(state.spin), f"spin of {body} about its", "rad/s"
     axis = int(np.argmax(np.ptp(vectors, axis=0)))
-    times = np.asarray(trajectory.times)
-    return labelled(times, vectors[:, axis], f"{name} {'xyz'[axis]}", unit)
+    return labelled(trajectory, vectors[:, axis], f"{name} {'xyz'[axis]}", unit)
 
 
 def draw_description(row: SubFigure, lines: list[str], joints: list[Cells]) -> None:
@@ -279,12 +275,13 @@ def draw_motion(row: SubFigure, scene: Scene, path: Trajectory, observed: Observ
 
 def _bodies(axes: Axes, trajectory: Trajectory) -> None:
     """Draw the paths of the bodies' centres of mass in the coordinate plane with the largest
-    motion, or the magnitudes of the angular velocities over time if the centres hardly move."""
+    motion, or the magnitudes of the angular velocities over time if no centre moves farther than a
+    fiftieth of the size of the mechanism."""
     bodies = trajectory.states.bodies
     paths = {name: np.asarray(body.position) for name, body in bodies.items()}
     spread = np.ptp(np.concatenate(list(paths.values())), axis=0)
     motion = max(np.ptp(path, axis=0).max() for path in paths.values())
-    if motion > SMALL_MOTION * spread.max():
+    if motion > 0.02 * spread.max():
         # The two coordinates with the largest extents, in the order x, y, z.
         right, up = sorted(np.argsort(-spread, kind="stable")[:2])
         curves = {name: (path[:, right], path[:, up]) for name, path in paths.items()}

@@ -41,13 +41,14 @@ def poincare_map(
 
     >>> axes = plot.poincare_map(np.zeros(20), np.linspace(0, 1, 20), ("x / mm", "v / (m/s)"))
     """
-    return _mapped(x, y, 1 + np.arange(len(x)), labels, axes_or_new(axes, (5.4, 4.8)))
+    return _mapped(x, y, 1 + np.arange(len(x)), labels, axes)
 
 
 def _mapped(
-    x: np.ndarray, y: np.ndarray, numbers: np.ndarray, labels: tuple[str, str], axes: Axes
+    x: np.ndarray, y: np.ndarray, numbers: np.ndarray, labels: tuple[str, str], axes: Axes | None
 ) -> Axes:
     """Draw points with coordinates `x`, `y` (N,), whose colours show their `numbers` (N,)."""
+    axes = axes_or_new(axes, (5.4, 4.8))
     look = {"cmap": SHADES, "s": 14.0, "linewidths": 0.0, "zorder": 3}
     points = axes.scatter(x, y, c=numbers, **look)
     if len(x) > 1:
@@ -187,9 +188,7 @@ def section_points(
         suffix = "" if text == "1" else f", {text}"
         columns.append((row * factor, f"{shown(channel.replace('_', ' '))}{suffix}", factor))
     (x, x_label, factor), (y, y_label, _) = columns
-    axes = _mapped(
-        x, y, 1 + np.flatnonzero(kept), (x_label, y_label), axes_or_new(axes, (5.4, 4.8))
-    )
+    axes = _mapped(x, y, 1 + np.flatnonzero(kept), (x_label, y_label), axes)
     if clearance is not None:
         clearance_circle(axes, clearance, factor=factor)
     if same:

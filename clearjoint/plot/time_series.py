@@ -52,9 +52,7 @@ def series(
     """
     trajectory = trajectory_of(solution, trajectory)
     values = values_along(scene, solution, quantity, trajectory)
-    return labelled(
-        np.asarray(trajectory.times), values, name_of(quantity), unit_of(quantity, unit)
-    )
+    return labelled(trajectory, values, name_of(quantity), unit_of(quantity, unit))
 
 
 def rate_series(
@@ -83,9 +81,8 @@ def rate_series(
     """
     trajectory = trajectory_of(solution, trajectory)
     rates = rates_along(scene, solution, quantity, trajectory)
-    unit = unit_of(quantity, unit)
-    times = np.asarray(trajectory.times)
-    return labelled(times, rates, f"rate of {name_of(quantity)}", _over_seconds(unit))
+    unit = _over_seconds(unit_of(quantity, unit))
+    return labelled(trajectory, rates, f"rate of {name_of(quantity)}", unit)
 
 
 def trajectory_of(solution: Solution, trajectory: Trajectory | None) -> Trajectory:
@@ -135,10 +132,10 @@ def _over_seconds(unit: str) -> str:
     return f"{base}/s^{int(power.removeprefix('^') or 1) + 1}"
 
 
-def labelled(times: np.ndarray, values: np.ndarray, name: str, unit: str) -> xr.DataArray:
-    """Return values (N,) at times (N,), s, as an array with a name, an SI unit in
+def labelled(trajectory: Trajectory, values: np.ndarray, name: str, unit: str) -> xr.DataArray:
+    """Return values (N,) at the N times of a trajectory as an array with a name, an SI unit in
     ``attrs["units"]``, and the coordinate "time"."""
-    coordinate = xr.DataArray(times, dims="time", attrs={"units": "s"})
+    coordinate = xr.DataArray(np.asarray(trajectory.times), dims="time", attrs={"units": "s"})
     return xr.DataArray(values, {"time": coordinate}, ("time",), name=name, attrs={"units": unit})
 
 

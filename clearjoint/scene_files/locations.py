@@ -168,11 +168,10 @@ def _shown(value: object) -> str:
     if isinstance(value, Mapping):
         return f"a table with {_shown(list(value))}" if value else "an empty table"
     if isinstance(value, list | tuple) and value:
-        texts, length = [], 0
+        texts = []
         for item in value:
             texts.append(_shown(item))
-            length += len(texts[-1])
-            if length > LONGEST and len(texts) < len(value):
+            if sum(map(len, texts)) > LONGEST and len(texts) < len(value):
                 texts.append(f"... ({len(value)} entries)")
                 break
         return f"[{', '.join(texts)}]"

@@ -12,6 +12,7 @@ from ..model.clearance_joints.journal_bases import axial_positions
 from ..simulation.results.observation import MotionMode, Observation
 from . import meshes
 from .parts import FORCE, LOAD, DrawnPart, between
+from .proportions import Proportions
 from .sketching import SketchingPen
 
 LONGEST = 0.3
@@ -32,24 +33,16 @@ class Arrows(NamedTuple):
     - `parts`: solids of the arrows.
     - `scale`: length of the arrow of the largest force divided by that force, m/N, before the arrow
       is cut; 1 without forces.
-    - `cut`: force, N, above which all arrows have the same length; ``None`` if no force exceeds it.
-    - `largest`: largest force, N.
-    - `root`: whether lengths are proportional to the square root of forces.
+    - `note`: the scale as a line of the legend.
     """
 
     parts: list[DrawnPart]
     scale: float
-    cut: float | None
-    largest: float
-    root: bool
+    note: str
 
 
 def arrows(
-    pen: SketchingPen,
-    observation: Observation | None,
-    size: float,
-    bar: float,
-    scale: float | None,
+    pen: SketchingPen, observation: Observation | None, sizes: Proportions, scale: float | None
 ) -> Arrows:
     """Return arrows of the contact forces on the second body of each contact, with tips at the
     contact points, and of constant loads, which start at the point of application.
@@ -63,22 +56,27 @@ def arrows(
     - `pen`: the pen with which the scene has drawn itself; it has the journals as they are drawn,
       and the loads.
     - `observation`: observation at the times of the frames, None without contact forces.
-    - `size`: size of the mechanism, m. `bar`: radius of the bar by which a body is drawn, m.
+    - `sizes`: has the size of the mechanism, and the radius of the bar by which a body is drawn.
     - `scale`: length of an arrow divided by its force, m/N; None to choose it, so that the arrow of
-      the largest force has the length `LONGEST` times `size`. For a given scale, longer arrows are
-      cut to this length.
+      the largest force has the length `LONGEST` times the size of the mechanism. For a given scale,
+      longer arrows are cut to this length.
     """
     contact_forces = {} if observation is None else _contact_forces(pen, observation)
     all_forces = [force for _, force in (*contact_forces.values(), *pen.loads.values())]
-    sizes = np.concatenate([np.linalg.norm(f, axis=1) for f in all_forces] or [np.zeros(1)])
-    acting = sizes[sizes > 0.0]
-    largest, longest = float(sizes.max()), LONGEST * size
+    norms = np.concatenate([np.linalg.norm(f, axis=1) for f in all_forces] or [np.zeros(1)])
+    acting = norms[norms > 0.0]
+    largest, longest = float(norms.max()), LONGEST * sizes.size
     root = False
     if scale is None:
         root = len(acting) > 0 and largest > 5.0 * float(np.median(acting))
         scale = longest / largest if len(acting) else 1.0
     longest *= 1.0 + 1e-9  # a longest arrow is not cut because of rounding errors
-    cut = longest / scale if bool((sizes * scale > longest).any()) else None
+    length, force, suffix = 0.1 * sizes.size, 0.1 * sizes.size / scale, ""
+    if root:
+        length, force, suffix = scale * largest, largest, ", lengths ∝ square root of forces"
+    elif largest * scale > longest:
+        suffix = f", cut at {newtons(longest / scale)}"
+    note = f"arrows: {length:.2g} m for {newtons(force)}{suffix}"
     parts = []
     for family, colour, at_tip in ((contact_forces, FORCE, True), (pen.loads, LOAD, False)):
         for name, (points, forces) in family.items():
@@ -89,14 +87,21 @@ def arrows(
                 directions = forces / np.maximum(norms, 1e-300)  # zero for no force, not NaN
                 vectors = directions * np.minimum(lengths, longest)
                 starts = points - vectors if at_tip else points
-                poses = between(starts, starts + vectors, 1.1 * bar)
+                poses = between(starts, starts + vectors, 1.1 * sizes.bar)
                 # Arrows shorter than 1e-9 m, as in frames without force, shrink to a point in all
                 # directions: a disc would be seen otherwise.
                 hidden = np.linalg.norm(poses[:, :3, 2], axis=1) < 1e-9
                 poses = poses.copy()
                 poses[hidden, :3, :3] = 1e-9 * np.eye(3)
                 parts.append(DrawnPart(name, meshes.arrow(), poses, colour))
-    return Arrows(parts, scale, cut, largest, root)
+    return Arrows(parts, scale, note)
+
+
+def newtons(force: float) -> str:
+    """Return the text of a force, N, with three digits and a prefix of the unit: "12.3 kN"."""
+    from matplotlib.ticker import EngFormatter
+
+    return EngFormatter("N")(float(f"{force:.3g}"))
 
 
 def _contact_forces(

@@ -44,7 +44,7 @@ class Film:
 
     **Arguments:** `parts`: solids with a pose for each frame; `camera`: positions of the viewer and
     of the picture's middle; `legend`: texts on the left of the picture; `times`: times of the
-    frames, (N,) s, None for a single state; `size`: width and height of the figure, inches.
+    frames, (N,) s, None for a single state.
     """
 
     def __init__(
@@ -53,7 +53,6 @@ class Film:
         camera: Camera,
         legend: Legend,
         times: np.ndarray | None,
-        size: tuple[float, float] = (8.0, 4.8),
     ):
         self._times = times
         # Large triangles can't be painted in a correct order, since one may be partly before and
@@ -61,7 +60,7 @@ class Film:
         self._parts = [_divided(part, 0.3 * camera.reach) for part in parts]
         self._view, self._target = camera.axes(), camera.target
         self._distance = float(np.linalg.norm(camera.eye - camera.target))
-        self.figure = Figure(figsize=size, dpi=DPI)
+        self.figure = Figure(figsize=(8.0, 4.8), dpi=DPI)
         # The legend is on the left, the picture on the right. The coordinates of the picture are m
         # in the plane through the target, onto which the triangles are projected.
         self._axes = self.figure.add_axes((LEGEND_WIDTH, 0.0, 1.0 - LEGEND_WIDTH, 1.0))
@@ -103,10 +102,8 @@ class Film:
             facing = np.sum(normals * towards, axis=1) > 1e-9 * self._distance * sizes
             normals = normals[facing] / sizes[facing, None]
             light = SHADE + (1.0 - SHADE) * np.clip(normals @ LIGHT, 0.0, 1.0)
-            base = np.array(to_rgb(part.colour_at(k)))
-            colours.append(
-                np.column_stack([light[:, None] * base, np.full(len(light), part.opacity)])
-            )
+            shades = light[:, None] * np.array(to_rgb(part.colour_at(k)))
+            colours.append(np.insert(shades, 3, part.opacity, axis=1))
             corners.append(triangles[facing])
         everything, painted = np.concatenate(corners), np.concatenate(colours)
         order = np.argsort(everything[:, :, 2].mean(axis=1))  # the farthest first

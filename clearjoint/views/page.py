@@ -19,11 +19,6 @@ from .meshes import needed
 from .parts import MODES, DrawnPart
 from .proportions import FIELD_OF_VIEW, Camera
 
-SCRIPT = Path(__file__).with_name("page.js")
-"""Script of the page's legend and time slider."""
-WITHOUT_WEBGL = Path(__file__).with_name("without_webgl.js")
-"""Script that tells the reader if the browser has no WebGL, without which k3d shows nothing."""
-
 
 @dataclass(frozen=True)
 class Legend:
@@ -75,13 +70,17 @@ def page(
             "times": None if times is None else [float(f"{time:.7g}") for time in times],
             "duration": 8.0,  # s, in which the page plays the whole motion by default
         }
-        # With "<" escaped, no text can end the script element.
+        # The legend and the time slider. With "<" escaped, no text can end the script element.
         embedded = json.dumps(content).replace("<", "\\u003c")
-        script = SCRIPT.read_text(encoding="utf-8").replace("CONTENT", embedded)
-        text = plot.get_snapshot(additional_js_code=script)
-    # Without WebGL, k3d does not run the script above: this one is separate.
+        text = plot.get_snapshot(additional_js_code=_script("page").replace("CONTENT", embedded))
+    # This script tells the reader if the browser has no WebGL, without which k3d shows nothing and
+    # does not run the script above.
     before, end, after = text.rpartition("</body>")
-    return f"{before}<script>{WITHOUT_WEBGL.read_text(encoding='utf-8')}</script>{end}{after}"
+    return f"{before}<script>{_script('without_webgl')}</script>{end}{after}"
+
+
+def _script(name: str) -> str:
+    return Path(__file__).with_name(f"{name}.js").read_text(encoding="utf-8")
 
 
 def _drawable(part: DrawnPart, k3d):

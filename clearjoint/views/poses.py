@@ -10,7 +10,6 @@ from ..dynamics.assembly import assemble
 from ..fields.checks import require
 from ..model.bodies import GROUND, State
 from ..model.scene import Scene
-from ..simulation.results.solution import Trajectory
 
 
 @dataclass(frozen=True)
@@ -100,20 +99,18 @@ def instants_to_show(times: np.ndarray, most: int) -> Int[np.ndarray, " M"]:
     return np.unique(np.where(nearer, after - 1, after))
 
 
-def require_bodies(state: State, bodies: Mapping[str, object]) -> None:
-    """Raise `ValueError` unless a state has exactly the bodies of a scene."""
-    found, known = sorted(state.bodies), sorted(bodies)
+def require_bodies(
+    states: State, bodies: Mapping[str, object], times: np.ndarray | None = None
+) -> None:
+    """Raise `ValueError` unless a state, or states at `times` (N,), have exactly the bodies of a
+    scene, and a position of each body for each time, which users may have made."""
+    found, known = sorted(states.bodies), sorted(bodies)
     remedy = "pass a state or a solution of this scene"
     require(found == known, "motion", found, f"of the scene's bodies {known}", remedy)
-
-
-def require_instants(trajectory: Trajectory) -> None:
-    """Raise `ValueError` unless a trajectory, which users may have made, has a position of each
-    body for each time."""
-    count = len(np.asarray(trajectory.times))
-    for name, body in trajectory.states.bodies.items():
-        shape = np.shape(body.position)
-        is_valid = count > 0 and shape == (count, 3)
+    if times is not None:
+        expected = f"of shape ({len(times)}, 3), one row for each time"
         remedy = "pass a State, or a trajectory whose arrays have the times as first axis"
-        argument = f"motion.states.bodies[{name!r}].position"
-        require(is_valid, argument, shape, f"of shape ({count}, 3), one row for each time", remedy)
+        for name, body in states.bodies.items():
+            argument, shape = f"motion.states.bodies[{name!r}].position", np.shape(body.position)
+            is_valid = len(times) > 0 and shape == (len(times), 3)
+            require(is_valid, argument, shape, expected, remedy)

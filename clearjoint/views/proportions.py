@@ -19,13 +19,8 @@ from .meshes import frame_about
 from .parts import FORCE, LOAD, DrawnPart, corners
 from .poses import BodyPoses
 
-BAR = 0.014
-"""Radius of a bar as a fraction of the size of the mechanism, the diagonal of the box around it."""
 BORE = 2.4
 """Smallest drawn radius of a bearing, in radii of a bar."""
-PLANAR = 0.95
-"""A mechanism counts as planar if its joint axes are nearly parallel: the sum of their squared
-components along their main direction exceeds this fraction of the sum of all squared components."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +68,7 @@ def proportions(
     clearance would be nearly as large as its bearing.
     """
     size = _size(scene, poses, noted)
-    bar = BAR * size
+    bar = 0.014 * size
     radii = [bore.radius for bore in noted.bores if bore.radius is not None]
     if bearing_scale is None:
         bearing_scale = max(1.0, _rounded(BORE * bar / min(radii))) if radii else 1.0
@@ -159,11 +154,12 @@ def _front(poses: BodyPoses, noted: SurveyingPen) -> tuple[np.ndarray, bool]:
     if not axes:
         return np.array([0.0, 0.0, 1.0]), False
     # The eigenvector of the largest eigenvalue has the largest sum of squared components of all
-    # axes, whatever their senses; that sum is the eigenvalue.
+    # axes, whatever their senses; that sum is the eigenvalue. With at least 95 % of the sum of all
+    # squared components, the axes are nearly parallel and the mechanism is planar.
     shares, directions = np.linalg.eigh(np.array(axes).T @ np.array(axes))
     main = directions[:, -1]
     main = main * np.sign(main[np.argmax(np.abs(main))])
-    return main, bool(shares[-1] > PLANAR * shares.sum())
+    return main, bool(shares[-1] > 0.95 * shares.sum())
 
 
 def _up(scene: Scene, front: np.ndarray, planar: bool) -> np.ndarray:
@@ -192,9 +188,6 @@ FIELD_OF_VIEW = 30.0
 """Vertical field of view, degrees."""
 WIDE = 1.25
 """Smallest ratio of width to height of a picture."""
-TILTED, OBLIQUE, ABOVE = (0.3, 0.2), (0.75, 0.42), (0.5, 1.2)
-"""Position of the viewer to the right and upwards, relative to the distance in front of the
-mechanism: for a planar mechanism, a spatial one, and one with vertical joint axes."""
 
 
 class Camera(NamedTuple):
@@ -266,12 +259,13 @@ def _direction(proportions: Proportions) -> np.ndarray:
     """Return the unit vector from the mechanism to the viewer, (3,) in global axes."""
     up = proportions.up
     front = proportions.front - up * (proportions.front @ up)
-    rightwards, upwards = TILTED if proportions.planar else OBLIQUE
+    # Positions of the viewer relative to the distance in front of the mechanism.
+    rightwards, upwards = (0.3, 0.2) if proportions.planar else (0.75, 0.42)
     # With joint axes within 17° of the vertical, any horizontal direction is in front, and the
     # mechanism is seen from above.
     if np.linalg.norm(front) < 0.3:
         front = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
-        rightwards, upwards = ABOVE
+        rightwards, upwards = 0.5, 1.2
     front = front / np.linalg.norm(front)
     towards = front + rightwards * np.cross(up, front) + upwards * up
     return towards / np.linalg.norm(towards)

@@ -137,9 +137,8 @@ class SketchingPen(AbstractPen):
         middle = np.asarray(rail.point) + axis * (0.5 * (low + high))
         # The rail is longer than the motion by four radii of a bar at both ends, so that it is seen
         # on both sides of the block.
-        self._fix(
-            Marker(rail.body, middle, axis), meshes.cylinder(0.4 * bar, high - low + 8.0 * bar)
-        )
+        rod = meshes.cylinder(0.4 * bar, high - low + 8.0 * bar)
+        self._fix(Marker(rail.body, middle, axis), rod)
         shape = meshes.box((2.0 * bar, 2.0 * bar, 4.0 * bar))
         if turning:
             shape = meshes.tube(0.6 * bar, 1.5 * bar, 3.0 * bar)

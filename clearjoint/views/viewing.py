@@ -19,27 +19,17 @@ from ..simulation.results.nonsmooth_solution import NonsmoothSolution
 from ..simulation.results.observation import MotionMode, Observation
 from ..simulation.results.observe import observe
 from ..simulation.results.solution import Solution, Trajectory
-from .arrows import MODE_NAMES, Arrows, arrows, coloured_by_mode
+from .arrows import MODE_NAMES, Arrows, arrows, coloured_by_mode, newtons
 from .meshes import Mesh, MeshLike, given_mesh
 from .page import Legend, page
 from .parts import FORCE, LOAD, MODES, DrawnPart
-from .poses import (
-    BodyPoses,
-    body_poses,
-    initial_state,
-    instants_to_show,
-    require_bodies,
-    require_instants,
-)
+from .poses import BodyPoses, body_poses, initial_state, instants_to_show, require_bodies
 from .proportions import Camera, Proportions, camera, proportions
 from .sketching import colours, sketch
 
 T = TypeVar("T")
 Viewable = State | Solution | NonsmoothSolution | Trajectory
 """Types from which `view` takes positions and orientations of the bodies."""
-ODD_SIZE = 50.0
-"""A mesh from the user is refused if it is larger or smaller than the mechanism by more than this
-factor, since it is probably in a wrong unit."""
 
 
 @dataclass(eq=False, repr=False)
@@ -202,7 +192,7 @@ def view(
     sizes = proportions(scene, poses, noted, bearing_scale, clearance_scale)
     given = _given(scene, meshes, sizes)
     pen = sketch(scene, poses, sizes, given, centres=centres_of_mass, solids=inertias)
-    force_arrows = arrows(pen, observed, sizes.size, sizes.bar, force_scale)
+    force_arrows = arrows(pen, observed, sizes, force_scale)
     parts, modes = pen.parts(), []
     if observed is not None:
         parts, modes = coloured_by_mode(parts, observed)
@@ -241,9 +231,8 @@ def _poses(
     if observation is None and trajectory is getattr(motion, "steps", None) and len(trajectory) > 1:
         ends = np.asarray(trajectory.times)
         trajectory = trajectory.between(np.linspace(ends[0], ends[-1], frames))
-    require_bodies(trajectory.states, scene.bodies)
     times = np.asarray(trajectory.times)
-    require_instants(trajectory)
+    require_bodies(trajectory.states, scene.bodies, times)
     chosen = instants_to_show(times, frames)
     shown = _at(trajectory, chosen)
     if observation is not None:
@@ -288,7 +277,7 @@ def _given(scene: Scene, meshes: Mapping[str, MeshLike], sizes: Proportions) -> 
     **Arguments:** `sizes`: has the size of the mechanism.
 
     **Raises:** `ValueError` for an unknown body, an invalid mesh, and a mesh whose size differs
-    from the mechanism's by more than a factor `ODD_SIZE`, as it does in mm.
+    from the mechanism's by more than a factor of 50, as it does in mm.
     """
     checked = {}
     for name, value in meshes.items():
@@ -296,7 +285,7 @@ def _given(scene: Scene, meshes: Mapping[str, MeshLike], sizes: Proportions) -> 
         require(name in scene.bodies, "meshes", name, f"by names of bodies {known}", "rename it")
         mesh = given_mesh(f"meshes[{name!r}]", value)
         size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))  # diagonal of its box, m
-        is_usual = sizes.size / ODD_SIZE <= size <= sizes.size * ODD_SIZE
+        is_usual = sizes.size / 50.0 <= size <= sizes.size * 50.0
         expected = f"about as large as the mechanism, {sizes.size:.3g} m"
         remedy = "give it in m; for a file in mm: trimesh.load(file).apply_scale(1e-3)"
         require(is_usual, f"meshes[{name!r}]", f"{size:.3g} m large", expected, remedy)
@@ -324,14 +313,7 @@ def _notes(has_clearance: bool, sizes: Proportions, force_arrows: Arrows) -> lis
         notes.append(f"clearances enlarged {sizes.clearance_scale:g} ×")
         if sizes.bearing_scale != 1.0:
             notes.append(f"bearings enlarged {sizes.bearing_scale:g} ×")
-    if force_arrows.parts:
-        cut = "" if force_arrows.cut is None else f", cut at {_newtons(force_arrows.cut)}"
-        length, force = 0.1 * sizes.size, 0.1 * sizes.size / force_arrows.scale
-        if force_arrows.root:
-            length, force = force_arrows.scale * force_arrows.largest, force_arrows.largest
-            cut = ", lengths ∝ square root of forces"
-        notes.append(f"arrows: {length:.2g} m for {_newtons(force)}{cut}")
-    return notes
+    return [*notes, *([force_arrows.note] if force_arrows.parts else [])]
 
 
 def _missed(motion: Viewable | None, observed: Observation | None) -> list[str]:
@@ -346,12 +328,5 @@ def _missed(motion: Viewable | None, observed: Observation | None) -> list[str]:
     contacts = [contact for family in observed.contacts.values() for contact in family.values()]
     shown = max((float(np.max(contact.normal_force)) for contact in contacts), default=0.0)
     peak = float(impacts.peak_force.max())
-    note = f"largest contact force, between frames: {_newtons(peak)}"
+    note = f"largest contact force, between frames: {newtons(peak)}"
     return [note] if peak > 1.1 * shown else []
-
-
-def _newtons(force: float) -> str:
-    """Return the text of a force, N, with three digits and a prefix of the unit: "12.3 kN"."""
-    from matplotlib.ticker import EngFormatter
-
-    return EngFormatter("N")(float(f"{force:.3g}"))
