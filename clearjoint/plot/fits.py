@@ -29,22 +29,27 @@ class FittedModel(Protocol):
     @property
     def measurements(self) -> Measurements:
         """Measured series, by name."""
+        ...
 
     @property
     def parameters(self) -> Collection[str]:
         """Names of the parameters, in the order of `correlation`."""
+        ...
 
     @cached_property
     def predictions(self) -> dict[str, np.ndarray]:
         """Values (N,) that the fitted model predicts, by name of the series, in its SI unit."""
+        ...
 
     @cached_property
     def residuals(self) -> dict[str, np.ndarray]:
         """(prediction - measured value) / noise, (N,), by name of the series."""
+        ...
 
     @property
     def correlation(self) -> np.ndarray:
         """Correlation coefficients (p, p) of the errors of the p estimated parameters."""
+        ...
 
 
 def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:

@@ -105,8 +105,9 @@ def report(
         rc("hatch", linewidth=0.5)
         figure = Figure(figsize=PAGE, layout="constrained")
         # The page is the part of the figure inside the margins.
-        _, middle, _ = figure.subfigures(3, 1, height_ratios=(MARGIN, height, MARGIN))
-        _, page, _ = middle.subfigures(1, 3, width_ratios=(MARGIN, width, MARGIN))
+        grid = figure.subfigures(3, 1, height_ratios=(MARGIN, height, MARGIN), squeeze=False)
+        middle: SubFigure = grid[1, 0]
+        page = middle.subfigures(1, 3, width_ratios=(MARGIN, width, MARGIN), squeeze=False)[0, 1]
         names = ", ".join(shown(name) for name in scene.bodies)
         page.suptitle(fill(literal(title) or f"Run of {names}", 70), fontsize=12)
         rows = page.subfigures(len(parts), 1, height_ratios=heights, squeeze=False)[:, 0]
