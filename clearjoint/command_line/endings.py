@@ -51,8 +51,8 @@ def understandable() -> Iterator[None]:
             if isinstance(error, OSError) and error.strerror:
                 text = f"{error.filename}: {error.strerror}."
             say(f"error: {text}")
-            is_input = isinstance(error, ValueError | OSError | ImportError)
-            raise click.exceptions.Exit(BAD_INPUT if is_input else FAILED) from error
+            code = FAILED if isinstance(error, RuntimeError) else BAD_INPUT
+            raise click.exceptions.Exit(code) from error
         except KeyboardInterrupt as stop:
             say("interrupted")
             raise click.exceptions.Exit(INTERRUPTED) from stop

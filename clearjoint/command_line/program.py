@@ -18,8 +18,6 @@ from .endings import CommandResult, understandable
 if TYPE_CHECKING:
     from .study import Study
 
-WIDTH = 88
-"""Largest width of the help, characters."""
 EXITS = """
 Exit codes: 0 success; 1 a run, a sweep or a fit failed (results so far are written); 2 the input
 is wrong; 130 interrupted by Ctrl-C (results so far are written).
@@ -44,7 +42,7 @@ def command(name: str, *examples: str) -> Callable[[Callable], click.Command]:
 
 
 @click.group(
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": WIDTH},
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 88},
     epilog=EXITS,
 )
 @click.version_option(package_name="clearjoint")

@@ -11,7 +11,6 @@ import numpy as np
 
 LONGEST = 200
 """Largest number of characters by which an array is described."""
-_VERSIONED = ("clearjoint", "jax", "diffrax")
 Notes = tuple[tuple[str, str | int | float], ...]
 """Pairs (name, text or number) that become attributes of a dataset and of its netCDF file."""
 
@@ -63,4 +62,4 @@ def _note(value: object) -> str | int | float:
 @cache
 def versions() -> dict[str, str]:
     """Return the versions of clearjoint, JAX and diffrax as texts, under "version of <name>"."""
-    return {f"version of {name}": version(name) for name in _VERSIONED}
+    return {f"version of {name}": version(name) for name in ("clearjoint", "jax", "diffrax")}

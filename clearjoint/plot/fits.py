@@ -83,13 +83,12 @@ def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:
         squeeze=False,
         layout="constrained",
     )
-    axes = np.empty((2, len(names)), dtype=object)
-    for k, name in enumerate(names):
-        row, column = 2 * (k // columns), k % columns
-        axes[:, k] = grid[row, column], grid[row + 1, column]
-        _draw(fit, name, *axes[:, k])
-    # The last row of series may have fewer series than columns.
-    for empty in grid.T.reshape(columns, blocks, 2)[len(names) % columns or columns :, -1].ravel():
+    # Pairs of axes, one above the other. The last row may have fewer series than columns.
+    pairs = grid.reshape(blocks, 2, columns).swapaxes(0, 1).reshape(2, -1)
+    axes = pairs[:, : len(names)]
+    for name, (above, below) in zip(names, axes.T, strict=True):
+        _draw(fit, name, above, below)
+    for empty in pairs[:, len(names) :].flat:
         empty.set_visible(False)
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=2, frameon=False)

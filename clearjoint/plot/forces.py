@@ -19,11 +19,6 @@ from . import observed
 from .labels import fitting_unit, time_axis, time_unit
 from .style import BLUE, DARK, TimeSpan, axes_or_new, draw_lines, dress, inside, legend_above
 
-OVER_USUAL_PEAK, OVER_USUAL_VALUE = 6.0, 20.0
-"""An axis becomes logarithmic if the largest force exceeds the first number times the median of the
-forces' peaks, or the second number times the median over time of the forces in contact: on a linear
-axis, half of the forces would then be in the lowest sixth, or twentieth, of its height."""
-
 
 def contact_and_reaction(
     observation: Observation,
@@ -164,8 +159,10 @@ def _over_time(
         acting, weights = values > 0.0, np.tile(durations, len(curves))
         usual = np.quantile(values[acting], 0.5, weights=weights[acting], method="inverted_cdf")
         largest = peaks.max()
-        has_outlier = len(peaks) >= 3 and largest > OVER_USUAL_PEAK * np.median(peaks)
-        if logarithmic or has_outlier or largest > OVER_USUAL_VALUE * usual:
+        # On a linear axis, half of the peaks would be in the lowest sixth of its height, or half of
+        # the forces in its lowest twentieth.
+        has_outlier = len(peaks) >= 3 and largest > 6.0 * np.median(peaks)
+        if logarithmic or has_outlier or largest > 20.0 * usual:
             # The axis begins somewhat below the smallest peak and the usual force, but it spans at
             # least one and a half decades, and at most four.
             lowest = np.clip(0.3 * min(peaks.min(), usual), 1e-4 * largest, 0.03 * largest)

@@ -182,12 +182,11 @@ def scale_axes(axes: Axes, x: np.ndarray, y: np.ndarray, swept: str = "x") -> No
     parameters, "x", "y" or "xy".
     """
     for letter, axis, values in (("x", axes.xaxis, x), ("y", axes.yaxis, y)):
-        scale = axes.set_xscale if axis is axes.xaxis else axes.set_yscale
         if suits_logarithm(values, letter in swept):
-            scale("log")
+            axes.set(**{f"{letter}scale": "log"})
             tick_logarithm(axis, values)
         elif bool((values <= 0.0).any()):
-            scale("linear")
+            axes.set(**{f"{letter}scale": "linear"})
 
 
 def tick_logarithm(axis: Axis, values: np.ndarray) -> None:

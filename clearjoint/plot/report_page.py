@@ -267,11 +267,10 @@ def draw_motion(row: SubFigure, scene: Scene, path: Trajectory, observed: Observ
     # One legend below replaces those of the panels, whose entries are the same for all orbits.
     orbits, bars = (panel.get_legend_handles_labels() for panel in (row.axes[0], axes))
     names = [*map(str, orbits[1]), *(f"{label}, direction" for label in bars[1])]
-    handles = [*orbits[0], *bars[0]]
     # The legends keep their space in the layout, which is then the same for all panels.
     for legend in filter(None, (axes.get_legend() for axes in row.axes)):
         legend.set_visible(False)
-    row.legend(handles, names, loc="outside lower center", ncols=5, frameon=False)
+    row.legend([*orbits[0], *bars[0]], names, loc="outside lower center", ncols=5, frameon=False)
 
 
 def _bodies(axes: Axes, trajectory: Trajectory) -> None:
@@ -291,8 +290,7 @@ def _bodies(axes: Axes, trajectory: Trajectory) -> None:
     else:
         factor, unit = time_unit(np.asarray(trajectory.times))
         times = factor * np.asarray(trajectory.times)
-        spins = {name: np.linalg.norm(body.spin, axis=1) for name, body in bodies.items()}
-        curves = {name: (times, spin) for name, spin in spins.items()}
+        curves = {name: (times, np.linalg.norm(b.spin, axis=1)) for name, b in bodies.items()}
         labels = f"time, {unit}", "spin of the bodies, rad/s"
         axes.margins(x=0.0)
     draw_lines(axes, ((shown(name), x, y) for name, (x, y) in curves.items()))

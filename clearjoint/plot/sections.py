@@ -21,9 +21,6 @@ from .labels import fitting_unit, scale_axes, scaled, tick_logarithm
 from .style import BLUE, DARK, LIGHT, axes_or_new, dress, legend_above
 from .sweeps import is_successful, mark_failed, only_axis, require_names
 
-SHADES = LinearSegmentedColormap.from_list("later is darker", [LIGHT, BLUE, DARK])
-"""Colours of the crossings by their numbers."""
-
 
 def poincare_map(
     x: np.ndarray, y: np.ndarray, labels: tuple[str, str], *, axes: Axes | None = None
@@ -49,7 +46,8 @@ def _mapped(
 ) -> Axes:
     """Draw points with coordinates `x`, `y` (N,), whose colours show their `numbers` (N,)."""
     axes = axes_or_new(axes, (5.4, 4.8))
-    look = {"cmap": SHADES, "s": 14.0, "linewidths": 0.0, "zorder": 3}
+    shades = LinearSegmentedColormap.from_list("later is darker", [LIGHT, BLUE, DARK])
+    look = {"cmap": shades, "s": 14.0, "linewidths": 0.0, "zorder": 3}
     points = axes.scatter(x, y, c=numbers, **look)
     if len(x) > 1:
         bar = axes.figure.colorbar(points, ax=axes, label="number of the crossing")

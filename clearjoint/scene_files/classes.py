@@ -6,22 +6,13 @@ annotation and from the unit of the field with its name.
 """
 
 import inspect
+import typing
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from enum import Enum
 from functools import cache
 from types import NoneType, UnionType
-from typing import (
-    Annotated,
-    Any,
-    Literal,
-    TypeAlias,
-    TypeVar,
-    Union,
-    get_args,
-    get_origin,
-    get_type_hints,
-)
+from typing import Annotated, Any, Literal, TypeAlias, TypeVar, Union
 
 import jax
 import numpy as np
@@ -83,14 +74,6 @@ ANYTHING = Expectation(is_text=True, is_flag=True, is_anything=True)
 """Expectation of an argument without annotation."""
 
 
-def require_classes(given: Classes) -> None:
-    """Raise `ValueError` unless the argument `classes` is a collection of classes."""
-    remedy = "pass for example classes=[MyLaw]"
-    require(not isinstance(given, type | str), "classes", given, "a list of classes", remedy)
-    for kind in given:
-        require(isinstance(kind, type), "classes", kind, "a list of classes", remedy)
-
-
 def class_name(kind: type) -> str:
     """Return the name of a class in files: "Class" if it belongs to the package, else
     "module:Class"."""
@@ -115,7 +98,12 @@ def makers(families: tuple[type, ...], given: Classes) -> dict[str, Maker]:
 
     **Arguments:** `families`: base classes of the objects, or none for any object; `given`:
     user-defined classes that the caller passes.
+
+    **Raises:** `ValueError` unless `given` is a collection of classes.
     """
+    is_valid = not isinstance(given, type | str) and all(isinstance(one, type) for one in given)
+    remedy = "pass for example classes=[MyLaw]"
+    require(is_valid, "classes", given, "a list of classes", remedy)
     included = filter(is_from_package, _subclasses(AbstractReadable))
     # For equal names, the class of this package has priority.
     named = {kind.__name__: kind for kind in (*given, *included)}
@@ -233,7 +221,7 @@ def _hints(owner: object) -> dict[str, Any]:
     which may be texts.
     """
     try:
-        return get_type_hints(owner, include_extras=True)
+        return typing.get_type_hints(owner, include_extras=True)
     except NameError:
         return dict(getattr(owner, "__annotations__", {}))
 
@@ -244,7 +232,7 @@ def expectation(annotation: object) -> Expectation:
     Examples are ``float``, an array of jaxtyping, ``Body | None``, ``Literal["a", "b"]`` and
     ``Mapping[str, Body]``; ``Annotated[float, "s"]`` declares a number with the unit s.
     """
-    origin, inner = get_origin(annotation), get_args(annotation)
+    origin, inner = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is Annotated:
         unit = next((note for note in inner[1:] if isinstance(note, str)), None)
         return replace(expectation(inner[0]), unit=unit)

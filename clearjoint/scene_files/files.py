@@ -15,7 +15,7 @@ from ..fields.cautions import quiet
 from ..fields.suggestions import nearest
 from ..model.bodies import State
 from ..model.scene import Scene
-from .classes import Classes, require_classes
+from .classes import Classes, makers
 from .formats import Document, format_document, parse, read_document, suffix_of
 from .locations import FileLocation, listed
 from .reading import Reader
@@ -145,7 +145,7 @@ def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
     **Raises:** `ValueError` for content that does not describe a scene. The message names the
     location in the file, the value found there, the expected values and a remedy.
     """
-    require_classes(classes)
+    makers((), classes)  # raises an error for wrong classes
     document, location = read_document(Path(path))
     return scene_of_document(document, classes, location)
 

@@ -9,16 +9,7 @@ from typing import TypeAlias
 
 from ..model.bodies import State
 from ..model.scene import Scene
-from .classes import (
-    REQUIRED,
-    Classes,
-    Expectation,
-    Maker,
-    arguments,
-    is_abstract,
-    makers,
-    require_classes,
-)
+from .classes import REQUIRED, Classes, Expectation, Maker, arguments, is_abstract, makers
 from .formats import SCHEMA
 from .reading import EULER_PARAMETERS, KIND, axis_and_angle
 
@@ -44,7 +35,6 @@ def scene_schema(classes: Classes = ()) -> Schema:
     >>> schema["$schema"]
     'https://json-schema.org/draft/2020-12/schema'
     """
-    require_classes(classes)
     catalogue = Catalogue(classes)
     return catalogue.document("scene", scene_properties(catalogue), ["bodies"])
 

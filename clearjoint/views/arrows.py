@@ -33,7 +33,7 @@ class Arrows(NamedTuple):
     - `parts`: solids of the arrows.
     - `scale`: length of the arrow of the largest force divided by that force, m/N, before the arrow
       is cut; 1 without forces.
-    - `note`: the scale as a line of the legend.
+    - `note`: the scale as a line of the legend; empty without arrows.
     """
 
     parts: list[DrawnPart]
@@ -63,20 +63,14 @@ def arrows(
     """
     contact_forces = {} if observation is None else _contact_forces(pen, observation)
     all_forces = [force for _, force in (*contact_forces.values(), *pen.loads.values())]
-    norms = np.concatenate([np.linalg.norm(f, axis=1) for f in all_forces] or [np.zeros(1)])
-    acting = norms[norms > 0.0]
-    largest, longest = float(norms.max()), LONGEST * sizes.size
+    magnitudes = np.concatenate([np.linalg.norm(f, axis=1) for f in all_forces] or [np.zeros(1)])
+    acting = magnitudes[magnitudes > 0.0]
+    largest, longest = float(magnitudes.max()), LONGEST * sizes.size
     root = False
     if scale is None:
         root = len(acting) > 0 and largest > 5.0 * float(np.median(acting))
         scale = longest / largest if len(acting) else 1.0
     longest *= 1.0 + 1e-9  # a longest arrow is not cut because of rounding errors
-    length, force, suffix = 0.1 * sizes.size, 0.1 * sizes.size / scale, ""
-    if root:
-        length, force, suffix = scale * largest, largest, ", lengths ∝ square root of forces"
-    elif largest * scale > longest:
-        suffix = f", cut at {newtons(longest / scale)}"
-    note = f"arrows: {length:.2g} m for {newtons(force)}{suffix}"
     parts = []
     for family, colour, at_tip in ((contact_forces, FORCE, True), (pen.loads, LOAD, False)):
         for name, (points, forces) in family.items():
@@ -94,7 +88,14 @@ def arrows(
                 poses = poses.copy()
                 poses[hidden, :3, :3] = 1e-9 * np.eye(3)
                 parts.append(DrawnPart(name, meshes.arrow(), poses, colour))
-    return Arrows(parts, scale, note)
+    if not parts:
+        return Arrows(parts, scale, "")
+    length, force, suffix = 0.1 * sizes.size, 0.1 * sizes.size / scale, ""
+    if root:
+        length, force, suffix = scale * largest, largest, ", lengths ∝ square root of forces"
+    elif largest * scale > longest:
+        suffix = f", cut at {newtons(longest / scale)}"
+    return Arrows(parts, scale, f"arrows: {length:.2g} m for {newtons(force)}{suffix}")
 
 
 def newtons(force: float) -> str:

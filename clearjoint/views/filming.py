@@ -28,8 +28,6 @@ LIGHT = np.array([0.35, 0.55, 0.75])
 """Direction to the light: components to the right, upwards and to the viewer."""
 SHADE = 0.45
 """Brightness of surfaces that face away from the light, as a fraction of full brightness."""
-LEGEND_WIDTH = 0.28
-"""Width of the legend relative to that of the figure."""
 DPI = 100
 """Pixels per inch of an animation; a still picture has twice as many."""
 FRAMES_PER_SECOND = 25
@@ -61,9 +59,9 @@ class Film:
         self._view, self._target = camera.axes(), camera.target
         self._distance = float(np.linalg.norm(camera.eye - camera.target))
         self.figure = Figure(figsize=(8.0, 4.8), dpi=DPI)
-        # The legend is on the left, the picture on the right. The coordinates of the picture are m
-        # in the plane through the target, onto which the triangles are projected.
-        self._axes = self.figure.add_axes((LEGEND_WIDTH, 0.0, 1.0 - LEGEND_WIDTH, 1.0))
+        # The legend has 28 % of the width on the left, the picture the rest. The coordinates of the
+        # picture are m in the plane through the target, onto which the triangles are projected.
+        self._axes = self.figure.add_axes((0.28, 0.0, 0.72, 1.0))
         self._axes.set_axis_off()
         wide, high = WIDE * camera.reach, camera.reach
         self._axes.set(xlim=(-wide, wide), ylim=(-high, high), aspect="equal")
