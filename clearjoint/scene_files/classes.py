@@ -101,7 +101,7 @@ def makers(families: tuple[type, ...], given: Classes) -> dict[str, Maker]:
 
     **Raises:** `ValueError` unless `given` is a collection of classes.
     """
-    is_valid = not isinstance(given, type | str) and all(isinstance(one, type) for one in given)
+    is_valid = not isinstance(given, type) and all(isinstance(one, type) for one in given)
     remedy = "pass for example classes=[MyLaw]"
     require(is_valid, "classes", given, "a list of classes", remedy)
     included = filter(is_from_package, _subclasses(AbstractReadable))
