@@ -364,7 +364,7 @@ def motion_timeline(
     factor, unit = time_unit(times, window)
     for row, name in enumerate(names):
         phases = contact_phases(observation, name)
-        # Intervals of constant phase: indices, starts and lengths, s; the latter in the window.
+        # Intervals of constant phase: their first indices, and starts and lengths in the window, s.
         begins = np.flatnonzero(np.diff(phases, prepend=-1))
         starts = np.clip(times[begins], first, last)
         lengths = np.clip(np.append(times[begins[1:]], times[-1]), first, last) - starts

@@ -182,7 +182,7 @@ def _record(
         return series(scene, solution, quantity, unit=unit, trajectory=trajectory)
     body, state = list(trajectory.states.bodies.items())[-1]
     vectors, name, unit = np.asarray(state.velocity), f"velocity of {body}", "m/s"
-    if np.ptp(vectors, axis=0).max() == 0.0:
+    if not np.ptp(vectors, axis=0).max() > 0.0:  # constant, or NaN after a failed run
         vectors, name, unit = np.asarray(state.spin), f"spin of {body} about its", "rad/s"
     axis = int(np.argmax(np.ptp(vectors, axis=0)))
     return labelled(trajectory, vectors[:, axis], f"{name} {'xyz'[axis]}", unit)
