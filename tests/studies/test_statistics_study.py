@@ -48,7 +48,7 @@ def test_tangents_of_segments_agree_with_differences():
     ends = cj.sweep(
         *cj.mechanisms.slider_crank(),
         PERIOD,
-        {"clearance": cj.Axis(shadowing.CLEARANCE.variation, clearance + step * np.array([-1.0, 1.0]))},
+        {"clearance": cj.Axis(shadowing.CLEARANCE.variation, [clearance - step, clearance + step])},
         {"force": cj.Statistics(FORCE, "N", after=after)},
         cj.presets.derivatives,
         progress=False,
