@@ -37,3 +37,14 @@ def test_steps_must_advance_before_the_end(ahead, end, expected, monkeypatch):
         system, step, trial, jnp.asarray(True), None, now + ahead, success, {}, jnp.asarray(end)
     )
     assert bool(found == getattr(cj.RESULTS, expected))
+
+
+def test_a_wrapped_controller_has_the_tolerance_of_the_inner_one():
+    inner = diffrax.PIDController(rtol=1e-9, atol=1e-12)
+    wrapped = diffrax.ClipStepSizeController(inner, jump_ts=jnp.asarray([0.1]))
+    for controller, expected in (
+        (inner, 1e-9),
+        (wrapped, 1e-9),
+        (diffrax.ConstantStepSize(), acceptance.FIXED_STEPS_RTOL),
+    ):
+        assert acceptance._relative_tolerance(controller) == expected

@@ -79,7 +79,7 @@ def decide_step(
     # solver's stages. A kink or jump between stages does not change the error estimate, so it is
     # checked separately. If no breakpoint declares it, the steps towards it become shorter and
     # shorter, until `_result` stops the run.
-    rtol = DRIVER_TOLERANCE * getattr(method.controller, "rtol", FIXED_STEPS_RTOL)
+    rtol = DRIVER_TOLERANCE * _relative_tolerance(method.controller)
     smooth = drivers_are_smooth(system, trial.outcome.y.motion, step.t, t1, rtol)
     refused: Condition | None = None
     if smooth is not None:
@@ -140,6 +140,16 @@ def decide_step(
         controller_state=controller_state,
     )
     return StepDecision(keep, proposal, result)
+
+
+def _relative_tolerance(controller: diffrax.AbstractStepSizeController) -> Scalar:
+    """Return the relative tolerance of a controller, or `FIXED_STEPS_RTOL` if it has none.
+
+    Controllers that wrap another one, such as `diffrax.ClipStepSizeController`, have its tolerance.
+    """
+    while not hasattr(controller, "rtol") and hasattr(controller, "controller"):
+        controller = controller.controller
+    return getattr(controller, "rtol", FIXED_STEPS_RTOL)
 
 
 def _controller_decision(
