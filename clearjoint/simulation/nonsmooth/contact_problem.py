@@ -110,13 +110,9 @@ def _touch(
 
     **Raises:** `ValueError` for a thrust face whose friction has a moment, which is not supported.
     """
-    require(
-        contact.face_radius is None,
-        f"scene.joints[{name!r}]",
-        type(joint).__name__,
-        f"without a moment of friction at {label!r}",
-        "leave `friction` and `radius` out of EndPlay, or take simulate()",
-    )
+    fine, expected = contact.face_radius is None, f"without a moment of friction at {label!r}"
+    remedy = "leave `friction` and `radius` out of EndPlay, or take simulate()"
+    require(fine, f"scene.joints[{name!r}]", type(joint).__name__, expected, remedy)
     on_first, on_second = contact.points_of_force(contact.slip is not None)
 
     def row(direction: Vector) -> Row:
@@ -172,11 +168,7 @@ class ContactProblem:
     """
 
     def __init__(
-        self,
-        system: System,
-        mechanics: AbstractMechanics,
-        contacts: Sequence[Touch],
-        t: Scalar,
+        self, system: System, mechanics: AbstractMechanics, contacts: Sequence[Touch], t: Scalar
     ):
         # Rows are the constraint equations of ideal joints. If they are redundant, the joints' own
         # impulses are those of least norm, with these weights against a mix of units.
@@ -305,22 +297,17 @@ class ContactProblem:
             # the difference causes are the residual of the alternation.
             change = [a - b for a, b in zip(tangential, tried, strict=True)]
             changes = self._with_impulses(normals, tangents, [0.0] * count, change)
-            residual = largest(
-                [normal_residual, slip_residual, _largest_of(closed, changes) / scale]
-            )
-            factor = _extrapolation(now, change)
+            opening = _largest_of(closed, changes) / scale
+            residual = largest([normal_residual, slip_residual, opening])
+            factor, turns = _extrapolation(now, change), now.turns + 1
             following = [a + factor * b for a, b in zip(tried, change, strict=True)]
-            return Alternation(
-                normal, tangential, residual, now.turns + 1, following, change, factor
-            )
+            return Alternation(normal, tangential, residual, turns, following, change, factor)
 
         def goes(now: Alternation) -> Condition:
             return (now.residual > TOLERANCE) & (now.turns < ALTERNATIONS)
 
-        zero, nothing = jnp.zeros(()), [jnp.zeros(())] * (size - count)
-        start = Alternation(
-            [zero] * count, nothing, zero, jnp.zeros((), int), nothing, nothing, zero + 1
-        )
+        zero, none, nothing = jnp.zeros(()), jnp.zeros((), int), [jnp.zeros(())] * (size - count)
+        start = Alternation([zero] * count, nothing, zero, none, nothing, nothing, zero + 1)
         found = jax.lax.while_loop(goes, go, go(start))
         return [*found.normal, *found.tangential], found.residual
 

@@ -18,13 +18,10 @@ def require_restitution(scene: Scene, restitution: Scalar | None) -> None:
         return
     for name, family in scene.laws().items():
         for label, law in family.items():
-            require(
-                hasattr(law, "delivered_restitution"),
-                f"scene.joints[{name!r}]",
-                type(law).__name__,
-                f"of a law with delivered_restitution() at {label!r}",
-                "pass restitution=, or give the law such a method",
-            )
+            fine, given = hasattr(law, "delivered_restitution"), type(law).__name__
+            expected = f"of a law with delivered_restitution() at {label!r}"
+            remedy = "pass restitution=, or give the law such a method"
+            require(fine, f"scene.joints[{name!r}]", given, expected, remedy)
 
 
 def restitutions(scene: Scene, restitution: Scalar | None) -> dict[str, dict[str, Scalar]]:

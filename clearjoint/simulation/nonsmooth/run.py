@@ -59,7 +59,7 @@ class RigidRun(eqx.Module):
 
 
 class RigidStop(eqx.Module):
-    """State of a run at a stop.
+    """State of a run at a stop; at S stops, each array has an additional first axis of length S.
 
     - `bodies`: states of the bodies, whose vectors are arrays (3,).
     - `totals[joint][contact]`: sums and extreme values of each contact since the start of the run.
@@ -71,20 +71,6 @@ class RigidStop(eqx.Module):
     result: RESULTS
 
 
-class RigidOutcome(eqx.Module):
-    """The result of a run.
-
-    - `end`: the run at its end.
-    - `bodies`: states of the bodies at the end, whose vectors are arrays (3,).
-    - `stops`: all S stops except the start; each array has an additional first axis of length S -
-      1.
-    """
-
-    end: RigidRun
-    bodies: dict[str, BodyState]
-    stops: RigidStop
-
-
 def run(
     folded_scene: ConstantFolded,
     formulation: Formulation,
@@ -93,8 +79,9 @@ def run(
     longest: Scalar,
     restitution: Scalar | None,
     admissible: Condition | None = None,
-) -> RigidOutcome:
-    """Run a scene from the first to the last stop.
+) -> tuple[RigidRun, RigidStop]:
+    """Run a scene from the first to the last stop, and return the run at its end, and all stops
+    except the first.
 
     **Arguments:**
 
@@ -123,7 +110,7 @@ def run(
     end, kept = jax.lax.scan(to_stop, first, (times[:-1], times[1:]))
     if rows is not None:
         kept = jax.tree.map(lambda leaf: leaf[rows], kept)
-    return RigidOutcome(end, pack(system.decode(end.variables)), kept)
+    return end, kept
 
 
 run_compiled = Compiled(run)
