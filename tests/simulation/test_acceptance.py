@@ -30,11 +30,11 @@ def test_steps_must_advance_before_the_end(ahead, end, expected, monkeypatch):
     system = SimpleNamespace(constraints_violated=lambda motion, t: None)
     outcome = SimpleNamespace(y=SimpleNamespace(motion=None))
     trial = SimpleNamespace(
-        t1=now, finite=jnp.asarray(True), outcome=outcome, solver_result=success
+        t1=now, finite=jnp.asarray(True), outcome=outcome, gaps={}, solver_result=success
     )
     step = SimpleNamespace(t=jnp.asarray(0.5), result=cj.RESULTS.successful)
     found = acceptance._result(
-        system, step, trial, jnp.asarray(True), None, now + ahead, success, {}, jnp.asarray(end)
+        system, step, trial, jnp.asarray(True), None, now + ahead, success, jnp.asarray(end)
     )
     assert bool(found == getattr(cj.RESULTS, expected))
 

@@ -143,7 +143,7 @@ class AbstractLossReduction(AbstractWindowedReduction):
     def update(self, tally: LossTally, now: Instant) -> LossTally:
         """Return the tally after the step that ends at `now`, with the energies up to the edges of
         the window updated."""
-        if tally.time is None:
+        if tally.time is None or tally.at_end is None:
             return tally
         lost, window = _lost(now), self._window()
         # Before an edge of the window, the tally has the losses so far. In the step across the
