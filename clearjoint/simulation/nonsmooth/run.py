@@ -24,10 +24,12 @@ from ...dynamics.formulation import Formulation
 from ...dynamics.system import System
 from ...math.vectors import Condition, ConstantFolded, Scalar, pack, unpack
 from ...model.bodies import BodyState, State
+from ...model.joints.base import each_label
 from ...model.scene import Scene
 from ...result_codes import RESULTS
 from ..results.nonsmooth_solution import ContactTotals
 from ..step.step_state import choose
+from ..step.trial_step import all_finite
 from .moreau_jean import ContactStep, Rigid, advance
 from .restitution import restitutions
 
@@ -184,8 +186,8 @@ def _first(rigid: Rigid, variables: MotionVariables, t: Scalar) -> RigidRun:
     return RigidRun(
         t=t,
         variables=jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), variables),
-        touching={name: dict.fromkeys(family, jnp.asarray(False)) for name, family in laws.items()},
-        totals={name: dict.fromkeys(family, nothing) for name, family in laws.items()},
+        touching=each_label(lambda name, label: jnp.asarray(False), laws),
+        totals=each_label(lambda name, label: nothing, laws),
         residual=zero,
         result=RESULTS.successful,
         steps=none,
@@ -200,11 +202,12 @@ def _after_step(rigid: Rigid, now: RigidRun, t: Scalar, h: Scalar) -> RigidRun:
     end = advance(rigid, now.variables, t, h)
     # A state that is not finite has its own result code, since the other conditions mean nothing
     # then. If several of the others fail, the last one below gives the code.
-    # A product with zero is zero for finite numbers alone.
-    sums = [0.0 * leaf for leaf in jax.tree.leaves(end.variables)]
-    finite = sum(sums[1:], sums[0]) == 0.0
-    touching = jax.tree.map(lambda one: one.impulse > 0.0, end.contacts, is_leaf=_is_contact)
-    totals = jax.tree.map(_total, now.totals, end.contacts, now.touching, is_leaf=_is_contact)
+    finite = all_finite(end.variables)
+    contacts = end.contacts
+
+    def total(name: str, label: str) -> ContactTotals:
+        return _total(now.totals[name][label], contacts[name][label], now.touching[name][label])
+
     result = RESULTS.where(finite, now.result, RESULTS.non_finite)
     result = RESULTS.where(finite & ~end.solved, RESULTS.solver_failed, result)
     result = RESULTS.where(finite & ~end.shallow, RESULTS.step_too_long, result)
@@ -218,17 +221,13 @@ def _after_step(rigid: Rigid, now: RigidRun, t: Scalar, h: Scalar) -> RigidRun:
     following = RigidRun(
         t=t + h,
         variables=end.variables,
-        touching=touching,
-        totals=totals,
+        touching=each_label(lambda name, label: contacts[name][label].impulse > 0.0, contacts),
+        totals=each_label(total, contacts),
         residual=jnp.maximum(now.residual, end.residual),
         result=now.result,
         steps=now.steps + 1,
     )
     return replace(choose(good, following, now), result=result)
-
-
-def _is_contact(tree: object) -> bool:
-    return isinstance(tree, ContactTotals | ContactStep)
 
 
 def _total(totals: ContactTotals, step: ContactStep, touched: Condition) -> ContactTotals:

@@ -14,9 +14,10 @@ from ...fields.conversion import with_arrays
 from ...fields.types import ArrayLike
 from ...math.vectors import Scalar, fold_constants
 from ...model.bodies import State
+from ...model.joints.base import each_label
 from ...model.scene import Scene
 from ...result_codes import RESULTS
-from ..results.nonsmooth_solution import ContactTotals, NonsmoothSolution
+from ..results.nonsmooth_solution import NonsmoothSolution
 from ..results.solution import Trajectory, raise_failure
 from ..run.run_checks import check_numbers, check_precision, check_start, in_domain, is_traced
 from ..run.saving import EXCEPT_TIMES, Saving, saving_or_nothing
@@ -151,10 +152,8 @@ def _solution(
         # If the run failed, all rows from the failure on have its result code and no meaning.
         history, count = rows.totals, (rows.result == RESULTS.successful).sum()
         # Rigid contacts have no entry speeds, but a saved state lists one for each contact.
-        entry_speeds = jax.tree.map(
-            lambda totals: jnp.zeros_like(totals.impulse),
-            history,
-            is_leaf=lambda node: isinstance(node, ContactTotals),
+        entry_speeds = each_label(
+            lambda name, label: jnp.zeros_like(rows.totals[name][label].impulse), rows.totals
         )
         saved = Trajectory(times, State(rows.bodies, entry_speeds))
     return NonsmoothSolution(

@@ -37,7 +37,7 @@ from ...dynamics.contact_forces import EntrySpeeds
 from ...dynamics.energy import bristle_energy
 from ...dynamics.system import System
 from ...math.vectors import Condition, Scalar
-from ...model.joints.base import ByLabel
+from ...model.joints.base import ByLabel, each_label
 from ...result_codes import RESULTS
 from .acceptance import decide_step
 from .breakpoint_events import across_breakpoints, joints_have_breakpoints
@@ -394,10 +394,7 @@ def _second_rates(
     """
     if gaps and isinstance(method.solver, UnrolledExplicit):
         return system.second_rates(y.motion, solver_state.motion)
-    return {
-        name: {label: jnp.zeros_like(gap.rate) for label, gap in family.items()}
-        for name, family in gaps.items()
-    }
+    return each_label(lambda name, label: jnp.zeros_like(gaps[name][label].rate), gaps)
 
 
 def blank_attempt(

@@ -196,14 +196,14 @@ def try_step(
     start = step.y, step.entry_speeds, step.solver_state
     if family is None:
         outcome, result = advance(system, *start)
-        finite, tangents = _all_finite((outcome.y, outcome.error)), None
+        finite, tangents = all_finite((outcome.y, outcome.error)), None
     else:
         # Runge-Kutta methods commute with differentiation: differentiating the step, error estimate
         # included, is the same step of the variational equations.
         assert step.tangents is not None
         along = step.tangents.y, step.tangents.entry_speeds, step.tangents.solver_state
         outcome, result, tangents = family.pushed(advance, start, along)
-        finite = _all_finite((outcome.y, outcome.error, tangents.y, tangents.error))
+        finite = all_finite((outcome.y, outcome.error, tangents.y, tangents.error))
         tangents = _unless(finite, tangents, step.tangents.y)
     outcome = _unless(finite, outcome, step.y)
     gaps = system.contact_gaps(outcome.y.motion)
@@ -263,7 +263,7 @@ def slopes_may_jump(method: Method, scene: Scene) -> bool:
     return lands and slopes_jump(scene) and not may_jump(method, scene)
 
 
-def _all_finite(tree: PyTree[Scalar]) -> Condition:
+def all_finite(tree: PyTree[Scalar]) -> Condition:
     """Return whether all numbers of a PyTree are finite.
 
     0 times a NaN or an infinity is NaN, so the sum of all numbers times 0 is 0 only if all are
