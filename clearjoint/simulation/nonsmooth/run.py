@@ -53,7 +53,7 @@ class RigidRun(eqx.Module):
 
     t: Scalar
     variables: MotionVariables
-    touching: dict[str, dict[str, Scalar]]
+    touching: dict[str, dict[str, Condition]]
     totals: dict[str, dict[str, ContactTotals]]
     residual: Scalar
     result: RESULTS

@@ -42,15 +42,10 @@ def check_channels(channels: Channels) -> None:
     or backslash, begins with "." or "__", or is "time" or "count".
     """
     require_array_names("channels", channels, PASS_CHANNELS)
-
-    def is_pair(pair: object) -> bool:
-        """Return whether an object is a tuple of a function and a text."""
-        match pair:
-            case (quantity, str()):
-                return isinstance(pair, tuple) and callable(quantity)
-        return False
-
-    fine = bool(channels) and all(map(is_pair, channels.values()))
+    fine = bool(channels) and all(
+        isinstance(one, tuple) and len(one) == 2 and callable(one[0]) and isinstance(one[1], str)
+        for one in channels.values()
+    )
     require(fine, "channels", channels, "a (quantity, unit) pair by name", PASS_CHANNELS)
     # The results have arrays with the times of the crossings and the number of crossings.
     taken = sorted({"time", "count"} & set(channels))

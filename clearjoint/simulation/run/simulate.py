@@ -27,14 +27,10 @@ from ..step.spans import check_span
 from ..step.types import Numbers
 from .host_run import Run
 from .interruptions import RunInterrupted
-from .recorders import ROWS
 from .run_checks import check_numbers, check_precision, check_start, in_domain, is_traced
 from .saving import EXCEPT_TIMES, Saving, saving_or_nothing
 from .segments import begin, recorders_of
 
-STEP_ROWS, IMPACT_ROWS = 4096, ROWS
-"""Rows of the buffer of accepted steps, and of the buffer of each contact's impacts. When a buffer
-is full, compiled code returns to Python, which empties all buffers."""
 LEAVE_OUT = "leave it out, or call simulate() outside of the transformation"
 """Remedy in the error message for results that a traced run cannot keep."""
 
@@ -142,14 +138,7 @@ def simulate(
     start, end, length = (_array(number, traced) for number in span)
     if save.sections or save.outputs:
         require_dense(scheme.method.solver)
-    recorders = recorders_of(
-        saves=times is not None,
-        # A buffer's size is part of the compiled program; `None` leaves out the buffer.
-        step_rows=STEP_ROWS if save.steps else None,
-        impact_rows=IMPACT_ROWS if save.impacts else None,
-        sections=save.section_recorders(),
-        reductions=save.outputs,
-    )
+    recorders = recorders_of(save)
     now = begin_compiled(scheme, folded_scene, state, start, end, length, recorders)
     # 3. The steps, in one piece if JAX traces the run, otherwise in segments.
     run = Run(folded_scene, scheme, recorders, end, redundant)
