@@ -9,11 +9,11 @@ so that otherwise every lane would have to compute the channels in every step.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 
 from ...fields.checks import require, require_array_names, require_count, require_finite
 from ...fields.conversion import on_device
@@ -115,9 +115,8 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
             time = row.t
         else:
             # Most steps have no crossing: other runs search for the root only in those that have.
-            row = jax.lax.cond(
-                rises, lambda: self._columns(step_outcome, before, after), lambda: self._none()
-            )
+            columns = partial(self._columns, step_outcome, before, after)
+            row = jax.lax.cond(rises, columns, self._none)
             time = row[TIME]
         wanted = self.capacity if self.wanted is None else self.wanted
         wanted = rises & (time >= self.earliest) & (wanted > record.rows.count)
@@ -171,9 +170,8 @@ def with_units(
 def crossings_of(records: Mapping[str, SectionRecord]) -> dict[str, Crossings]:
     """Return the crossings in the records of sections, by name of the section, as NumPy arrays."""
     found = {}
-    tables = jax.device_get({name: record.rows for name, record in records.items()})
-    for name, table in tables.items():
-        columns = {key: np.asarray(row)[: int(table.count)] for key, row in table.rows.items()}
+    for name, record in records.items():
+        columns = record.rows.filled()
         found[name] = Crossings(columns.pop(TIME), columns)
     return found
 

@@ -1,5 +1,7 @@
 """Simulation of a scene from an initial state: the function `simulate`."""
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import diffrax
@@ -134,8 +136,9 @@ def simulate(
     # most of the time of a call. Redundant constraints need another solution of the equations.
     scheme = (Scheme.of if traced else Scheme.on_host)(settings, bool(redundant))
     first_step = settings.length_of_first_step(start_time, end_time)
-    span = start_time, end_time, first_step
-    start, end, length = (_array(number, traced) for number in span)
+    # NumPy arrays are made faster, but cannot hold tracers.
+    array: Callable[..., Any] = on_device if traced else partial(np.asarray, dtype=float)
+    start, end, length = map(array, (start_time, end_time, first_step))
     if save.sections or save.outputs:
         require_dense(scheme.method.solver)
     recorders = recorders_of(save)
@@ -161,12 +164,6 @@ def simulate(
 
 
 begin_compiled = Native(begin)
-
-
-def _array(number: Numbers, traced: bool) -> Any:
-    """Return a number as a JAX array if it is traced, otherwise as a NumPy array, which is faster
-    to make."""
-    return on_device(number) if traced else np.asarray(number, float)
 
 
 def _warn(scene: Scene, solution: Solution, left_bearing: bool) -> None:
