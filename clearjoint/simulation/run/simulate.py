@@ -1,7 +1,5 @@
 """Simulation of a scene from an initial state: the function `simulate`."""
 
-from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import diffrax
@@ -136,8 +134,11 @@ def simulate(
     # most of the time of a call. Redundant constraints need another solution of the equations.
     scheme = (Scheme.of if traced else Scheme.on_host)(settings, bool(redundant))
     first_step = settings.length_of_first_step(start_time, end_time)
-    # NumPy arrays are made faster, but cannot hold tracers.
-    array: Callable[..., Any] = on_device if traced else partial(np.asarray, dtype=float)
+
+    def array(number: Numbers) -> Any:
+        # NumPy arrays are made faster, but cannot hold tracers.
+        return on_device(number) if traced else np.asarray(number, float)
+
     start, end, length = map(array, (start_time, end_time, first_step))
     if save.sections or save.outputs:
         require_dense(scheme.method.solver)
