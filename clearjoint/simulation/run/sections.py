@@ -9,7 +9,6 @@ so that otherwise every lane would have to compute the channels in every step.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 
 import equinox as eqx
 import jax
@@ -115,8 +114,9 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
             time = row.t
         else:
             # Most steps have no crossing: other runs search for the root only in those that have.
-            columns = partial(self._columns, step_outcome, before, after)
-            row = jax.lax.cond(rises, columns, self._none)
+            row = jax.lax.cond(
+                rises, lambda: self._columns(step_outcome, before, after), lambda: self._none()
+            )
             time = row[TIME]
         wanted = self.capacity if self.wanted is None else self.wanted
         wanted = rises & (time >= self.earliest) & (wanted > record.rows.count)
