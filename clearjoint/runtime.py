@@ -99,18 +99,16 @@ def configure(threads: int | None = None, cache: str | os.PathLike | None = None
     dtype('float64')
     """
     global _threads
-    flags = os.environ.get("XLA_FLAGS", "")
-    # A user who sets backend options wants exactly these: none of this package's are mixed with
-    # them. The check also keeps a second call of `configure` from appending the flags again.
-    if _EXTRA not in flags:
-        os.environ["XLA_FLAGS"] = f"{flags} {XLA_FLAGS}".strip()
     if threads is not None:
         require_count("threads", threads, "give a number of threads, or None")
     keep = _keep()
     folder = _usable(str(cache or default_cache()))
-    # All arguments are valid from here on: a call that raises an error changes no setting but the
-    # flags above.
-    _threads = threads
+    # All arguments are valid from here on: a call that raises an error changes no setting.
+    _threads, flags = threads, os.environ.get("XLA_FLAGS", "")
+    # A user who sets backend options wants exactly these: none of this package's are mixed with
+    # them. The check also keeps a second call of `configure` from appending the flags again.
+    if _EXTRA not in flags:
+        os.environ["XLA_FLAGS"] = f"{flags} {XLA_FLAGS}".strip()
     jax.config.update("jax_enable_x64", True)
     jax.config.update(_CACHE, folder)
     # JAX writes programs to the folder that took at least this time to compile, s. Its default of

@@ -49,6 +49,13 @@ def test_a_cache_that_is_a_file_is_refused_before_anything_is_set(tmp_path):
         runtime.configure(cache=tmp_path / "file")
 
 
+def test_refused_arguments_leave_the_flags_of_xla(monkeypatch):
+    monkeypatch.setenv("XLA_FLAGS", "--xla_foo")
+    with pytest.raises(ValueError, match="`threads`"):
+        runtime.configure(0)
+    assert os.environ["XLA_FLAGS"] == "--xla_foo"
+
+
 def test_a_cache_that_must_not_be_used_gives_a_warning(tmp_path):
     tmp_path.chmod(0o777)
     with pytest.warns(UserWarning, match="programs are not saved. Other users may write"):

@@ -7,6 +7,7 @@ The letter of a value is its kind: "f" for floats, "i" and "w" for integers, "b"
 """
 
 import math
+import operator
 from collections.abc import Callable
 
 import numpy as np
@@ -41,18 +42,6 @@ def apply(ops: Operations, name: str, *values: Value, parameter: object = None) 
 def _direct(name: str) -> Rule:
     """Return the rule that adds the operation `name`, whose result has the kind of its argument."""
     return lambda a, *others: a.emit(name, *others)
-
-
-def _add(a: Symbol, b: Symbol) -> Symbol:
-    return a | b if a.letter == "b" else a + b
-
-
-def _subtract(a: Symbol, b: Symbol) -> Symbol:
-    return a ^ b if a.letter == "b" else a - b
-
-
-def _multiply(a: Symbol, b: Symbol) -> Symbol:
-    return a & b if a.letter == "b" else a * b
 
 
 def _compare(name: str) -> Rule:
@@ -220,16 +209,16 @@ def convert(a: Symbol, letter: str) -> Symbol:
 
 
 RULES: dict[str, Rule] = {
-    "add": _add,
-    "add_any": _add,
-    "sub": _subtract,
-    "mul": _multiply,
+    "add": operator.add,
+    "add_any": operator.add,
+    "sub": operator.sub,
+    "mul": operator.mul,
     "div": _divide,
     **{name: _compare(name) for name in ("lt", "le", "gt", "ge", "eq", "ne")},
     **{f"{name}_to": _compare_totally(name) for name in ("lt", "le", "eq")},
     "max": _extreme("gt"),
     "min": _extreme("lt"),
-    "neg": lambda a: -a,
+    "neg": operator.neg,
     "abs": _absolute,
     "sign": _sign,
     "is_finite": lambda a: a.emit("abs").compare("lt", math.inf),

@@ -526,16 +526,21 @@ class Operations:
         self.loop([zero], holds, body)
 
 
-def _operator(float_name: str, name: str) -> "Callable[[Symbol, Symbol | Number], Symbol]":
-    """Return a method that adds the operation `float_name` for floats, otherwise `name`."""
-    return lambda a, b: a.emit(float_name if a.letter == "f" else name, b)
+def _operator(
+    float_name: str, name: str, bool_name: str = ""
+) -> "Callable[[Symbol, Symbol | Number], Symbol]":
+    """Return a method that adds the operation `float_name` for floats, `bool_name` for bools,
+    otherwise `name`."""
+    names = {"f": float_name, "b": bool_name or name}
+    return lambda a, b: a.emit(names.get(a.letter, name), b)
 
 
 class Symbol:
     """A value of a program, for formulas: Python's operators add operations to the program.
 
-    Operators of floats, integers and bools add the operation of the first operand's kind. The
-    second operand may be a number, which stands for a value of that kind.
+    Operators of floats, integers and bools add the operation of the first operand's kind; sum,
+    difference and product of bools are "or", "xor" and "and". The second operand may be a number,
+    which stands for a value of that kind.
 
     **Arguments:** `ops`: operations of the program; `value`: the value.
     """
@@ -562,9 +567,9 @@ class Symbol:
         values = [(x if isinstance(x, Symbol) else self.like(x)).value for x in others]
         return Symbol(self.ops, self.ops.emit(name, kind, self.value, *values))
 
-    __add__ = _operator("fadd", "add")
-    __sub__ = _operator("fsub", "sub")
-    __mul__ = _operator("fmul", "mul")
+    __add__ = _operator("fadd", "add", "or")
+    __sub__ = _operator("fsub", "sub", "xor")
+    __mul__ = _operator("fmul", "mul", "and")
     __truediv__ = _operator("fdiv", "fdiv")
     __and__, __or__, __xor__ = (_operator(name, name) for name in ("and", "or", "xor"))
 

@@ -46,10 +46,7 @@ Combine = Callable[[Value, Value], Value]
 
 
 def _rearranged(
-    lower: Lowering,
-    equation: Equation,
-    array: Array,
-    rearrange: Rearrange,
+    lower: Lowering, equation: Equation, array: Array, rearrange: Rearrange
 ) -> list[Array]:
     """Return arrays with the elements of an array in other positions.
 

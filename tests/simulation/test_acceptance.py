@@ -30,10 +30,21 @@ def test_steps_must_advance_before_the_end(ahead, end, expected, monkeypatch):
     system = SimpleNamespace(constraints_violated=lambda motion, t: None)
     outcome = SimpleNamespace(y=SimpleNamespace(motion=None))
     trial = SimpleNamespace(
-        t1=now, finite=jnp.asarray(True), outcome=outcome, solver_result=success
+        t1=now, finite=jnp.asarray(True), outcome=outcome, gaps={}, solver_result=success
     )
     step = SimpleNamespace(t=jnp.asarray(0.5), result=cj.RESULTS.successful)
     found = acceptance._result(
-        system, step, trial, jnp.asarray(True), None, now + ahead, success, {}, jnp.asarray(end)
+        system, step, trial, jnp.asarray(True), None, now + ahead, success, jnp.asarray(end)
     )
     assert bool(found == getattr(cj.RESULTS, expected))
+
+
+def test_a_wrapped_controller_has_the_tolerance_of_the_inner_one():
+    inner = diffrax.PIDController(rtol=1e-9, atol=1e-12)
+    wrapped = diffrax.ClipStepSizeController(inner, jump_ts=jnp.asarray([0.1]))
+    for controller, expected in (
+        (inner, 1e-9),
+        (wrapped, 1e-9),
+        (diffrax.ConstantStepSize(), acceptance.FIXED_STEPS_RTOL),
+    ):
+        assert acceptance._relative_tolerance(controller) == expected

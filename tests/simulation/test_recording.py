@@ -9,7 +9,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.simulation.run import sampling as module
-from clearjoint.simulation.run import simulate as simulating
+from clearjoint.simulation.run import segments
 from clearjoint.simulation.run.impact_recorder import (
     ContactRecord,
     ImpactRow,
@@ -82,8 +82,8 @@ def test_a_run_goes_on_with_empty_buffers_when_they_are_full(monkeypatch):
         return run.steps, [getattr(run.impacts, field.name) for field in fields(run.impacts)]
 
     expected = kept()
-    monkeypatch.setattr(simulating, "STEP_ROWS", 7)
-    monkeypatch.setattr(simulating, "IMPACT_ROWS", 1)
+    monkeypatch.setattr(segments, "STEP_ROWS", 7)
+    monkeypatch.setattr(segments, "IMPACT_ROWS", 1)
     jax.tree.map(np.testing.assert_array_equal, kept(), expected)
 
 

@@ -56,7 +56,7 @@ def test_the_stepping_loop_is_one_native_function(pendulum, saving):
     method = Method(ready_solver(diffrax.Tsit5(), 1e-6, 1e-9), controller, landing)
     scheme = Scheme(method, Formulation())
     times = [jnp.asarray(t) for t in (0.0, END, 1e-7)]
-    recorders = recorders_of(saving is not None, None, None, {}, {})
+    recorders = recorders_of(cj.Saving(saving))
     run = eqx.filter_jit(begin)(scheme, scene, state, *times, recorders)
     arguments = scheme, scene, recorders, run, saving, times[1], jnp.asarray(9)
     lowered = eqx.filter_jit(segment).lower(*arguments)

@@ -6,7 +6,7 @@ three scalars, not arrays, and so are the element's fields with three numbers.
 """
 
 import abc
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import TypeAlias, TypeVar
 
@@ -474,3 +474,13 @@ class AbstractPairAtPoints(AbstractPair):
         """
         first = Marker(self.first, self.point_first, axis_first)
         return first, Marker(self.second, self.point_second, axis_second)
+
+
+def each_label(
+    function: Callable[[str, str], T], tables: Mapping[str, Iterable[str]]
+) -> ByLabel[T]:
+    """Return the results of a function of the name of a joint and the label of one of its contacts
+    or rows, by name and label, for all labels in `tables[joint]`."""
+    return {
+        name: {label: function(name, label) for label in labels} for name, labels in tables.items()
+    }

@@ -308,6 +308,6 @@ def _apart(p: EulerParameters, q: EulerParameters) -> Scalar:
     p and -p are the same orientation, so the sign is chosen for which the difference is smaller.
     """
     pairs = ((p.e0, q.e0), (p.e1, q.e1), (p.e2, q.e2), (p.e3, q.e3))
-    alike = [jnp.abs(one - other) for one, other in pairs]
-    opposite = [jnp.abs(one + other) for one, other in pairs]
-    return jnp.minimum(reduce(jnp.maximum, alike), reduce(jnp.maximum, opposite))
+    alike = reduce(jnp.maximum, [jnp.abs(one - other) for one, other in pairs])
+    opposite = reduce(jnp.maximum, [jnp.abs(one + other) for one, other in pairs])
+    return jnp.minimum(alike, opposite)

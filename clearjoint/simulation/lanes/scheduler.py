@@ -25,7 +25,7 @@ import numpy as np
 from jaxtyping import PyTree
 
 from ...compilation.tracing import begins_a_program, program_is_made_inside
-from ...math.vectors import pack
+from ...math.vectors import Scalar, pack
 from ...native import Native, UnsupportedPrimitiveError, is_native
 from ...native.cells import Cells
 from ...native.compiled import report_fallback
@@ -38,7 +38,7 @@ from ..run.interruptions import interruptions_deferred
 from ..step.dense_output import Snapshot
 from ..step.types import Numbers
 from .lane import WINDOW, Lane, Outcome, SegmentRequest, begin_lane, moves, outcome, step_lane
-from .tasks import Columns, Common, Task
+from .tasks import Common, Task
 from .xla_lanes import XlaFunction, XlaLaneLoop, zeros_like
 
 PERIOD = 0.2
@@ -547,14 +547,28 @@ def _outcome(common: Common, task: Task, lane: Lane) -> Outcome:
 @Native
 def _columns(
     shared: tuple[Common, str, Snapshot | ImpactRow], task: Task, rows: Numbers
-) -> Columns:
-    """Return the columns of results for recorded rows of a log, by name, (R,) each.
+) -> dict[str, Numbers]:
+    """Return the columns of a log in the results of a sweep: by name, an array (R,) for R recorded
+    rows.
 
-    **Arguments:** `shared`: data of all lanes, name of the log, and a row of it as an example of
-    the row's structure; `task`: data of the lane; `rows`: (R, numbers), the recorded rows.
+    **Arguments:** `shared`: data of all lanes, name of the log, and a record of it, of which only
+    the structure and the shapes are used; `task`: data of the lane that wrote the rows; `rows`: (R,
+    n), the rows, each a record as a flat array of its n numbers.
     """
     common, name, example = shared
-    return common.columns_of(name, example, task, rows)
+    leaves, structure = jax.tree.flatten(example)
+    # Some columns are quantities, which are functions of the lane's scene too.
+    system = common.plan.scheme.system(common.scene(task))
+    # Each row has the numbers of the first leaf, then those of the second, and so on.
+    boundaries = np.cumsum([leaf.size for leaf in leaves])[:-1]
+
+    def columns_of_row(row: jax.Array) -> dict[str, Scalar]:
+        parts = zip(jnp.split(row, boundaries), leaves, strict=True)
+        shaped = [part.reshape(leaf.shape) for part, leaf in parts]
+        record: Snapshot | ImpactRow = jax.tree.unflatten(structure, shaped)
+        return record.columns(system, common.channels.get(name, {}))
+
+    return jax.lax.map(columns_of_row, rows)
 
 
 class _Loops:

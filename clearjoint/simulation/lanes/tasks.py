@@ -6,24 +6,17 @@ impacts of a contact, or the saved states.
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
 from ...fields.types import Single
-from ...math.vectors import ConstantFolded, Scalar, unpack
+from ...math.vectors import ConstantFolded, unpack
 from ...model.bodies import State
 from ...model.scene import Scene
 from ...quantities.base import Quantity
-from ..run.impact_recorder import ImpactRow
 from ..run.recorders import RowBuffer
-from ..step.dense_output import Snapshot
 from ..step.types import Numbers
 from .lane import Lane, Plan
-
-Columns = dict[str, Scalar]
-"""Columns of a log in the results of a sweep, by name: numbers for one row, or arrays (R,) for R
-rows."""
 
 
 class Task(eqx.Module):
@@ -78,32 +71,3 @@ class Common(eqx.Module):
         scalars."""
         tree = eqx.combine(task.varied, self.folded_scene.tree)
         return unpack(ConstantFolded(tree, self.folded_scene.patterns))
-
-    def columns_of(
-        self, name: str, example: Snapshot | ImpactRow, task: Task, rows: jax.Array
-    ) -> Columns:
-        """Return the columns of a log in the results of a sweep: by name, an array (R,) for R
-        recorded rows.
-
-        **Arguments:**
-
-        - `name`: name of the log.
-        - `example`: a record of this log, of which only the structure and the shapes are used.
-        - `task`: the lane that wrote the rows.
-        - `rows`: (R, n) recorded rows; each is a record as a flat array of its n numbers.
-        """
-        leaves, structure = jax.tree.flatten(example)
-        # Some columns are quantities, which are functions of the lane's scene too.
-        system = self.plan.scheme.system(self.scene(task))
-        channels = self.channels.get(name, {})
-        # Each row has the numbers of the first leaf, then those of the second, and so on.
-        boundaries = np.cumsum([leaf.size for leaf in leaves])[:-1]
-
-        def columns_of_row(row: jax.Array) -> Columns:
-            parts = zip(jnp.split(row, boundaries), leaves, strict=True)
-            record: Snapshot | ImpactRow = jax.tree.unflatten(
-                structure, [part.reshape(leaf.shape) for part, leaf in parts]
-            )
-            return record.columns(system, channels)
-
-        return jax.lax.map(columns_of_row, rows)

@@ -45,15 +45,10 @@ class BoxProblem:
     """
 
     def __init__(self, matrix: Rows, lower: Sequence[Scalar], upper: Sequence[Scalar]):
-        self._lower, self._upper = lower, upper
-        self._diagonal = [
-            jnp.where(row[i] > 0.0, row[i], 1.0) * (1.0 + RELATIVE_SHIFT)
-            for i, row in enumerate(matrix)
-        ]
-        self._matrix = [
-            [*row[:i], diagonal]
-            for i, (row, diagonal) in enumerate(zip(matrix, self._diagonal, strict=True))
-        ]
+        self._bounds = list(zip(lower, upper, strict=True))
+        diagonals = [jnp.where(row[-1] > 0.0, row[-1], 1.0) for row in matrix]
+        self._diagonal = [number * (1.0 + RELATIVE_SHIFT) for number in diagonals]
+        self._matrix = [[*row[:-1], d] for row, d in zip(matrix, self._diagonal, strict=True)]
 
     def solve(self, start: Sequence[Scalar]) -> tuple[Impulses, Scalar]:
         """Return the impulses that solve the problem, and how well they solve it.
@@ -76,28 +71,22 @@ class BoxProblem:
 
         # Begin with the impulses nearest to zero. Mostly no contact is closed. The residual of
         # these impulses is then zero, and no iteration is made.
-        nothing = [
-            jnp.clip(0.0, lower, upper)
-            for lower, upper in zip(self._lower, self._upper, strict=True)
-        ]
+        nothing = [jnp.clip(0.0, *bounds) for bounds in self._bounds]
         residual = self._residual(nothing, start) / scale
         begin: tuple[Impulses, Scalar, Scalar] = nothing, residual, jnp.zeros((), int)
         x, residual, _ = jax.lax.while_loop(goes, go, begin)
         return x, residual
 
     def _scale(self, start: Sequence[Scalar]) -> Scalar:
-        loose = [
-            jnp.where(lower < upper, number, 0.0)
-            for number, lower, upper in zip(start, self._lower, self._upper, strict=True)
-        ]
-        scale = largest(loose)
+        rows = zip(start, self._bounds, strict=True)
+        scale = largest([jnp.where(lower < upper, q, 0.0) for q, (lower, upper) in rows])
         return jnp.where(scale > 0.0, scale, 1.0)
 
     def _row(self, i: int) -> list[Scalar]:
         return [self._matrix[max(i, j)][min(i, j)] for j in range(len(self._matrix))]
 
     def _clipped(self, i: int, x: Scalar, velocity: Scalar) -> Scalar:
-        return jnp.clip(x - velocity / self._diagonal[i], self._lower[i], self._upper[i])
+        return jnp.clip(x - velocity / self._diagonal[i], *self._bounds[i])
 
     def _swept(self, x: Impulses, start: Sequence[Scalar]) -> Impulses:
         """Return the impulses x after one sweep of projected Gauss-Seidel over all rows, for the
@@ -120,7 +109,7 @@ class BoxProblem:
         velocities = self._velocities(x, start)
         free: list[Condition] = [
             jnp.logical_not(((a <= lower) & (y >= 0.0)) | ((a >= upper) & (y <= 0.0)))
-            for a, y, lower, upper in zip(x, velocities, self._lower, self._upper, strict=True)
+            for a, y, (lower, upper) in zip(x, velocities, self._bounds, strict=True)
         ]
 
         def goes(now: tuple[Impulses, Sequence[Condition], Condition]) -> Condition:
@@ -140,17 +129,10 @@ class BoxProblem:
             # A row that meets a bound gets exactly this bound, so that later comparisons with the
             # bound do not depend on rounding.
             moved = [
-                jnp.where(
-                    meet, jnp.where(d < 0.0, lower, upper), jnp.clip(a + share * d, lower, upper)
-                )
-                for a, d, meet, lower, upper in zip(
-                    x, change, meets, self._lower, self._upper, strict=True
-                )
+                jnp.where(meet, jnp.where(d < 0.0, *bounds), jnp.clip(a + share * d, *bounds))
+                for a, d, meet, bounds in zip(x, change, meets, self._bounds, strict=True)
             ]
-            left: list[Condition] = [
-                jnp.logical_and(f, jnp.logical_not(meet))
-                for f, meet in zip(free, meets, strict=True)
-            ]
+            left = [f & jnp.logical_not(meet) for f, meet in zip(free, meets, strict=True)]
             # A step of full length reaches the minimum over the rows that are still free.
             return moved, left, share >= 1.0
 
@@ -171,15 +153,14 @@ class BoxProblem:
             [*(jnp.where(free[i] & free[j], row[j], 0.0) for j in range(i)), row[i]]
             for i, row in enumerate(self._matrix)
         ]
-        return _solved(
-            matrix, [jnp.where(f, -y, 0.0) for f, y in zip(free, velocities, strict=True)]
-        )
+        right = [jnp.where(f, -y, 0.0) for f, y in zip(free, velocities, strict=True)]
+        return _solved(matrix, right)
 
     def _shares(self, x: Impulses, change: Impulses) -> list[Scalar]:
         """Return for each row the part, 0 to 1, of the `change` of its impulse x that the row's
         bounds allow."""
         shares: list[Scalar] = []
-        for a, d, lower, upper in zip(x, change, self._lower, self._upper, strict=True):
+        for a, d, (lower, upper) in zip(x, change, self._bounds, strict=True):
             room, length = jnp.where(d < 0.0, a - lower, upper - a), jnp.abs(d)
             shares.append(jnp.where(length > room, room / jnp.where(d == 0.0, 1.0, length), 1.0))
         return shares
@@ -188,13 +169,8 @@ class BoxProblem:
         return [add(a, b) for a, b in zip(product(self._matrix, x), start, strict=True)]
 
     def _residual(self, x: Impulses, start: Sequence[Scalar]) -> Scalar:
-        velocities = self._velocities(x, start)
-        return largest(
-            [
-                (x[i] - self._clipped(i, x[i], velocities[i])) * self._diagonal[i]
-                for i in range(len(x))
-            ]
-        )
+        rows = enumerate(zip(x, self._velocities(x, start), strict=True))
+        return largest([(a - self._clipped(i, a, y)) * self._diagonal[i] for i, (a, y) in rows])
 
 
 def largest(numbers: Sequence[Scalar]) -> Scalar:

@@ -110,13 +110,9 @@ def _touch(
 
     **Raises:** `ValueError` for a thrust face whose friction has a moment, which is not supported.
     """
-    require(
-        contact.face_radius is None,
-        f"scene.joints[{name!r}]",
-        type(joint).__name__,
-        f"without a moment of friction at {label!r}",
-        "leave `friction` and `radius` out of EndPlay, or take simulate()",
-    )
+    fine, expected = contact.face_radius is None, f"without a moment of friction at {label!r}"
+    remedy = "leave `friction` and `radius` out of EndPlay, or take simulate()"
+    require(fine, f"scene.joints[{name!r}]", type(joint).__name__, expected, remedy)
     on_first, on_second = contact.points_of_force(contact.slip is not None)
 
     def row(direction: Vector) -> Row:
@@ -172,11 +168,7 @@ class ContactProblem:
     """
 
     def __init__(
-        self,
-        system: System,
-        mechanics: AbstractMechanics,
-        contacts: Sequence[Touch],
-        t: Scalar,
+        self, system: System, mechanics: AbstractMechanics, contacts: Sequence[Touch], t: Scalar
     ):
         # Rows are the constraint equations of ideal joints. If they are redundant, the joints' own
         # impulses are those of least norm, with these weights against a mix of units.
@@ -212,15 +204,6 @@ class ContactProblem:
         """Return the velocities along all `rows`, m/s, for given motions of the bodies."""
         return [row_rate(row, motions) for row in self.rows]
 
-    def velocities_after(self, velocities: Sequence[Scalar], impulses: Impulses) -> list[Scalar]:
-        """Return the velocities along all `rows`, m/s, after impulses at the contacts.
-
-        **Arguments:** `velocities`: m/s, before the impulses; `impulses`: N s. Both are lists in
-        the order of `rows`.
-        """
-        rows = range(len(self.rows))
-        return self._with_impulses(rows, rows, velocities, impulses)
-
     def kick(self, impulses: Sequence[Scalar]) -> Speeds:
         """Return the change of the speeds of the system's coordinates by impulses at the contacts,
         including the impulses of ideal joints that follow from them.
@@ -233,13 +216,13 @@ class ContactProblem:
             change = [add(a, multiply(b, impulse)) for a, b in zip(change, part, strict=True)]
         return change
 
-    def _with_impulses(
-        self, rows: range, columns: range, velocities: Sequence[Scalar], impulses: Impulses
+    def velocities_after(
+        self, velocities: Sequence[Scalar], impulses: Impulses, rows: range, columns: range
     ) -> list[Scalar]:
-        """Return the velocities along some rows, m/s, after impulses along others, N s.
+        """Return the velocities along some rows, m/s, after impulses at the contacts.
 
-        **Arguments:** `rows`: indices of the rows of the velocities; `columns`: indices of the rows
-        of the impulses; `velocities`: m/s, before the impulses; `impulses`: N s.
+        **Arguments:** `velocities`: m/s, before the impulses; `impulses`: N s; `rows`, `columns`:
+        indices in `self.rows` of the rows of the velocities and of the impulses.
         """
         return [
             add(velocity, inner([self._entry(i, j) for j in columns], impulses))
@@ -294,33 +277,28 @@ class ContactProblem:
             # Normal impulses for the tangential ones of the last turn, then friction within the
             # bounds that these normal impulses give.
             tried = now.tried
-            aims_with_friction = self._with_impulses(normals, tangents, aims, tried)
+            aims_with_friction = self.velocities_after(aims, tried, normals, tangents)
             normal, normal_residual = self.normal_impulses(closed, aims_with_friction)
             bounds = [mu * normal[k] for mu, k in zip(coefficients, owner, strict=True)]
             problem = BoxProblem(block, [-bound for bound in bounds], bounds)
             tangential, slip_residual = problem.solve(
-                self._with_impulses(tangents, normals, slips, normal)
+                self.velocities_after(slips, normal, tangents, normals)
             )
             # The normal impulses were solved for other tangential ones: the opening velocities that
             # the difference causes are the residual of the alternation.
             change = [a - b for a, b in zip(tangential, tried, strict=True)]
-            changes = self._with_impulses(normals, tangents, [0.0] * count, change)
-            residual = largest(
-                [normal_residual, slip_residual, _largest_of(closed, changes) / scale]
-            )
-            factor = _extrapolation(now, change)
+            changes = self.velocities_after([0.0] * count, change, normals, tangents)
+            opening = _largest_of(closed, changes) / scale
+            residual = largest([normal_residual, slip_residual, opening])
+            factor, turns = _extrapolation(now, change), now.turns + 1
             following = [a + factor * b for a, b in zip(tried, change, strict=True)]
-            return Alternation(
-                normal, tangential, residual, now.turns + 1, following, change, factor
-            )
+            return Alternation(normal, tangential, residual, turns, following, change, factor)
 
         def goes(now: Alternation) -> Condition:
             return (now.residual > TOLERANCE) & (now.turns < ALTERNATIONS)
 
-        zero, nothing = jnp.zeros(()), [jnp.zeros(())] * (size - count)
-        start = Alternation(
-            [zero] * count, nothing, zero, jnp.zeros((), int), nothing, nothing, zero + 1
-        )
+        zero, none, nothing = jnp.zeros(()), jnp.zeros((), int), [jnp.zeros(())] * (size - count)
+        start = Alternation([zero] * count, nothing, zero, none, nothing, nothing, zero + 1)
         found = jax.lax.while_loop(goes, go, go(start))
         return [*found.normal, *found.tangential], found.residual
 

@@ -116,7 +116,8 @@ def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> S
     impulses, residual = problem.impulses(closed, aims, unloaded[len(contacts) :])
     # The impulses change the speeds; a further push, on the positions alone, ends penetrations. A
     # sink is the velocity towards the wall that forces without contact would add in the step.
-    after = problem.velocities_after(unloaded, impulses)
+    rows = range(len(problem.rows))
+    after = problem.velocities_after(unloaded, impulses, rows, rows)
     last = mechanics.after_speed_change(problem.kick(impulses))
     sinks = [jnp.maximum(a - b, 0.0) for a, b in zip(before, unloaded, strict=True)]
     push, projection_residual = _projection(problem, closed, after, sinks, h)
@@ -145,9 +146,8 @@ def _smooth_step(
     half = 0.5 * h
     middle = _displaced(rigid.system, variables, _smooth_rates(rigid, variables, t), half)
     predicted = _accelerated(rigid.system, middle, _smooth_rates(rigid, middle, middle_time), half)
-    return middle, _accelerated(
-        rigid.system, middle, _smooth_rates(rigid, predicted, middle_time), h
-    )
+    rates = _smooth_rates(rigid, predicted, middle_time)
+    return middle, _accelerated(rigid.system, middle, rates, h)
 
 
 def _arrived(

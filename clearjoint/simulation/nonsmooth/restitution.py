@@ -3,6 +3,7 @@ contact the value that its law delivers in a free impact."""
 
 from ...fields.checks import require, require_range
 from ...math.vectors import Scalar
+from ...model.joints.base import each_label
 from ...model.scene import Scene
 
 
@@ -18,13 +19,10 @@ def require_restitution(scene: Scene, restitution: Scalar | None) -> None:
         return
     for name, family in scene.laws().items():
         for label, law in family.items():
-            require(
-                hasattr(law, "delivered_restitution"),
-                f"scene.joints[{name!r}]",
-                type(law).__name__,
-                f"of a law with delivered_restitution() at {label!r}",
-                "pass restitution=, or give the law such a method",
-            )
+            fine, given = hasattr(law, "delivered_restitution"), type(law).__name__
+            expected = f"of a law with delivered_restitution() at {label!r}"
+            remedy = "pass restitution=, or give the law such a method"
+            require(fine, f"scene.joints[{name!r}]", given, expected, remedy)
 
 
 def restitutions(scene: Scene, restitution: Scalar | None) -> dict[str, dict[str, Scalar]]:
@@ -33,10 +31,7 @@ def restitutions(scene: Scene, restitution: Scalar | None) -> dict[str, dict[str
     **Arguments:** `restitution`: the coefficient of all contacts, or ``None`` for the coefficients
     that the contact laws report, from the rebound of a free impact.
     """
-    return {
-        name: {
-            label: law.delivered_restitution() if restitution is None else restitution  # pyright: ignore
-            for label, law in family.items()
-        }
-        for name, family in scene.laws().items()
-    }
+    laws = scene.laws()
+    if restitution is not None:
+        return each_label(lambda name, label: restitution, laws)
+    return each_label(lambda name, label: laws[name][label].delivered_restitution(), laws)  # pyright: ignore

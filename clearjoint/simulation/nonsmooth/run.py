@@ -24,10 +24,12 @@ from ...dynamics.formulation import Formulation
 from ...dynamics.system import System
 from ...math.vectors import Condition, ConstantFolded, Scalar, pack, unpack
 from ...model.bodies import BodyState, State
+from ...model.joints.base import each_label
 from ...model.scene import Scene
 from ...result_codes import RESULTS
 from ..results.nonsmooth_solution import ContactTotals
 from ..step.step_state import choose
+from ..step.trial_step import all_finite
 from .moreau_jean import ContactStep, Rigid, advance
 from .restitution import restitutions
 
@@ -51,7 +53,7 @@ class RigidRun(eqx.Module):
 
     t: Scalar
     variables: MotionVariables
-    touching: dict[str, dict[str, Scalar]]
+    touching: dict[str, dict[str, Condition]]
     totals: dict[str, dict[str, ContactTotals]]
     residual: Scalar
     result: RESULTS
@@ -59,7 +61,7 @@ class RigidRun(eqx.Module):
 
 
 class RigidStop(eqx.Module):
-    """State of a run at a stop.
+    """State of a run at a stop; at S stops, each array has an additional first axis of length S.
 
     - `bodies`: states of the bodies, whose vectors are arrays (3,).
     - `totals[joint][contact]`: sums and extreme values of each contact since the start of the run.
@@ -71,20 +73,6 @@ class RigidStop(eqx.Module):
     result: RESULTS
 
 
-class RigidOutcome(eqx.Module):
-    """The result of a run.
-
-    - `end`: the run at its end.
-    - `bodies`: states of the bodies at the end, whose vectors are arrays (3,).
-    - `stops`: all S stops except the start; each array has an additional first axis of length S -
-      1.
-    """
-
-    end: RigidRun
-    bodies: dict[str, BodyState]
-    stops: RigidStop
-
-
 def run(
     folded_scene: ConstantFolded,
     formulation: Formulation,
@@ -93,8 +81,9 @@ def run(
     longest: Scalar,
     restitution: Scalar | None,
     admissible: Condition | None = None,
-) -> RigidOutcome:
-    """Run a scene from the first to the last stop.
+) -> tuple[RigidRun, RigidStop]:
+    """Run a scene from the first to the last stop, and return the run at its end, and all stops
+    except the first.
 
     **Arguments:**
 
@@ -123,7 +112,7 @@ def run(
     end, kept = jax.lax.scan(to_stop, first, (times[:-1], times[1:]))
     if rows is not None:
         kept = jax.tree.map(lambda leaf: leaf[rows], kept)
-    return RigidOutcome(end, pack(system.decode(end.variables)), kept)
+    return end, kept
 
 
 run_compiled = Compiled(run)
@@ -197,8 +186,8 @@ def _first(rigid: Rigid, variables: MotionVariables, t: Scalar) -> RigidRun:
     return RigidRun(
         t=t,
         variables=jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), variables),
-        touching={name: dict.fromkeys(family, jnp.asarray(False)) for name, family in laws.items()},
-        totals={name: dict.fromkeys(family, nothing) for name, family in laws.items()},
+        touching=each_label(lambda name, label: jnp.asarray(False), laws),
+        totals=each_label(lambda name, label: nothing, laws),
         residual=zero,
         result=RESULTS.successful,
         steps=none,
@@ -213,11 +202,12 @@ def _after_step(rigid: Rigid, now: RigidRun, t: Scalar, h: Scalar) -> RigidRun:
     end = advance(rigid, now.variables, t, h)
     # A state that is not finite has its own result code, since the other conditions mean nothing
     # then. If several of the others fail, the last one below gives the code.
-    # A product with zero is zero for finite numbers alone.
-    sums = [0.0 * leaf for leaf in jax.tree.leaves(end.variables)]
-    finite = sum(sums[1:], sums[0]) == 0.0
-    touching = jax.tree.map(lambda one: one.impulse > 0.0, end.contacts, is_leaf=_is_contact)
-    totals = jax.tree.map(_total, now.totals, end.contacts, now.touching, is_leaf=_is_contact)
+    finite = all_finite(end.variables)
+    contacts = end.contacts
+
+    def total(name: str, label: str) -> ContactTotals:
+        return _total(now.totals[name][label], contacts[name][label], now.touching[name][label])
+
     result = RESULTS.where(finite, now.result, RESULTS.non_finite)
     result = RESULTS.where(finite & ~end.solved, RESULTS.solver_failed, result)
     result = RESULTS.where(finite & ~end.shallow, RESULTS.step_too_long, result)
@@ -231,17 +221,13 @@ def _after_step(rigid: Rigid, now: RigidRun, t: Scalar, h: Scalar) -> RigidRun:
     following = RigidRun(
         t=t + h,
         variables=end.variables,
-        touching=touching,
-        totals=totals,
+        touching=each_label(lambda name, label: contacts[name][label].impulse > 0.0, contacts),
+        totals=each_label(total, contacts),
         residual=jnp.maximum(now.residual, end.residual),
         result=now.result,
         steps=now.steps + 1,
     )
     return replace(choose(good, following, now), result=result)
-
-
-def _is_contact(tree: object) -> bool:
-    return isinstance(tree, ContactTotals | ContactStep)
 
 
 def _total(totals: ContactTotals, step: ContactStep, touched: Condition) -> ContactTotals:

@@ -14,21 +14,16 @@ from ...fields.conversion import with_arrays
 from ...fields.types import ArrayLike
 from ...math.vectors import Scalar, fold_constants
 from ...model.bodies import State
+from ...model.joints.base import each_label
 from ...model.scene import Scene
 from ...result_codes import RESULTS
-from ..results.nonsmooth_solution import ContactTotals, NonsmoothSolution
+from ..results.nonsmooth_solution import NonsmoothSolution
 from ..results.solution import Trajectory, raise_failure
-from ..run.run_checks import (
-    check_numbers,
-    check_precision,
-    check_start,
-    in_domain,
-    is_traced,
-)
+from ..run.run_checks import check_numbers, check_precision, check_start, in_domain, is_traced
 from ..run.saving import EXCEPT_TIMES, Saving, saving_or_nothing
 from ..step.spans import check_span
 from .restitution import require_restitution
-from .run import RigidOutcome, run_compiled
+from .run import RigidRun, RigidStop, run_compiled
 
 MOST_STEPS = 1e9
 """Largest number of steps of a run. A run of more steps would take hours."""
@@ -118,70 +113,59 @@ def simulate_nonsmooth(
     # The following need values of numbers, which traced numbers lack.
     if not traced:
         shortest = (float(end_time) - float(start_time)) / MOST_STEPS
-        require(
-            bool(float(step) >= shortest),
-            "step",
-            step,
-            f"at least {shortest:.1g} s, a part in {MOST_STEPS:.0g} of the span",
-            "give a longer step in s, or an earlier end_time",
-        )
+        expected = f"at least {shortest:.1g} s, a part in {MOST_STEPS:.0g} of the span"
+        remedy = "give a longer step in s, or an earlier end_time"
+        require(bool(float(step) >= shortest), "step", step, expected, remedy)
         times = save.times_between(start_time, end_time)
         redundant_constraints = check_start(scene, state, start_time, coordinates)
     formulation = Formulation(
         coordinates, redundant=bool(redundant_constraints) if redundant is None else redundant
     )
-    stops = _stops(start_time, times, end_time)
+    between = jnp.asarray([] if times is None else times)
+    stops = jnp.concatenate([_array(start_time)[None], between, _array(end_time)[None]])
     chosen = None if restitution is None else _array(restitution)
     run = run_compiled(
         fold_constants(scene), formulation, state, stops, _array(step), chosen, admissible
     )
-    solution = _solution(run, stops, times is not None, formulation, redundant_constraints)
+    inner = None if times is None else stops[1:-1]
+    solution = _solution(*run, inner, formulation, redundant_constraints)
     return solution if traced else _reported(jax.device_get(solution), scene, throw)
 
 
-def _stops(
-    start_time: Scalar, times: ArrayLike | None, end_time: Scalar
-) -> Float[jax.Array, " stops"]:
-    """Return the start, the times to save at, if any, and the end in one array, s."""
-    between = jnp.asarray([] if times is None else times)
-    return jnp.concatenate([_array(start_time)[None], between, _array(end_time)[None]])
-
-
 def _solution(
-    run: RigidOutcome,
-    stops: Float[jax.Array, " stops"],
-    saves: bool,
+    end: RigidRun,
+    stops: RigidStop,
+    times: Float[jax.Array, " times"] | None,
     formulation: Formulation,
     redundant_constraints: tuple[str, ...],
 ) -> NonsmoothSolution:
     """Return the solution of a run, with the states at the inner stops as saved states.
 
-    **Arguments:** `run`: the result of the compiled program; `stops`: (S,) s, the start, the times
-    to save at, and the end; `saves`: whether times to save at were given; `formulation`,
-    `redundant_constraints`: stored in the solution.
+    **Arguments:** `end`, `stops`: the run at its end, and at the N times to save at and the end;
+    `times`: (N,) s, the times to save at, or ``None``; `formulation`, `redundant_constraints`:
+    stored in the solution.
     """
     saved, history, count = None, None, None
-    if saves:
-        # `run.stops` has a row for each of `stops` but the start. Its last row is the end of the
-        # run, which is not a saved state.
-        rows = jax.tree.map(lambda leaf: leaf[:-1], run.stops)
+    if times is not None:
+        # The last stop is the end of the run, which is not a saved state.
+        rows = jax.tree.map(lambda leaf: leaf[:-1], stops)
         # If the run failed, all rows from the failure on have its result code and no meaning.
         history, count = rows.totals, (rows.result == RESULTS.successful).sum()
         # Rigid contacts have no entry speeds, but a saved state lists one for each contact.
-        entry_speeds = jax.tree.map(
-            lambda totals: jnp.zeros_like(totals.impulse), history, is_leaf=_is_totals
+        entry_speeds = each_label(
+            lambda name, label: jnp.zeros_like(rows.totals[name][label].impulse), rows.totals
         )
-        saved = Trajectory(stops[1:-1], State(rows.bodies, entry_speeds))
+        saved = Trajectory(times, State(rows.bodies, entry_speeds))
     return NonsmoothSolution(
-        time=run.end.t,
-        final=State(run.bodies),
-        result=run.end.result,
-        steps=run.end.steps,
+        time=end.t,
+        final=State(jax.tree.map(lambda leaf: leaf[-1], stops.bodies)),
+        result=end.result,
+        steps=end.steps,
         saved=saved,
         history=history,
         saved_count=count,
-        contacts=run.end.totals,
-        residual=run.end.residual,
+        contacts=end.totals,
+        residual=end.residual,
         formulation=formulation,
         redundant_constraints=redundant_constraints,
     )
@@ -200,10 +184,6 @@ def _reported(solution: NonsmoothSolution, scene: Scene, throw: bool) -> Nonsmoo
     if throw:
         raise_failure(solution)
     return solution
-
-
-def _is_totals(tree: object) -> bool:
-    return isinstance(tree, ContactTotals)
 
 
 def _array(value: ArrayLike) -> jax.Array:

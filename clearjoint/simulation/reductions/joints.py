@@ -4,6 +4,7 @@ import math
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 
 from ...fields.checks import require_count, require_positive
@@ -107,17 +108,21 @@ class ImpactCount(AbstractWindowedReduction):
 class LossTally(NamedTuple):
     """Tally of a reduction of losses, the data that it carries from step to step.
 
-    - `begin`, `time`: s, the start of the run, and the end of the latest step.
+    - `begin`: s, the start of the run.
     - `at_begin`: J, energy that the ledger has counted as dissipated up to the start of the window,
       or up to `time` as long as the run has not reached the window. If the run starts inside the
       window, it is the energy at the start of the run.
-    - `at_end`: J, the same up to the end of the window.
+    - `time`: s, the end of the latest step.
+    - `at_end`: J, as `at_begin`, up to the end of the window.
+
+    `time` and `at_end` are ``None`` if the window is the whole run: the ledger at the end of the
+    run has the result.
     """
 
     begin: Scalar
-    time: Scalar
     at_begin: Scalar
-    at_end: Scalar
+    time: Scalar | None
+    at_end: Scalar | None
 
 
 class AbstractLossReduction(AbstractWindowedReduction):
@@ -132,16 +137,18 @@ class AbstractLossReduction(AbstractWindowedReduction):
     def start(self, now: Instant) -> LossTally:
         """Return the tally at the start of the run, with the energy that counts as dissipated then.
         It is zero, unless the run continues the ledger of an earlier run."""
-        lost = _lost(now)
-        return LossTally(now.time, now.time, lost, lost)
+        lost, whole = _lost(now), self._window().is_whole
+        return LossTally(now.time, lost, None if whole else now.time, None if whole else lost)
 
     def update(self, tally: LossTally, now: Instant) -> LossTally:
         """Return the tally after the step that ends at `now`, with the energies up to the edges of
         the window updated."""
+        if tally.time is None or tally.at_end is None:
+            return tally
         lost, window = _lost(now), self._window()
         # Before an edge of the window, the tally has the losses so far. In the step across the
         # edge, it gets the losses at the edge, by dense output. Then they stay.
-        at_edges = [
+        at_begin, at_end = [
             jnp.where(now.time <= edge, lost, jnp.where(tally.time < edge, _lost(inside), known))
             for edge, inside, known in zip(
                 (window.start, window.end),
@@ -150,7 +157,12 @@ class AbstractLossReduction(AbstractWindowedReduction):
                 strict=True,
             )
         ]
-        return LossTally(tally.begin, now.time, *at_edges)
+        return LossTally(tally.begin, at_begin, now.time, at_end)
+
+    def _inside(self, tally: LossTally, now: Instant) -> Scalar:
+        """Return the energy, J, dissipated in the part of the window that the run covers, from the
+        last tally and the end of the run."""
+        return (_lost(now) if tally.at_end is None else tally.at_end) - tally.at_begin
 
 
 class DissipatedEnergy(AbstractLossReduction):
@@ -159,8 +171,8 @@ class DissipatedEnergy(AbstractLossReduction):
     It needs `Settings(ledger=True)`, with which the solver integrates the dissipated powers.
 
     **Arguments:** `after`, `until`: s, the window of time, by default the whole run. The result is
-    NaN if the run ended before the window. If neither is given, a run that continues the ledger of
-    an earlier run includes the energy dissipated there.
+    NaN if the run ended before the window. Energy that an earlier run has dissipated, whose ledger
+    this run continues, is not included, nor is energy that bristles have stored.
 
     **Raises:** `ValueError` if `after` or `until` is not a single number, or `until` is not later
     than `after`.
@@ -170,23 +182,9 @@ class DissipatedEnergy(AbstractLossReduction):
     True
     """
 
-    def start(self, now: Instant) -> LossTally | None:
-        """Return the tally at the start of the run; ``None`` without a window.
-
-        Without a window no tally is needed: the energy ledger at the end of the run has the result.
-        """
-        return None if self._window().is_whole else super().start(now)
-
-    def update(self, tally: LossTally | None, now: Instant) -> LossTally | None:
-        """Return the tally after the step that ends at `now`; ``None`` without a window."""
-        return None if tally is None else super().update(tally, now)
-
-    def results(self, tally: LossTally | None, now: Instant) -> dict[str, Scalar]:
-        """Return the energy, J, dissipated in the window or, without a window, since the ledger was
-        zero. Energy that bristles have stored is not counted."""
-        if tally is None:
-            return {"": _lost(now)}
-        return {"": self._window().if_reached(tally.at_end - tally.at_begin, now.time)}
+    def results(self, tally: LossTally, now: Instant) -> dict[str, Scalar]:
+        """Return the energy, J, dissipated in the window; NaN if the run ended before it."""
+        return {"": self._window().if_reached(self._inside(tally, now), now.time)}
 
     def units(self) -> dict[str, str]:
         """Return "J" for the energy."""
@@ -215,8 +213,7 @@ class MeanPowerLost(AbstractLossReduction):
         is no such part."""
         window = self._window()
         duration = jnp.minimum(now.time, window.end) - jnp.maximum(tally.begin, window.start)
-        reached = duration > 0.0
-        lost = tally.at_end - tally.at_begin
+        reached, lost = duration > 0.0, self._inside(tally, now)
         return {"": jnp.where(reached, lost / jnp.where(reached, duration, 1.0), jnp.nan)}
 
     def units(self) -> dict[str, str]:
@@ -318,15 +315,10 @@ class ArchardWear(AbstractWindowedReduction):
             length, middle = length * (b - a), now.inside(0.5 * (a + b))
         # Simpson's rule: rates at both ends and in the middle of the part in the window.
         at_middle, sixth = self._rates(middle), length / 6.0
-        worn = {
-            base: [
-                volume + sixth * (start + 4.0 * middle + end)
-                for volume, start, middle, end in zip(
-                    volumes[base], at_start[base], at_middle[base], at_end[base], strict=True
-                )
-            ]
-            for base in BASES
-        }
+        worn = jax.tree.map(
+            lambda volume, start, middle, end: volume + sixth * (start + 4.0 * middle + end),
+            *(volumes, at_start, at_middle, at_end),
+        )
         return now.time, latest, worn
 
     def results(self, tally: WearTally, now: Instant) -> dict[str, Scalar]:

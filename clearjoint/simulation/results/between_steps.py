@@ -58,10 +58,9 @@ def instants_of_smooth_curves(times: Times, states: State) -> Wanted:
     parts = np.maximum(FINEST * np.sqrt(bend / largest), rotation / LARGEST_ROTATION)
     parts = np.clip(np.ceil(parts), 1, MOST).astype(int)
     # `part` counts the parts of each step from 0, in one array for all steps.
-    part = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
-    inside = np.repeat(times[:-1], parts) + part / np.repeat(parts, parts) * np.repeat(
-        lengths, parts
-    )
+    step = np.repeat(np.arange(len(parts)), parts)
+    part = np.arange(len(step)) - (np.cumsum(parts) - parts)[step]
+    inside = times[step] + part / parts[step] * lengths[step]
     return np.append(inside, times[-1:])
 
 

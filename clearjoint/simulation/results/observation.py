@@ -4,8 +4,8 @@
 """
 
 import enum
-from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import numpy as np
@@ -198,15 +198,34 @@ class Observation(eqx.Module, AbstractTabular):
             for body, load in by_body.items()
         }
         unique = "unique" if self.reactions_unique else "of least norm, since joints are redundant"
-        rate = "largest |rate of Phi| of the joint"
+        modes = [np.asarray(mode, np.int8) for mode in self.modes.values()]
+        flags = {
+            "flag_values": np.array([mode.value for mode in MotionMode], np.int8),
+            "flag_meanings": " ".join(mode.name.lower() for mode in MotionMode),
+        }
+        # For each variable: its second dimension, the series along it, unit, description and
+        # further attributes.
+        rows: dict[str, tuple[Any, ...]] = {
+            name: (CONTACTS, [getattr(one, name) for one in contacts.values()], *texts_of)
+            for name, texts_of in CONTACT_PARTS.items()
+        }
+        rows["mode"] = "journal", modes, None, "mode of the journal", flags
+        for name, (field, *of_load) in REACTION_PARTS.items():
+            loads = [getattr(load, field) for load in reactions.values()]
+            rows[name] = "reaction", loads, *of_load, {"comment": unique}
+        for name, (field, *of_body) in BODY_PARTS.items():
+            rows[name] = "body", [getattr(b, field) for b in self.accelerations.values()], *of_body
+        for name, dim, values, unit, text in (
+            ("drift", "joint", self.drift, "1", "largest |Phi| of the joint, m or 1"),
+            ("drift_rate", "joint", self.drift_rate, "1/s", "largest |rate of Phi| of the joint"),
+            ("energy", "energy_term", self.energies, "J", "energies and their ledger"),
+        ):
+            rows[name] = dim, [*values.values()], unit, text
+        # A variable is left out if the scene has no element with such a series.
         variables = {
-            **_contact_variables(contacts),
-            **_mode_variable(self.modes),
-            **_vectors(reactions, "reaction", REACTION_PARTS, {"comment": unique}),
-            **_vectors(self.accelerations, "body", BODY_PARTS, {}),
-            **_numbers("drift", "joint", self.drift, "1", "largest |Phi| of the joint, m or 1"),
-            **_numbers("drift_rate", "joint", self.drift_rate, "1/s", rate),
-            **_numbers("energy", "energy_term", self.energies, "J", "energies and their ledger"),
+            name: _stacked(*row)
+            for name, row in rows.items()
+            if any(series is not None for series in row[1])
         }
         labels = {
             CONTACTS: contacts,
@@ -237,74 +256,20 @@ class Observation(eqx.Module, AbstractTabular):
         return balance - balance[0]
 
 
-def _contact_variables(contacts: Mapping[str, ContactObservation]) -> dict[str, Labelled]:
-    """Return a variable for each field of `ContactObservation` that any contact has.
-
-    **Arguments:** `contacts`: contacts at N times by label, such as "pin V".
-
-    **Returns:** by field, an array (N, contacts), or (N, contacts, 3) for vectors, with NaN for
-    contacts that lack the field.
-    """
-    found = {}
-    for part, (unit, text) in CONTACT_PARTS.items():
-        values = [getattr(contact, part) for contact in contacts.values()]
-        known = [np.asarray(value) for value in values if value is not None]
-        if known:
-            lacking = np.full_like(known[0], np.nan)
-            dims = ("time", CONTACTS, COMPONENT)[: 1 + known[0].ndim]
-            filled = _stacked(lacking if value is None else value for value in values)
-            found[part] = Labelled(dims, filled, unit, text)
-    return found
-
-
-def _mode_variable(modes: Mapping[str, Integers]) -> dict[str, Labelled]:
-    """Return the variable "mode", (N, journals), whose attributes name the values of `MotionMode`;
-    an empty dictionary if no joint has a journal."""
-    if not modes:
-        return {}
-    flags = {
-        "flag_values": np.array([mode.value for mode in MotionMode], np.int8),
-        "flag_meanings": " ".join(mode.name.lower() for mode in MotionMode),
-    }
-    codes = _stacked(modes.values()).astype(np.int8)
-    return {"mode": Labelled(("time", "journal"), codes, None, "mode of the journal", flags)}
-
-
-def _vectors(
-    elements: Mapping[str, Load] | Mapping[str, AccelerationSeries],
+def _stacked(
     dim: str,
-    parts: Mapping[str, tuple[str, str, str]],
-    attributes: Mapping[str, object],
-) -> dict[str, Labelled]:
-    """Return the vectors of several elements as variables (N, elements, 3), by name of variable; an
-    empty dictionary if there are no elements.
+    series: Sequence[Numbers | Vectors | None],
+    unit: str | None,
+    text: str,
+    attributes: Mapping[str, object] = {},
+) -> Labelled:
+    """Return series at N times as a variable (N, series), or (N, series, 3) for vectors, with NaN
+    in place of a series that is ``None``.
 
-    **Arguments:** `elements`: series at N times by label of the element; `dim`: name of the second
-    dimension; `parts`: field, unit and description of each variable, by its name; `attributes`:
-    further attributes of all variables.
+    **Arguments:** `dim`: name of the second dimension; `series`: one for each element along it, not
+    all ``None``; `unit`, `text`, `attributes`: unit, description and further attributes.
     """
-    dims = ("time", dim, COMPONENT)
-    return {
-        name: Labelled(
-            dims, _stacked(getattr(one, field) for one in elements.values()), unit, text, attributes
-        )
-        for name, (field, unit, text) in parts.items()
-        if elements
-    }
-
-
-def _numbers(
-    name: str, dim: str, rows: Mapping[str, Numbers], unit: str, text: str
-) -> dict[str, Labelled]:
-    """Return one variable (N, rows) made of series (N,), by its name; an empty dictionary if there
-    are no series.
-
-    **Arguments:** `name`, `unit`, `text`: name, unit and description of the variable; `dim`: name
-    of the second dimension; `rows`: the series by label.
-    """
-    return {name: Labelled(("time", dim), _stacked(rows.values()), unit, text)} if rows else {}
-
-
-def _stacked(series: Iterable[object]) -> np.ndarray:
-    """Return arrays (N, ...), one for each element, as one array (N, elements, ...)."""
-    return np.stack([np.asarray(one) for one in series], 1)
+    known = next(np.asarray(one) for one in series if one is not None)
+    lacking = np.full(known.shape, np.nan)
+    values = np.stack([lacking if one is None else np.asarray(one) for one in series], 1)
+    return Labelled(("time", dim, COMPONENT)[: values.ndim], values, unit, text, attributes)

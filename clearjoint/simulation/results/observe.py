@@ -24,7 +24,7 @@ from ...model.bodies import GROUND, NO_WRENCH, State, Wrench
 from ...model.clearance_joints.journal_bases import BASES, HasJournal, axial_positions
 from ...model.scene import Scene
 from ...native import Native, over_rows
-from ..step.types import Integers, Numbers, Vectors
+from ..step.types import Integers, Numbers
 from .nonsmooth_solution import NonsmoothSolution
 from .observation import AccelerationSeries, ContactObservation, Load, MotionMode, Observation
 from .solution import Solution, Trajectory
@@ -241,15 +241,9 @@ def _reactions(dynamics: Dynamics) -> dict[str, dict[str, Load]]:
                     scaled = Wrench(pair.force * multiplier, pair.moment * multiplier)
                     total[body] = total.get(body, NO_WRENCH) + scaled
         reactions[name] = {
-            body: Load(_array(wrench.force), _array(wrench.moment))
-            for body, wrench in total.items()
+            body: Load(pack(wrench.force), pack(wrench.moment)) for body, wrench in total.items()
         }
     return reactions
-
-
-def _array(vector: Vector) -> Vectors:
-    """Return a vector as an array (3,) of floats; its components may be Python numbers."""
-    return jnp.stack([jnp.asarray(part, dtype=float) for part in (vector.x, vector.y, vector.z)])
 
 
 def _drift(dynamics: Dynamics) -> tuple[dict[str, Scalar], dict[str, Scalar]]:

@@ -34,7 +34,7 @@ def values_along(
 
     **Raises:** `ValueError` if the quantity names an element that the scene lacks.
     """
-    return _along(values_compiled, scene, solution, quantity, trajectory)
+    return _along(scene, solution, quantity, trajectory, rates=False)
 
 
 def rates_along(
@@ -48,36 +48,31 @@ def rates_along(
 
     **Arguments**, **Raises:** as of `values_along`.
     """
-    return _along(rates_compiled, scene, solution, quantity, trajectory)
+    return _along(scene, solution, quantity, trajectory, rates=True)
 
 
 def _along(
-    program: Native[..., Numbers],
-    scene: Scene,
-    solution: Solution,
-    quantity: Quantity,
-    trajectory: Trajectory,
+    scene: Scene, solution: Solution, quantity: Quantity, trajectory: Trajectory, rates: bool
 ) -> np.ndarray:
-    """Return the results of a compiled program at the N states of a trajectory, (N,).
-
-    **Arguments:** `program`: `values_compiled` or `rates_compiled`; the others are those of
-    `values_along`.
-    """
+    """Return the values of a quantity at the N states of a trajectory, (N,), or with `rates` their
+    time derivatives; the other arguments are those of `values_along`."""
     check_quantity("quantity", quantity, scene)
-    fixed = fold_constants(with_arrays(scene)), absolute_formulation(solution), quantity
+    fixed = fold_constants(with_arrays(scene)), absolute_formulation(solution), quantity, rates
     rows = np.asarray(trajectory.times), trajectory.states
-    return np.asarray(in_chunks(lambda part: program(*fixed, *part), rows))
+    return np.asarray(in_chunks(lambda part: along_compiled(*fixed, *part), rows))
 
 
 @Native
-def values_compiled(
+def along_compiled(
     folded_scene: ConstantFolded,
     absolute: Formulation,
     quantity: Quantity,
+    rates: bool,
     times: Numbers,
     states: State,
 ) -> Numbers:
-    """Return the values of a quantity, (N,), at times, (N,) s, and N states.
+    """Return the values of a quantity, or with `rates` their time derivatives, (N,), at times,
+    (N,) s, and N states.
 
     The states have vectors as arrays (N, 3); `absolute` is a formulation in absolute coordinates,
     and `folded_scene` the scene, whose exact zeros and ones are compiled as constants.
@@ -85,48 +80,22 @@ def values_compiled(
     system = System(unpack(folded_scene), absolute)
 
     def at(t: Scalar, state: State) -> Numbers:
-        return _value(system, quantity, t, system.encode(unpack(state.bodies)), state)
-
-    return over_rows(at, times, states)
-
-
-@Native
-def rates_compiled(
-    folded_scene: ConstantFolded,
-    absolute: Formulation,
-    quantity: Quantity,
-    times: Numbers,
-    states: State,
-) -> Numbers:
-    """Return the time derivatives of a quantity, (N,), as in `rates_along`; the arguments are those
-    of `values_compiled`."""
-    system = System(unpack(folded_scene), absolute)
-
-    def at(t: Scalar, state: State) -> Numbers:
         variables = system.encode(unpack(state.bodies))
         bristles = initial_bristles(system.scene, unpack(state.bristles))
-        rates, _ = system.rates(variables, state.entry_speeds, t, bristles=bristles)
-        # `jax.jvp` demands floats, but components may be Python numbers.
-        t, variables, rates = jax.tree.map(
-            lambda number: jnp.asarray(number, dtype=float), (t, variables, rates)
-        )
+
+        def value(t: Scalar, variables: MotionVariables) -> Numbers:
+            now = Instant(system, t, variables, state.entry_speeds, unpack(state.work), bristles)
+            return jnp.asarray(quantity(now), dtype=float)
+
+        if not rates:
+            return value(t, variables)
+        speeds, _ = system.rates(variables, state.entry_speeds, t, bristles=bristles)
         # The direction of the derivative is that of the motion: time advances at the rate 1, and
-        # the variables at their `rates`.
-        along = jnp.ones(()), rates
-        point = t, variables
-        return jax.jvp(lambda t, y: _value(system, quantity, t, y, state), point, along)[1]
+        # the variables at their rates. `jax.jvp` demands floats, but components may be Python
+        # numbers.
+        point, along = jax.tree.map(
+            lambda number: jnp.asarray(number, dtype=float), ((t, variables), (1.0, speeds))
+        )
+        return jax.jvp(value, point, along)[1]
 
     return over_rows(at, times, states)
-
-
-def _value(
-    system: System, quantity: Quantity, t: Scalar, variables: MotionVariables, state: State
-) -> Numbers:
-    """Return the value of a quantity at one time t, s.
-
-    **Arguments:** `variables`: positions and speeds at t; `state`: the state at t, of which entry
-    speeds, bristles and the energy ledger are used.
-    """
-    bristles = initial_bristles(system.scene, unpack(state.bristles))
-    now = Instant(system, t, variables, state.entry_speeds, unpack(state.work), bristles)
-    return jnp.asarray(quantity(now), dtype=float)

@@ -84,10 +84,8 @@ class Run:
             # Without the last row, the end of the run.
             states = jax.tree.map(lambda leaf: leaf[:-1], saved.states)
             trajectory, count = Trajectory(save_at, pack(states)), saved.reached[:-1].sum()
-        counts, ran = (
-            (now.step.attempts, now.step.accepted),
-            (self.scheme.formulation, self.redundant),
-        )
+        counts = now.step.attempts, now.step.accepted
+        ran = self.scheme.formulation, self.redundant
         # Neither steps nor impacts are kept: both are `None`.
         return Solution(now.step.t, final, result, *counts, trajectory, count, None, None, *ran)
 
@@ -146,9 +144,8 @@ class Run:
                 if ended or interrupted:
                     break
         final, result, left = _end_compiled(*program, now.step, self.end)
-        ended_at = now.step.t, now.step.attempts, now.step.accepted
-        time, attempts, accepted = jax.device_get(ended_at)
-        trajectory = None
+        step, trajectory = now.step, None
+        time, attempts, accepted = jax.device_get((step.t, step.attempts, step.accepted))
         if STEPS in now.records:
             rows = _joined(steps)
             trajectory = Trajectory(rows.t, pack(named(rows.state)))

@@ -15,7 +15,7 @@ from ...dynamics.system import System
 from ...math.groups import by_name
 from ...math.vectors import Condition, Scalar
 from ...model.contact.laws import AbstractContactLaw
-from ...model.joints.base import ByLabel
+from ...model.joints.base import ByLabel, each_label
 from ...quantities.base import Quantity
 from ...quantities.instant import Instant
 from ..reductions.base import Window
@@ -153,17 +153,13 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
 
     def start(self, start: RunStart) -> ImpactRecord:
         """Return empty buffers, and the contacts at the start of the run."""
-        rows = RowBuffer.like(ImpactRow.none(), self.capacity)
-        no, none = jnp.asarray(False), ImpactRow.none()
-        loop = start.loop
+        no, none, loop = jnp.asarray(False), ImpactRow.none(), start.loop
+        rows = RowBuffer.like(none, self.capacity)
         instants = self._instants(loop.method, loop.system, start.now, start.step)
-        return {
-            name: {
-                label: ContactRecord(OpenContact(instant, no, none), rows)
-                for label, instant in family.items()
-            }
-            for name, family in instants.items()
-        }
+        return each_label(
+            lambda name, label: ContactRecord(OpenContact(instants[name][label], no, none), rows),
+            instants,
+        )
 
     def after(self, record: ImpactRecord, step_outcome: StepOutcome) -> ImpactRecord:
         """Return the record after an attempt; it is unchanged if the step was not accepted."""
@@ -171,7 +167,8 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
         t0, t1, laws = step_outcome.before.t, step_outcome.after.t, now.scene.laws()
         ends = self._instants(step_outcome.method, system, now, step_outcome.after)
 
-        def after(name: str, label: str, one: ContactRecord) -> ContactRecord:
+        def after(name: str, label: str) -> ContactRecord:
+            one = record[name][label]
             contact, over, row = one.contact.after(laws[name][label], t0, t1, ends[name][label])
             # A row is written if the contact ended in this step, and the row is to be recorded.
             written = kept & over
@@ -182,10 +179,7 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
             rows = one.rows.with_row(row, written)
             return ContactRecord(choose(kept, contact, one.contact), rows)
 
-        return {
-            name: {label: after(name, label, one) for label, one in family.items()}
-            for name, family in record.items()
-        }
+        return each_label(after, record)
 
     def _instants(
         self, method: Method, system: System, now: Instant, step: Step

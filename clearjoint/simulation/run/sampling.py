@@ -105,14 +105,14 @@ def start_with_tangents(
     """
 
     def initial(system: System, values: Coordinates) -> tuple[tuple[Variables, EntrySpeeds], None]:
-        state = family.start(values)
+        state = scenes.start(values)
         motion = system.encode(state.bodies)
         y = Variables(motion, {}, initial_bristles(system.scene, state.bristles))
         return jax.tree.map(jnp.asarray, (y, state.entry_speeds)), None
 
-    count = len(family.values)
+    scenes, count = family.family, len(family.family.values)
     (y, entry_speeds), _, (y_along, entry_speeds_along) = family.pushed(
-        initial, (family.values,), (jnp.eye(count),)
+        initial, (scenes.values,), (jnp.eye(count),)
     )
     # Entry speeds, bristles and ledger that the initial state lacks are added here.
     system = family.system()
@@ -192,7 +192,7 @@ def followed(
     loop = RunLoop(method, system, own_end, recorders, family=systems, attempt=tried)
 
     no_values = dict.fromkeys(outputs, jnp.zeros(()))
-    no_derivatives = dict.fromkeys(outputs, jnp.zeros(len(systems.values)))
+    no_derivatives = dict.fromkeys(outputs, jnp.zeros(len(family.values)))
 
     def sample(now: Progress, row: tuple[Scalar, Condition]) -> tuple[Progress, PyTree]:
         """Continue the run to a time or beyond it.

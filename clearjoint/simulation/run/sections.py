@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 
 from ...fields.checks import require, require_array_names, require_count, require_finite
 from ...fields.conversion import on_device
@@ -42,15 +41,10 @@ def check_channels(channels: Channels) -> None:
     or backslash, begins with "." or "__", or is "time" or "count".
     """
     require_array_names("channels", channels, PASS_CHANNELS)
-
-    def is_pair(pair: object) -> bool:
-        """Return whether an object is a tuple of a function and a text."""
-        match pair:
-            case (quantity, str()):
-                return isinstance(pair, tuple) and callable(quantity)
-        return False
-
-    fine = bool(channels) and all(map(is_pair, channels.values()))
+    fine = bool(channels) and all(
+        isinstance(one, tuple) and len(one) == 2 and callable(one[0]) and isinstance(one[1], str)
+        for one in channels.values()
+    )
     require(fine, "channels", channels, "a (quantity, unit) pair by name", PASS_CHANNELS)
     # The results have arrays with the times of the crossings and the number of crossings.
     taken = sorted({"time", "count"} & set(channels))
@@ -176,9 +170,8 @@ def with_units(
 def crossings_of(records: Mapping[str, SectionRecord]) -> dict[str, Crossings]:
     """Return the crossings in the records of sections, by name of the section, as NumPy arrays."""
     found = {}
-    tables = jax.device_get({name: record.rows for name, record in records.items()})
-    for name, table in tables.items():
-        columns = {key: np.asarray(row)[: int(table.count)] for key, row in table.rows.items()}
+    for name, record in records.items():
+        columns = record.rows.filled()
         found[name] = Crossings(columns.pop(TIME), columns)
     return found
 

@@ -7,24 +7,25 @@ and starts the next segment.
 Scene and states are passed in packed form, in which each vector is an array (3,).
 """
 
-from collections.abc import Mapping
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 
 from ...math.vectors import Condition, ConstantFolded, Scalar
 from ...model.bodies import State
-from ..reductions.base import AbstractReduction
 from ..step.dense_output import look_inside
 from ..step.loops import PLAIN, Loops
 from ..step.method import Scheme
 from ..step.types import Numbers
 from .impact_recorder import ImpactRecorder
-from .recorders import LatestAttempt, ReductionRecorder, RowBuffer, StepRecorder
+from .recorders import ROWS, LatestAttempt, ReductionRecorder, RowBuffer, StepRecorder
 from .run_loop import Progress, Recorders, RunLoop, begin_run, named, state_of
-from .sections import SectionRecorder
+from .saving import Saving
 
+STEP_ROWS, IMPACT_ROWS = 4096, ROWS
+"""Rows of the buffer of accepted steps, and of the buffer of each contact's impacts. When a buffer
+is full, compiled code returns to Python, which empties all buffers. Their sizes are part of the
+compiled program."""
 LATEST, STEPS, IMPACTS = "latest", "steps", "impacts"
 SECTIONS, REDUCTIONS = "sections", "reductions"
 """Keys of the dictionaries of recorders and of records. `LATEST` is the latest accepted attempt,
@@ -32,32 +33,19 @@ SECTIONS, REDUCTIONS = "sections", "reductions"
 by the name of the output."""
 
 
-def recorders_of(
-    saves: bool,
-    step_rows: int | None,
-    impact_rows: int | None,
-    sections: Mapping[str, SectionRecorder],
-    reductions: Mapping[str, AbstractReduction],
-) -> Recorders:
-    """Return the recorders of a single run, in a dictionary with the keys above.
-
-    **Arguments:**
-
-    - `saves`: whether states will be saved at given times.
-    - `step_rows`, `impact_rows`: number of rows of the buffer of accepted steps, and of the buffer
-      of each contact's impacts; ``None`` to record none.
-    - `sections`, `reductions`: recorders of crossings, and reductions, by name of the output.
-    """
+def recorders_of(save: Saving) -> Recorders:
+    """Return the recorders of a single run for the results to `save`, in a dictionary with the keys
+    above."""
     recorders: dict[str, Recorders] = {
-        SECTIONS: dict(sections),
-        REDUCTIONS: {name: ReductionRecorder(of) for name, of in reductions.items()},
+        SECTIONS: save.section_recorders(),
+        REDUCTIONS: {name: ReductionRecorder(of) for name, of in save.outputs.items()},
     }
-    if saves:
+    if save.times is not None:
         recorders[LATEST] = LatestAttempt()
-    if step_rows is not None:
-        recorders[STEPS] = StepRecorder(step_rows)
-    if impact_rows is not None:
-        recorders[IMPACTS] = ImpactRecorder(capacity=impact_rows)
+    if save.steps:
+        recorders[STEPS] = StepRecorder(STEP_ROWS)
+    if save.impacts:
+        recorders[IMPACTS] = ImpactRecorder(capacity=IMPACT_ROWS)
     return recorders
 
 

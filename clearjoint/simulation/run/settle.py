@@ -173,14 +173,13 @@ def columns(states: State) -> dict[str, Float[np.ndarray, "N bodies components"]
     Each is an array (N, bodies, components). An orientation has as its 16 components the products
     of its Euler parameters, since these do not depend on the parameters' common sign.
     """
-    bodies = [jax.tree.map(np.asarray, body) for body in states.bodies.values()]
-    products = [b.orientation[:, :, None] * b.orientation[:, None, :] for b in bodies]
-    return {
-        "position": np.stack([b.position for b in bodies], axis=1),
-        "velocity": np.stack([b.velocity for b in bodies], axis=1),
-        "spin": np.stack([b.spin for b in bodies], axis=1),
-        "orientation": np.stack([part.reshape(len(part), 16) for part in products], axis=1),
+    parts = {
+        name: np.stack([np.asarray(getattr(body, name)) for body in states.bodies.values()], axis=1)
+        for name in ("position", "velocity", "spin", "orientation")
     }
+    p = parts["orientation"]
+    products = p[..., :, None] * p[..., None, :]
+    return {**parts, "orientation": products.reshape(*p.shape[:2], 16)}
 
 
 def ranges(parts: dict[str, Float[np.ndarray, "N bodies components"]]) -> dict[str, float]:
@@ -231,11 +230,9 @@ def section_strobe(times: Float[np.ndarray, " n"], values: list[np.ndarray]) -> 
     """
     waits = np.diff(times)
     rows = np.stack([waits, *(value[1:] for value in values)], axis=1)
-    sizes = [
-        np.mean(waits) if len(waits) else 1.0,
-        *(np.max(np.abs(v), initial=0.0) for v in values),
-    ]
-    return Strobe(rows, np.maximum(np.array(sizes), STILL))
+    wait = np.mean(waits) if len(waits) else 1.0
+    sizes = [wait, *(np.max(np.abs(channel), initial=0.0) for channel in values)]
+    return Strobe(rows, np.maximum(sizes, STILL))
 
 
 def settle(
@@ -301,18 +298,16 @@ def settle(
     runs: list[Solution] = []
     time, assessment = start_time, None
     text = "{l_bar}{bar}| {n_fmt} of {total_fmt} periods [{elapsed}]"
-    bar = ProgressBar(
-        total=periods, desc="settle", bar_format=text, leave=False, disable=not progress
-    )
-    with bar:
+    shown = {"desc": "settle", "bar_format": text, "leave": False, "disable": not progress}
+    with ProgressBar(total=periods, **shown) as bar:
         while assessment is None:
             # `PHASES` states in each of the `BLOCK` periods of this run, the last one at its end.
             times = time + length * np.arange(1, PHASES * BLOCK + 1) / PHASES
-            save, end = Saving(times), float(times[-1])
+            sections = {}
             if section is not None:
                 # A run may have more than `BLOCK` crossings, because the span is a rough guess.
-                most = replace(section, count=PHASES * BLOCK, after=time)
-                save = Saving(times, sections={SECTION: most})
+                sections[SECTION] = replace(section, count=PHASES * BLOCK, after=time)
+            save, end = Saving(times, sections=sections), float(times[-1])
             options = {"start_time": time, "throw": False, "progress": False}
             runs.append(simulate(scene, state, end, settings, save, **options))
             state, time = runs[-1].final, float(runs[-1].time)

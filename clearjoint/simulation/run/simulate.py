@@ -27,14 +27,10 @@ from ..step.spans import check_span
 from ..step.types import Numbers
 from .host_run import Run
 from .interruptions import RunInterrupted
-from .recorders import ROWS
 from .run_checks import check_numbers, check_precision, check_start, in_domain, is_traced
 from .saving import EXCEPT_TIMES, Saving, saving_or_nothing
 from .segments import begin, recorders_of
 
-STEP_ROWS, IMPACT_ROWS = 4096, ROWS
-"""Rows of the buffer of accepted steps, and of the buffer of each contact's impacts. When a buffer
-is full, compiled code returns to Python, which empties all buffers."""
 LEAVE_OUT = "leave it out, or call simulate() outside of the transformation"
 """Remedy in the error message for results that a traced run cannot keep."""
 
@@ -138,18 +134,15 @@ def simulate(
     # most of the time of a call. Redundant constraints need another solution of the equations.
     scheme = (Scheme.of if traced else Scheme.on_host)(settings, bool(redundant))
     first_step = settings.length_of_first_step(start_time, end_time)
-    span = start_time, end_time, first_step
-    start, end, length = (_array(number, traced) for number in span)
+
+    def array(number: Numbers) -> Any:
+        # NumPy arrays are made faster, but cannot hold tracers.
+        return on_device(number) if traced else np.asarray(number, float)
+
+    start, end, length = map(array, (start_time, end_time, first_step))
     if save.sections or save.outputs:
         require_dense(scheme.method.solver)
-    recorders = recorders_of(
-        saves=times is not None,
-        # A buffer's size is part of the compiled program; `None` leaves out the buffer.
-        step_rows=STEP_ROWS if save.steps else None,
-        impact_rows=IMPACT_ROWS if save.impacts else None,
-        sections=save.section_recorders(),
-        reductions=save.outputs,
-    )
+    recorders = recorders_of(save)
     now = begin_compiled(scheme, folded_scene, state, start, end, length, recorders)
     # 3. The steps, in one piece if JAX traces the run, otherwise in segments.
     run = Run(folded_scene, scheme, recorders, end, redundant)
@@ -172,12 +165,6 @@ def simulate(
 
 
 begin_compiled = Native(begin)
-
-
-def _array(number: Numbers, traced: bool) -> Any:
-    """Return a number as a JAX array if it is traced, otherwise as a NumPy array, which is faster
-    to make."""
-    return on_device(number) if traced else np.asarray(number, float)
 
 
 def _warn(scene: Scene, solution: Solution, left_bearing: bool) -> None:

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Bool
 
 from ...dynamics.breakpoints import breakpoints, drivers_are_smooth, one_sided_time
-from ...dynamics.contact_events import ContactGaps, changes, time_since_onset, too_deep
+from ...dynamics.contact_events import changes, time_since_onset, too_deep
 from ...dynamics.system import System
 from ...fields.types import Single
 from ...math.vectors import Condition, Scalar
@@ -59,7 +59,7 @@ class StepDecision(eqx.Module):
 
 
 def decide_step(
-    method: Method, system: System, step: Step, trial: Trial, after: ContactGaps, t_end: Scalar
+    method: Method, system: System, step: Step, trial: Trial, t_end: Scalar
 ) -> StepDecision:
     """Decide whether a trial step is accepted, and which step is tried next.
 
@@ -68,10 +68,9 @@ def decide_step(
     end. It is then repeated: in the first case with a shorter step, in the second case up to the
     event.
 
-    **Arguments:** `step`: the state before the trial; `after`: the contact gaps at the end of the
-    trial; `t_end`: end of the run, s.
+    **Arguments:** `step`: the state before the trial; `t_end`: end of the run, s.
     """
-    t1, last = trial.t1, step.proposal
+    t1, last, after = trial.t1, step.proposal, trial.gaps
     keep, t_next, made_jump, controller_state, controller_result = _controller_decision(
         method, system, step, trial
     )
@@ -79,7 +78,7 @@ def decide_step(
     # solver's stages. A kink or jump between stages does not change the error estimate, so it is
     # checked separately. If no breakpoint declares it, the steps towards it become shorter and
     # shorter, until `_result` stops the run.
-    rtol = DRIVER_TOLERANCE * getattr(method.controller, "rtol", FIXED_STEPS_RTOL)
+    rtol = DRIVER_TOLERANCE * _relative_tolerance(method.controller)
     smooth = drivers_are_smooth(system, trial.outcome.y.motion, step.t, t1, rtol)
     refused: Condition | None = None
     if smooth is not None:
@@ -120,10 +119,10 @@ def decide_step(
         jumps = changes(step.contact_gaps, after)
     made_jump = jnp.where(keep, made_jump | jumps, last.made_jump)
 
-    result = _result(system, step, trial, keep, refused, t_next, controller_result, after, t_end)
+    result = _result(system, step, trial, keep, refused, t_next, controller_result, t_end)
     if trial.tangents is not None and may_have_undeclared_jump(system.scene):
         # Across an undeclared jump the states stay correct, but the derivatives do not.
-        jumps = keep & has_undeclared_jump(method, system, step, trial, after)
+        jumps = keep & has_undeclared_jump(method, system, step, trial)
         result = RESULTS.where(jumps, RESULTS.force_jumped, result)
     # 5. Time since the latest onset, which runs with tangents need for the next step's time map.
     since = last.time_since_onset
@@ -140,6 +139,17 @@ def decide_step(
         controller_state=controller_state,
     )
     return StepDecision(keep, proposal, result)
+
+
+def _relative_tolerance(controller: diffrax.AbstractStepSizeController) -> Scalar:
+    """Return the relative tolerance of a controller, or `FIXED_STEPS_RTOL` if it has none.
+
+    Controllers that wrap another one, such as `diffrax.ClipStepSizeController`, have its tolerance.
+    """
+    inner = getattr(controller, "controller", None)
+    if inner is not None:
+        return _relative_tolerance(inner)
+    return getattr(controller, "rtol", FIXED_STEPS_RTOL)
 
 
 def _controller_decision(
@@ -188,7 +198,6 @@ def _result(
     refused: Condition | None,
     t_next: Scalar,
     controller_result: diffrax.RESULTS,
-    after: ContactGaps,
     t_end: Scalar,
 ) -> RESULTS:
     """Return the result code of the run after a trial step. If several checks fail, the last one
@@ -196,8 +205,7 @@ def _result(
 
     **Arguments:**
 
-    - `step`: the state before the trial; `after`: the contact gaps at the end of the trial.
-    - `keep`: whether the trial is accepted.
+    - `step`: the state before the trial; `keep`: whether the trial is accepted.
     - `refused`: whether it was rejected because of a driver; ``None`` without drivers.
     - `t_next`: end of the step proposed next, s; `t_end`: end of the run, s.
     - `controller_result`: diffrax's result code of the controller.
@@ -212,8 +220,9 @@ def _result(
         controller_result != diffrax.RESULTS.successful
     )
     result = RESULTS.where(stuck, RESULTS.step_too_small, step.result)
-    if after:
-        result = RESULTS.where(keep & too_deep(system.scene, after), RESULTS.left_bearing, result)
+    if trial.gaps:
+        deep = keep & too_deep(system.scene, trial.gaps)
+        result = RESULTS.where(deep, RESULTS.left_bearing, result)
     if refused is not None:
         # If steps shrink to nothing because of a driver, it has a kink or jump there. The cause is
         # not a stiff force.

@@ -26,7 +26,7 @@ from ...math.interpolation import (
 from ...math.vectors import Condition, Scalar
 from ...model.contact.gap import Gap
 from ...model.contact.laws import AbstractContactLaw, contact_normal_force
-from ...model.joints.base import ByLabel
+from ...model.joints.base import ByLabel, each_label
 
 RESOLVED_TRAVEL = 1e-8
 """Smallest length of a step, times the entry speed, m, at which rates inside the step are computed
@@ -74,17 +74,12 @@ def contact_instants(
     `second_rates`: second time derivatives of depths, m/s^2; `entry_speeds`: m/s, only of contacts
     whose law uses them.
     """
-    return {
-        name: {
-            label: ContactInstant(
-                jax.tree.map(_array, force.contact.gap),
-                second_rates[name][label],
-                entry_speeds.get(name, {}).get(label),
-            )
-            for label, force in family.items()
-        }
-        for name, family in forces.items()
-    }
+
+    def instant(name: str, label: str) -> ContactInstant:
+        gap = jax.tree.map(_array, forces[name][label].contact.gap)
+        return ContactInstant(gap, second_rates[name][label], entry_speeds.get(name, {}).get(label))
+
+    return each_label(instant, forces)
 
 
 class StepPeak(NamedTuple):

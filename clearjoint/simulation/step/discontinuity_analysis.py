@@ -56,11 +56,11 @@ def require_declared(scene: Scene) -> None:
                 f"AbstractFunctionOfTime with a method {BREAKPOINTS}"
             )
             for function in _undeclared_functions_of_time(element):
-                smooth, kind = not _function_compares_time(function), type(function).__name__
+                smooth, kind = not _compares_time(function), type(function).__name__
                 require(smooth, argument, kind.strip("_"), f"{expected}, {PURPOSE}", remedy)
             # The class inherits `breakpoints`, which declares none.
             silent = type(element).breakpoints is AbstractElement.breakpoints
-            smooth, kind = not silent or not _packed_element_compares_time(element), type(element)
+            smooth, kind = not silent or not _compares_time(element), type(element)
             expected = f"smooth in time, or declare its breakpoints, {PURPOSE}"
             remedy = f"give its class a method {BREAKPOINTS}, or () if there are none"
             require(smooth, argument, kind.__name__, expected, remedy)
@@ -75,22 +75,16 @@ def _undeclared_functions_of_time(element: AbstractElement) -> list[AbstractFunc
 
 
 @cached_by_numbers
-def _function_compares_time(function: AbstractFunctionOfTime) -> bool:
-    """Return whether the value of a function of time may have a jump or a kink, because the
-    function compares, rounds or clips a number that depends on time.
+def _compares_time(part: AbstractFunctionOfTime | AbstractElement) -> bool:
+    """Return whether a function of time, or the forces or constraint rates of an element, may have
+    a jump or a kink, because they depend on an operation that compares, rounds or clips a number
+    that depends on time.
 
-    The function is an element's part as in the scene that the user made, with vectors as arrays
-    (3,).
+    The function or element is as in the scene that the user made, with vectors as arrays (3,).
     """
-    program = program_of(unpack(function), 0.0)[0].jaxpr
-    return _branches(_needed(program), {program.invars[0]}, KINKED)
-
-
-@cached_by_numbers
-def _packed_element_compares_time(element: AbstractElement) -> bool:
-    """Return `compares_time` of an element as in the scene that the user made, with vectors as
-    arrays (3,)."""
-    return compares_time(unpack(element))
+    if isinstance(part, AbstractFunctionOfTime):
+        return _depends(program_of(unpack(part), 0.0)[0].jaxpr, 0, KINKED)
+    return compares_time(unpack(part))
 
 
 def compares_time(element: AbstractElement) -> bool:
@@ -101,8 +95,7 @@ def compares_time(element: AbstractElement) -> bool:
     **Arguments:** `element`: a force, driver or joint, whose vectors are three separate scalars
     each.
     """
-    program = _program_of_element(element)
-    return _branches(_needed(program), {program.invars[0]}, KINKED)
+    return _depends(_program_of_element(element), 0, KINKED)
 
 
 def may_jump_by_motion(element: AbstractElement) -> bool:
@@ -112,8 +105,7 @@ def may_jump_by_motion(element: AbstractElement) -> bool:
     **Arguments:** `element`: a force, driver or joint, whose vectors are three separate scalars
     each.
     """
-    program = _program_of_element(element)
-    return _branches(_needed(program), {program.invars[1]}, JUMPING)
+    return _depends(_program_of_element(element), 1, JUMPING)
 
 
 def _program_of_element(element: AbstractElement) -> Jaxpr:
@@ -157,6 +149,12 @@ def _needed(program: Jaxpr) -> list[JaxprEqn]:
             needed.append(equation)
             wanted.update(v for v in equation.invars if not isinstance(v, Literal))
     return needed[::-1]
+
+
+def _depends(program: Jaxpr, argument: int, primitives: frozenset[str]) -> bool:
+    """Return whether the results of a program depend on an operation that `_branches` finds, on a
+    variable that depends on the argument with this index."""
+    return _branches(_needed(program), {program.invars[argument]}, primitives)
 
 
 def _branches(equations: list[JaxprEqn], causes: set[Var], primitives: frozenset[str]) -> bool:

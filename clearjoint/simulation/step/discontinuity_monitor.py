@@ -16,7 +16,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ...dynamics.contact_events import ContactGaps
 from ...dynamics.system import System
 from ...math.vectors import Condition, Scalar
 from ...model.joints.base import AbstractContactJoint
@@ -53,17 +52,14 @@ def may_have_undeclared_jump(scene: Scene) -> bool:
     )
 
 
-def has_undeclared_jump(
-    method: Method, system: System, step: Step, trial: Trial, after: ContactGaps
-) -> Condition:
+def has_undeclared_jump(method: Method, system: System, step: Step, trial: Trial) -> Condition:
     """Return whether any rate of the motion, the time derivative of a coordinate or velocity, jumps
     within a trial step.
 
     Steps end at breakpoints and at contact events, so these are not inside the step. The check is
     skipped if the step ends at the onset or the end of a contact whose force jumps there.
 
-    **Arguments:** `step`: the state before the trial; `after`: the contact gaps at the end of the
-    trial.
+    **Arguments:** `step`: the state before the trial.
     """
     term, fixed = term_of(method, step), (system, step.entry_speeds)
 
@@ -88,7 +84,7 @@ def has_undeclared_jump(
         )
         for a, b, da, db, size in zip(*leaves, magnitudes, strict=True)
     ]
-    return reduce(or_, jumps) & ~any_changes(system.scene, step.contact_gaps, after)
+    return reduce(or_, jumps) & ~any_changes(system.scene, step.contact_gaps, trial.gaps)
 
 
 def _modules(part: object) -> Iterator[eqx.Module]:

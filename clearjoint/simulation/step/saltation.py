@@ -24,7 +24,7 @@ from ...dynamics.contact_events import ContactGap, ContactGaps, any_of
 from ...dynamics.contact_forces import INSIDE, EntrySpeeds, LoadedContact, contact_force
 from ...dynamics.system import System
 from ...math.vectors import Condition, Scalar, Vector
-from ...model.joints.base import AbstractContactJoint, ByLabel, Contact, Motions
+from ...model.joints.base import AbstractContactJoint, ByLabel, Contact, Motions, each_label
 from ...model.scene import Scene
 from .step_state import Variables
 
@@ -69,12 +69,9 @@ def across_contacts(
 
         def rates(times: ByLabel[Scalar]) -> Variables:
             # Each force times the time for which the step lacks it.
-            impulses = {
-                name: {
-                    label: _multiplied(forces[name][label], time) for label, time in family.items()
-                }
-                for name, family in times.items()
-            }
+            impulses = each_label(
+                lambda name, label: _multiplied(forces[name][label], times[name][label]), times
+            )
             dynamics = system.dynamics_under(y.motion, impulses, t)
             powers = system.powers(dynamics, t)
             return jax.tree.map(jnp.asarray, Variables(dynamics.variable_rates, powers))
@@ -134,15 +131,13 @@ def _contact_times(scene: Scene, before: ContactGaps, after: ContactGaps) -> ByL
     **Arguments:** `before`, `after`: the contact gaps at the start and end of the step.
     """
 
-    def time(start: ContactGap, end: ContactGap) -> Scalar:
+    def time(name: str, label: str) -> Scalar:
+        start, end = before[name][label], after[name][label]
         moves = _changes(start, end) & (end.rate != 0.0)
         since = end.depth / jnp.where(moves, end.rate, 1.0)
         return jnp.where(moves, jnp.where(end.depth > 0.0, since, -since), 0.0)
 
-    return {
-        name: {label: time(before[name][label], after[name][label]) for label in labels}
-        for name, labels in _jumping_contacts(scene).items()
-    }
+    return each_label(time, _jumping_contacts(scene))
 
 
 def _mean_forces(system: System, y: Variables, entry_speeds: EntrySpeeds) -> ByLabel[LoadedContact]:
@@ -153,16 +148,16 @@ def _mean_forces(system: System, y: Variables, entry_speeds: EntrySpeeds) -> ByL
 
     **Arguments:** `y`: variables at the end of the step; `entry_speeds`: m/s, at its start.
     """
-    motions, joints = system.motions(y.motion), system.scene.contact_joints()
-    forces: ByLabel[LoadedContact] = {}
-    for name, labels in _jumping_contacts(system.scene).items():
-        joint, contacts = joints[name], joints[name].contacts(motions)
-        bristles, speeds = y.bristles.get(name, {}), entry_speeds.get(name, {})
-        forces[name] = {
-            label: _mean_force(joint, label, contacts[label], speeds.get(label), motions, bristles)
-            for label in labels
-        }
-    return forces
+    motions, jumping = system.motions(y.motion), _jumping_contacts(system.scene)
+    joints = {name: system.scene.contact_joints()[name] for name in jumping}
+    contacts = {name: joint.contacts(motions) for name, joint in joints.items()}
+
+    def force(name: str, label: str) -> LoadedContact:
+        speed, bristles = entry_speeds.get(name, {}).get(label), y.bristles.get(name, {})
+        contact = contacts[name][label]
+        return _mean_force(joints[name], label, contact, speed, motions, bristles)
+
+    return each_label(force, jumping)
 
 
 def _mean_force(

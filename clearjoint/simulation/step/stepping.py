@@ -26,7 +26,6 @@ import jax.numpy as jnp
 from ...dynamics.breakpoints import breakpoints, one_sided_time
 from ...dynamics.bristles import initial_bristles, updated_bristles
 from ...dynamics.contact_events import (
-    ContactGap,
     ContactGaps,
     begins,
     begins_at_start,
@@ -38,7 +37,7 @@ from ...dynamics.contact_forces import EntrySpeeds
 from ...dynamics.energy import bristle_energy
 from ...dynamics.system import System
 from ...math.vectors import Condition, Scalar
-from ...model.joints.base import ByLabel
+from ...model.joints.base import ByLabel, each_label
 from ...result_codes import RESULTS
 from .acceptance import decide_step
 from .breakpoint_events import across_breakpoints, joints_have_breakpoints
@@ -199,30 +198,21 @@ def attempt(
     the given state with a new proposal.
     """
     trial = try_step(method, system, step, end_of_step(method, system, step, t_end), family)
-    after = system.contact_gaps(trial.outcome.y.motion)
-    decision = decide_step(method, system, step, trial, after, t_end)
-    keep = decision.keep
-    arrival = _accepted_state(method, system, family, step, trial, after, keep)
-    inside = None
+    decision = decide_step(method, system, step, trial, t_end)
+    keep, inside = decision.keep, None
+    accepted = _accepted_state(method, system, family, step, trial, keep)
     if step.tangents is not None and trial.tangents is not None:
         inside = TangentsInside(step.tangents.entry_speeds, trial.tangents.information)
     # Both outcomes are computed and one is selected leaf by leaf: lanes of a batch accept and
     # reject independently, and an accepted step of one lane must not depend on another lane.
+    following = replace(
+        choose(keep, accepted, step),
+        proposal=decision.proposal,
+        result=decision.result,
+        attempts=step.attempts + 1,
+    )
     return Attempt(
-        step=Step(
-            t=jnp.where(keep, trial.t1, step.t),
-            y=choose(keep, arrival.y, step.y),
-            entry_speeds=choose(keep, arrival.entry_speeds, step.entry_speeds),
-            contact_gaps=choose(keep, arrival.contact_gaps, step.contact_gaps),
-            # These have been selected in `_accepted_state`.
-            second_rates=arrival.second_rates,
-            solver_state=choose(keep, trial.outcome.solver_state, step.solver_state),
-            proposal=decision.proposal,
-            result=decision.result,
-            attempts=step.attempts + 1,
-            accepted=step.accepted + keep,
-            tangents=choose(keep, arrival.tangents, step.tangents),
-        ),
+        step=following,
         kept=keep,
         t_start=step.t,
         entry_speeds_start=step.entry_speeds,
@@ -238,39 +228,39 @@ def _accepted_state(
     family: SystemFamily | None,
     step: Step,
     trial: Trial,
-    after: ContactGaps,
     keep: Condition,
 ) -> Step:
-    """Return the state after a trial step, for the case that the trial is accepted.
-
-    Of this `Step`, only variables, entry speeds, contact gaps, second rates and tangents are new.
+    """Return the state after a trial step, for the case that the trial is accepted, with the
+    `proposal`, `result` and `attempts` of the state before it.
 
     Entry speeds are updated first, since they depend on the penetrations as the solver found them.
     Then the variables are corrected for discontinuities of forces at the end of the step. If the
     trial is rejected, the result is not used, and a single run skips parts of the work.
 
-    **Arguments:** `step`: the state before the trial; `after`: the contact gaps at the end of the
-    trial; `keep`: whether the trial is accepted.
+    **Arguments:** `step`: the state before the trial; `keep`: whether the trial is accepted.
     """
-    t1, y1 = trial.t1, trial.outcome.y
-    second_rates = _second_rates(method, system, y1, trial.outcome.solver_state, after)
+    y1, solver_state, gaps = trial.outcome.y, trial.outcome.solver_state, trial.gaps
+    second_rates = _second_rates(method, system, y1, solver_state, gaps)
     # Those of a rejected trial may not be finite.
     second_rates = choose(keep, second_rates, step.second_rates)
-    entry_speeds = _entry_speeds_after(method, system, step, y1, after, t1, keep, second_rates)
+    entry_speeds = _entry_speeds_after(method, system, step, trial, keep, second_rates)
     y1, y_tangents = _across_discontinuities(method, system, family, step, trial, keep)
     if joints_have_breakpoints(system.scene):
         # A driver with a kink makes velocities jump, and with them the rates of the gaps.
-        after = system.contact_gaps(y1.motion)
+        gaps = system.contact_gaps(y1.motion)
     tangents = None
     if family is not None:
         assert y_tangents is not None
         tangents = _tangents_after(family, step, trial, y_tangents, second_rates)
     return replace(
         step,
+        t=trial.t1,
         y=y1,
         entry_speeds=entry_speeds,
-        contact_gaps=after,
+        contact_gaps=gaps,
         second_rates=second_rates,
+        solver_state=solver_state,
+        accepted=step.accepted + 1,
         tangents=tangents,
     )
 
@@ -316,8 +306,8 @@ def _across_discontinuities(
         if has_breakpoints:
             y = across_breakpoints(system, step.t, y, entry_speeds, t1, keep)
         if y.bristles:
-            motions, after = system.motions(y.motion), system.contact_gaps(y.motion)
-            gaps = step.contact_gaps, after
+            gaps = step.contact_gaps, system.contact_gaps(y.motion)
+            motions = system.motions(y.motion)
             bristles = updated_bristles(system.scene, y.bristles, motions, *gaps, lands)
             y = replace(y, bristles=bristles)
         return y, None
@@ -352,10 +342,8 @@ def _tangents_after(
     def entry_speeds_after(
         system: System, y1: Variables, entry_speeds: EntrySpeeds
     ) -> tuple[EntrySpeeds, None]:
-        after = system.contact_gaps(y1.motion)
-        return updated_entry_speeds(
-            system.scene, entry_speeds, step.contact_gaps, after, second_rates
-        ), None
+        gaps = step.contact_gaps, system.contact_gaps(y1.motion)
+        return updated_entry_speeds(system.scene, entry_speeds, *gaps, second_rates), None
 
     # The derivatives are taken at the solver's result and not at the corrected one, because the
     # entry speeds were computed from the solver's result.
@@ -369,57 +357,44 @@ def _entry_speeds_after(
     method: Method,
     system: System,
     step: Step,
-    y1: Variables,
-    after: ContactGaps,
-    t1: Scalar,
+    trial: Trial,
     keep: Condition,
     second_rates: ByLabel[Scalar],
 ) -> EntrySpeeds:
-    """Return the entry speeds after a step, m/s, by joint and contact, for the case that it is
-    accepted.
+    """Return the entry speeds after a trial step, m/s, by joint and contact, for the case that it
+    is accepted.
 
-    **Arguments:** `step`: the state before the step; `y1`, `after`: variables and contact gaps at
-    its end `t1`, s; `keep`: whether it is accepted; `second_rates`: second time derivatives of
-    penetrations at the end, m/s^2, zero if the solver keeps no rates.
+    **Arguments:** `step`: the state before the trial; `keep`: whether it is accepted;
+    `second_rates`: second time derivatives of penetrations at its end, m/s^2, zero if the solver
+    keeps no rates.
     """
     if not uses_entry_speed(system.scene):
         return step.entry_speeds
+    before, after, y1 = step.contact_gaps, trial.gaps, trial.outcome.y
     if not isinstance(method.solver, UnrolledExplicit):
         # The solver's state does not contain the rates at the end of the step. One more evaluation
         # is spent only where a contact begins, as nothing else uses them.
         zeros = second_rates
 
         def end_second_rates() -> ByLabel[Scalar]:
-            rates = term_of(method).vf(t1, y1, (system, step.entry_speeds))
+            rates = term_of(method).vf(trial.t1, y1, (system, step.entry_speeds))
             return system.second_rates(y1.motion, rates.motion)
 
-        second_rates = jax.lax.cond(
-            keep & begins(step.contact_gaps, after), end_second_rates, lambda: zeros
-        )
-    return updated_entry_speeds(
-        system.scene, step.entry_speeds, step.contact_gaps, after, second_rates
-    )
+        second_rates = jax.lax.cond(keep & begins(before, after), end_second_rates, lambda: zeros)
+    return updated_entry_speeds(system.scene, step.entry_speeds, before, after, second_rates)
 
 
 def _second_rates(
-    method: Method,
-    system: System,
-    y: Variables,
-    solver_state: SolverState,
-    contact_gaps: ContactGaps,
+    method: Method, system: System, y: Variables, solver_state: SolverState, gaps: ContactGaps
 ) -> ByLabel[Scalar]:
     """Return the second time derivatives of all penetrations, m/s^2, by joint and contact.
 
     They follow from the rates of the variables `y`, which `UnrolledExplicit` keeps as its state.
     With other solvers the result is zero.
     """
-    if contact_gaps and isinstance(method.solver, UnrolledExplicit):
+    if gaps and isinstance(method.solver, UnrolledExplicit):
         return system.second_rates(y.motion, solver_state.motion)
-    return jax.tree.map(
-        lambda gap: jnp.zeros_like(gap.rate),
-        contact_gaps,
-        is_leaf=lambda node: isinstance(node, ContactGap),
-    )
+    return each_label(lambda name, label: jnp.zeros_like(gaps[name][label].rate), gaps)
 
 
 def blank_attempt(

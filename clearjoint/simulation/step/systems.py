@@ -10,9 +10,8 @@ from jaxtyping import PyTree
 from ...dynamics.formulation import Formulation
 from ...dynamics.system import System
 from ...math.vectors import Scalar
-from ...model.bodies import State
 from ...model.scene import Scene
-from ...parametrisation.parametrised_scene import Coordinates, ParametrisedScene
+from ...parametrisation.parametrised_scene import ParametrisedScene
 
 Value = TypeVar("Value")
 Auxiliary = TypeVar("Auxiliary")
@@ -34,21 +33,10 @@ class SystemFamily(eqx.Module):
     formulation: Formulation
     origin: Scalar | None = None
 
-    @property
-    def values(self) -> Coordinates:
-        """Values of the parameters at which derivatives are taken, (p,), each on its parameter's
-        scale, such as a logarithm."""
-        return self.family.values
-
     def system(self) -> System:
-        """Return the equations of motion for the parameters' `values`, at which derivatives are
+        """Return the equations of motion for the values of the parameters at which derivatives are
         taken."""
-        return System(self.family.scene(self.values), self.formulation, self.origin)
-
-    def start(self, values: Coordinates) -> State:
-        """Return the initial state for given parameters, (p,), on their scales. Each vector of the
-        state is three separate scalars."""
-        return self.family.start(values)
+        return System(self.family.scene(self.family.values), self.formulation, self.origin)
 
     def pushed(
         self,

@@ -16,7 +16,7 @@ from jaxtyping import PyTree
 from ...compilation import traced_once
 from ...dynamics.breakpoints import breakpoints, one_sided_time
 from ...dynamics.bristles import bristle_rates
-from ...dynamics.contact_events import closed, touches, uses_entry_speed
+from ...dynamics.contact_events import ContactGaps, closed, touches, uses_entry_speed
 from ...dynamics.contact_forces import Closed, EntrySpeeds
 from ...dynamics.system import System
 from ...fields.types import Single
@@ -115,6 +115,7 @@ class Trial(eqx.Module):
     - `time_map`: function that gives the elapsed part of the step's time at each of the solver's
       stages (see `.time_map`); ``None`` if time is uniform in the step.
     - `outcome`: result of the step; `tangents`: its derivatives, ``None`` in runs without tangents.
+    - `gaps`: the contact gaps at the end of the step.
     - `finite`: whether `outcome` and `tangents` are finite. If not, their variables are those at
       the start of the step, and their errors are `REJECTED_ERROR`.
     - `solver_result`: the solver's own result code.
@@ -124,6 +125,7 @@ class Trial(eqx.Module):
     time_map: AbstractTimeMap | None
     outcome: SolverStep
     tangents: SolverStep | None
+    gaps: ContactGaps
     finite: Condition
     solver_result: diffrax.RESULTS
 
@@ -194,16 +196,18 @@ def try_step(
     start = step.y, step.entry_speeds, step.solver_state
     if family is None:
         outcome, result = advance(system, *start)
-        finite, tangents = _all_finite((outcome.y, outcome.error)), None
+        finite, tangents = all_finite((outcome.y, outcome.error)), None
     else:
         # Runge-Kutta methods commute with differentiation: differentiating the step, error estimate
         # included, is the same step of the variational equations.
         assert step.tangents is not None
         along = step.tangents.y, step.tangents.entry_speeds, step.tangents.solver_state
         outcome, result, tangents = family.pushed(advance, start, along)
-        finite = _all_finite((outcome.y, outcome.error, tangents.y, tangents.error))
+        finite = all_finite((outcome.y, outcome.error, tangents.y, tangents.error))
         tangents = _unless(finite, tangents, step.tangents.y)
-    return Trial(t1, time_map, _unless(finite, outcome, step.y), tangents, finite, result)
+    outcome = _unless(finite, outcome, step.y)
+    gaps = system.contact_gaps(outcome.y.motion)
+    return Trial(t1, time_map, outcome, tangents, gaps, finite, result)
 
 
 def _without_drift(
@@ -259,7 +263,7 @@ def slopes_may_jump(method: Method, scene: Scene) -> bool:
     return lands and slopes_jump(scene) and not may_jump(method, scene)
 
 
-def _all_finite(tree: PyTree[Scalar]) -> Condition:
+def all_finite(tree: PyTree[Scalar]) -> Condition:
     """Return whether all numbers of a PyTree are finite.
 
     0 times a NaN or an infinity is NaN, so the sum of all numbers times 0 is 0 only if all are
