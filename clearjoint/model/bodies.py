@@ -21,15 +21,7 @@ from ..fields.checks import (
 )
 from ..fields.declarations import quantity
 from ..fields.readable import AbstractReadable
-from ..fields.types import (
-    ArrayLike,
-    Quadruple,
-    QuadrupleLike,
-    Single,
-    Square,
-    Triple,
-    TripleLike,
-)
+from ..fields.types import ArrayLike, Quadruple, QuadrupleLike, Single, Square, Triple, TripleLike
 from ..math.vectors import IDENTITY, ZERO, Matrix, Scalar, Vector
 from . import solids
 

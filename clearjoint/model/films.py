@@ -127,7 +127,6 @@ class AbstractFilm(AbstractConverting):
 
         **Arguments:** `bearing_radius`, `length`: of the bearing and the film, m.
         """
-        del bearing_radius, length
         return ()
 
 

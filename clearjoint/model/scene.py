@@ -16,12 +16,7 @@ from .bodies import GROUND, Body
 from .contact.bristles import AbstractBristleFriction
 from .contact.laws import AbstractContactLaw
 from .drives.drivers import AbstractDrive
-from .joints.base import (
-    AbstractConstraint,
-    AbstractContactJoint,
-    AbstractElement,
-    AbstractForce,
-)
+from .joints.base import AbstractConstraint, AbstractContactJoint, AbstractElement, AbstractForce
 
 
 def unheld_drives(

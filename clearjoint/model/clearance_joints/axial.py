@@ -63,7 +63,6 @@ class AbstractAxialPolicy(AbstractConverting):
           journal.
         - `rate`: rate of `offset`, m/s.
         """
-        del side
         return Gap(offset, rate)
 
 
@@ -151,5 +150,4 @@ class EndPlay(AbstractAxialPolicy):
         """Return the penetration into a shoulder: the offset beyond half the play, m, and its rate,
         m/s.
         """
-        del side
         return Gap(offset - 0.5 * self.play, rate)

@@ -6,13 +6,7 @@ from typing import Annotated
 
 import equinox as eqx
 
-from ...fields.checks import (
-    as_number,
-    require,
-    require_axis,
-    require_numbers,
-    require_positive,
-)
+from ...fields.checks import as_number, require, require_axis, require_numbers, require_positive
 from ...fields.declarations import quantity
 from ...fields.types import Single, Triple, TripleLike
 from ...math.functions import wrapped

@@ -16,11 +16,7 @@ from ..joints.base import AbstractConstraint, Attachment, Contact, Motions
 from ..joints.ideal import SphericalJoint
 from ..pen import AbstractPen, Marker
 from .clearance import LARGEST_BEARING
-from .common import (
-    AbstractCentredJoint,
-    require_smaller_clearance,
-    slip_at,
-)
+from .common import AbstractCentredJoint, require_smaller_clearance, slip_at
 
 CONTACT = "ball"
 
@@ -118,7 +114,6 @@ class BallInSocket(AbstractCentredJoint):
 
     def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
         """Return the validity limits of the normal law at a penetration, m."""
-        del name
         return self.law.limits(Gap(depth, 0.0, self.socket_radius, self.clearance))
 
     def centred_joint(self) -> AbstractConstraint:

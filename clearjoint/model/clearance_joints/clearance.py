@@ -39,13 +39,7 @@ from ..contact.friction import AbstractFriction
 from ..contact.gap import Gap, Limit, caution_beyond, slip_velocity
 from ..contact.laws import AbstractContactLaw
 from ..contact.weighted import WeightedLaw
-from ..joints.base import (
-    AbstractConstraint,
-    Attachment,
-    Contact,
-    Motions,
-    Row,
-)
+from ..joints.base import AbstractConstraint, Attachment, Contact, Motions, Row
 from ..joints.constraint_rows import point_in_plane, relative_angle_row
 from ..joints.ideal import CylindricalJoint, RevoluteJoint
 from ..pen import AbstractPen, Marker
@@ -495,7 +489,6 @@ class ClearanceJoint(AbstractCentredJoint):
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Return the distance "axial" of the journal's centre from the middle plane, m, if held."""
-        del t
         if not self.axial.holds_centre:
             return {}
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]

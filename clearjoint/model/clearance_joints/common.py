@@ -53,7 +53,6 @@ class AbstractFrictionlessJoint(AbstractContactJoint):
 
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
         """Return ``None``: there is no friction."""
-        del name, contact, normal_force
 
 
 class AbstractFlankJoint(AbstractFrictionlessJoint):
@@ -94,7 +93,6 @@ class CentredInPlay(AbstractConstraint):
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Return the row of the joint."""
-        del t
         return self.joint.centred_rows(motions)
 
 
@@ -119,7 +117,6 @@ class AbstractSharedLawJoint(AbstractFrictionlessJoint):
 
         For a law with bristles it is that of steady sliding. A run uses `bristle_laws` instead.
         """
-        del name
         if self.friction is None or contact.slip is None:
             return None
         return self.friction.force(normal_force, contact.slip)

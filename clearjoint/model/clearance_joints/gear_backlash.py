@@ -3,13 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from ...fields.checks import (
-    caution_above,
-    concrete,
-    require_axis,
-    require_numbers,
-    require_shape,
-)
+from ...fields.checks import caution_above, concrete, require_axis, require_numbers, require_shape
 from ...fields.declarations import quantity
 from ...fields.types import ArrayLike, Single, Triple
 from ...math.functions import cosine, polar_angle, sine, where, wrapped

@@ -22,10 +22,7 @@ from ..bodies import NO_WRENCH, Wrench
 from ..contact.gap import Gap, Limit, caution_beyond
 from ..contact.laws import AbstractContactLaw
 from ..films import AbstractFilm, FilmGap
-from ..joints.base import (
-    AbstractContactJoint,
-    Motions,
-)
+from ..joints.base import AbstractContactJoint, Motions
 from .clearance import ClearanceJoint
 from .journal_bases import SIDES, JournalBase
 

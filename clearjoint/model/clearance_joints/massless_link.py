@@ -85,7 +85,6 @@ class MasslessLink(AbstractConstraint):
         The value of a base's row is (e^2 - c^2)/(2 c), m, with its eccentricity e and the clearance
         c. That of "axial" is the distance of the centre from the bearing's middle plane, m.
         """
-        del t
         half = unit(self.journal_axis) * (0.5 * self.journal_length)
         ends = self.journal_point - half, self.journal_point + half
         rows = {base: self._distance(motions, end) for base, end in zip(BASES, ends, strict=True)}

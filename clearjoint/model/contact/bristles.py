@@ -92,7 +92,6 @@ class AbstractBristleFriction(AbstractConverting):
 
         With zero, a run counts all work of friction as dissipated. `deflection` is in m.
         """
-        del deflection
         return 0.0
 
     def force(self, normal_force: Scalar, slip: Vector) -> Vector:
@@ -136,12 +135,10 @@ class Dahl(AbstractBristleFriction):
 
     def ratio(self, deflection: Vector, rate: Vector, slip: Vector) -> Vector:
         """Return sigma0 z."""
-        del rate, slip
         return deflection * self.stiffness
 
     def sliding_ratio(self, slip_speed: Scalar) -> Scalar:
         """Return mu at every speed."""
-        del slip_speed
         return self.coefficient
 
     def stored_energy(self, deflection: Vector) -> Scalar:

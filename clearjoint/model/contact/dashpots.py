@@ -65,7 +65,6 @@ class AbstractDashpotLaw(AbstractPowerLaw):
 
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
         """Return the normal force, N."""
-        del entry_speed
         # Powers of zero have infinite derivatives: without contact a depth of one replaces it.
         closed = gap.depth > 0.0
         depth = jnp.where(closed, gap.depth, 1.0)
@@ -242,7 +241,6 @@ class AbstractGivenDashpotLaw(AbstractDashpotLaw):
 
     def damping(self, gap: Gap) -> Scalar:
         """Return the damping coefficient D, N s/m^(1+m)."""
-        del gap
         return self.damping_coefficient
 
 

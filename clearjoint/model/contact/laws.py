@@ -59,13 +59,11 @@ class AbstractElasticity(AbstractConverting):
         If so, no correction for a kink is computed at the ends of a contact. `exponent` is n of a
         law K delta^n. The default is ``False``.
         """
-        del exponent
         return False
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
         """Return the quantities on which the validity of the elastic force depends, with their
         ranges; an empty tuple by default."""
-        del gap
         return ()
 
 
@@ -282,7 +280,6 @@ class AbstractContactLaw(AbstractConverting):
 
         A warning is issued for a value outside its range. The default is an empty tuple.
         """
-        del gap
         return ()
 
 

@@ -29,12 +29,7 @@ from ..joints.base import (
     Motions,
     Row,
 )
-from ..joints.constraint_rows import (
-    angle_about,
-    point_in_plane,
-    rate_of,
-    row_following,
-)
+from ..joints.constraint_rows import angle_about, point_in_plane, rate_of, row_following
 from .functions_of_time import (
     AbstractFunctionOfTime,
     FunctionOfTime,
@@ -250,7 +245,6 @@ class DriveTorque(AbstractDriveAboutAxis, AbstractDriveTorque):
 
     def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
         """Return the torque at the time `t`, s, in N m."""
-        del angle, speed
         return value_at(self.torque, t)
 
     def breakpoints(self) -> PyTree:

@@ -108,7 +108,6 @@ class GearJoint(AbstractConstraint):
         The error is the first angle plus the second angle times the ratio of the teeth (minus it
         for an internal gear), less the offset.
         """
-        del t
         carrier, gears = motions[self.carrier], (self.first, self.second)
         axes = self.axis_first, self.axis_second
         orientations = self.orientation_first, self.orientation_second
@@ -157,7 +156,6 @@ class ScrewMotion(AbstractTurning):
 
         It is a rotation about the axis and the advance along it.
         """
-        del position
         return (Twist(self.axis, self.axis * self.pitch),)
 
 
@@ -214,7 +212,6 @@ class ScrewJoint(AbstractAxisJoint):
         "offset 1" and "offset 2" are distances across the axis, m, "tilt 1" and "tilt 2" cosines
         that are zero for parallel axes, and "thread" is the error of the advance, m.
         """
-        del t
         cylindrical = self._point_on_line(motions, self.axis_first) | self._tilts(motions)
         return cylindrical | {"thread": self._thread(motions)}
 
@@ -355,7 +352,6 @@ class UniversalJoint(AbstractPairJoint):
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Return three translations, m, and "cross", the cosine of the angle between the arms."""
-        del t
         arms = self._perpendicular(motions, unit(self.axis_first), unit(self.axis_second))
         return self._coincidence(motions) | {"cross": arms}
 
