@@ -15,7 +15,7 @@ from ..math.rotations import rotation_matrix
 from ..math.smoothing import norm_and_direction
 from ..math.vectors import Matrix, Scalar, Vector, pack, unpack
 from .bodies import Wrench
-from .drives.drivers import AbstractDriveTorque
+from .drives.drivers import AbstractDriveAboutAxis, AbstractDriveTorque
 from .drives.functions_of_time import TripleInTime, breakpoints_of, triple_in_time, vector_at
 from .joints.base import PARALLEL, AbstractForce, AbstractPairAtPoints, Attachment, Motions
 from .pen import AbstractPen, Marker
@@ -85,7 +85,7 @@ class SpringDamper(AbstractPairAtPoints, AbstractForce):
         pen.spring(*self.ends())
 
 
-class TorsionalSpring(AbstractDriveTorque):
+class TorsionalSpring(AbstractDriveAboutAxis, AbstractDriveTorque):
     """A linear torsional spring and damper about a common axis of two bodies.
 
     The spring's twist, the angle between the bodies less the rest angle, is taken within half a
@@ -108,9 +108,6 @@ class TorsionalSpring(AbstractDriveTorque):
     ('ground', 'lever')
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    axis: Triple = quantity("1")
     stiffness: Single = quantity("N m/rad", shape=(), positive=True, zero=True, remedy=SI)
     damping: Single = quantity(
         "N m s/rad", shape=(), default=0.0, positive=True, zero=True, remedy=SI

@@ -9,7 +9,7 @@ from ...fields.types import Single
 from ...math.vectors import Scalar
 from ..contact.friction import AbstractFriction
 from ..contact.gap import Gap
-from ..contact.laws import AbstractContactLaw, require_flat_law
+from ..contact.laws import AbstractContactLaw, require_flat_law, require_instance
 
 
 class AbstractAxialPolicy(AbstractConverting):
@@ -127,10 +127,9 @@ class EndPlay(AbstractAxialPolicy):
 
     def __check_init__(self):
         require_flat_law(self.law, "shoulders")
-        friction, remedy = self.friction, "pass a law such as RegularisedCoulomb(0.1)"
-        known = friction is None or isinstance(friction, AbstractFriction)
-        require(known, "friction", friction, "an AbstractFriction or None", remedy)
-        both = (friction is None) == (self.radius is None)
+        if self.friction is not None:
+            require_instance("friction", self.friction, AbstractFriction)
+        both = (self.friction is None) == (self.radius is None)
         expected = "given if and only if `friction` is"
         require(both, "radius", self.radius, expected, "pass both, or none of the two")
 

@@ -8,8 +8,7 @@ from ...fields.declarations import quantity
 from ...fields.types import Single, Triple
 from ...math.smoothing import norm_and_direction
 from ...math.vectors import Scalar, subtract
-from ..contact.bristles import AbstractBristleFriction
-from ..contact.friction import AbstractFriction
+from ..contact.bristles import FrictionLaw
 from ..contact.gap import Gap, Limit, caution_beyond
 from ..contact.laws import AbstractContactLaw
 from ..joints.base import AbstractConstraint, Attachment, Contact, Motions
@@ -65,9 +64,7 @@ class BallInSocket(AbstractCentredJoint):
     law: AbstractContactLaw = eqx.field(kw_only=True)  # pyright: ignore[reportGeneralTypeIssues]
     socket_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0), kw_only=True)
     ball_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0), kw_only=True)
-    friction: AbstractFriction | AbstractBristleFriction | None = eqx.field(  # pyright: ignore[reportGeneralTypeIssues]
-        default=None, kw_only=True
-    )
+    friction: FrictionLaw | None = eqx.field(default=None, kw_only=True)  # pyright: ignore[reportGeneralTypeIssues]
 
     def _check_together(self) -> None:
         require_smaller_clearance(self.clearance, self.socket_radius, "the socket's radius")

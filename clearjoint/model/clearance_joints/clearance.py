@@ -34,10 +34,9 @@ from ...math.rotations import transverse_axes, unit
 from ...math.smoothing import norm_and_direction
 from ...math.vectors import Scalar, Vector, add, subtract
 from ..bodies import Motion
-from ..contact.bristles import AbstractBristleFriction
-from ..contact.friction import AbstractFriction
+from ..contact.bristles import FrictionLaw
 from ..contact.gap import Gap, Limit, caution_beyond, slip_velocity
-from ..contact.laws import AbstractContactLaw
+from ..contact.laws import AbstractContactLaw, require_instance
 from ..contact.weighted import WeightedLaw
 from ..joints.base import AbstractConstraint, Attachment, Contact, Motions, Row
 from ..joints.constraint_rows import point_in_plane, relative_angle_row
@@ -137,7 +136,7 @@ class ClearanceJoint(AbstractCentredJoint):
     clearance: Single = quantity("m", positive=True, remedy="give the radial clearance in m")
     journal_length: Single = quantity("m", positive=True)
     law: AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
-    friction: AbstractFriction | AbstractBristleFriction | None  # pyright: ignore[reportGeneralTypeIssues]
+    friction: FrictionLaw | None  # pyright: ignore[reportGeneralTypeIssues]
     axial: AbstractAxialPolicy  # pyright: ignore[reportGeneralTypeIssues]
     bearing_profile: AbstractProfile | None  # pyright: ignore[reportGeneralTypeIssues]
     journal_profile: AbstractProfile | None  # pyright: ignore[reportGeneralTypeIssues]
@@ -157,7 +156,7 @@ class ClearanceJoint(AbstractCentredJoint):
         clearance: Scalar | None = None,
         journal_length: Scalar,
         law: AbstractContactLaw,
-        friction: AbstractFriction | AbstractBristleFriction | None = None,
+        friction: FrictionLaw | None = None,
         axial: AbstractAxialPolicy | None = None,
         bearing_profile: AbstractProfile | None = None,
         journal_profile: AbstractProfile | None = None,
@@ -196,13 +195,7 @@ class ClearanceJoint(AbstractCentredJoint):
         self.line_points = line_points
 
     def __check_init__(self):
-        require(
-            isinstance(self.axial, AbstractAxialPolicy),
-            "axial",
-            self.axial,
-            "an AbstractAxialPolicy",
-            "subclass AbstractAxialPolicy or pass one of clearjoint's",
-        )
+        require_instance("axial", self.axial, AbstractAxialPolicy)
         if (points := self.line_points) is not None:
             remedy = "give the number of points along the journal, or None for its two bases"
             require_count("line_points", points, remedy)

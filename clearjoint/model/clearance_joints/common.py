@@ -12,10 +12,10 @@ from ...fields.checks import as_shown, checkable, require, require_numbers
 from ...fields.types import Single, Triple
 from ...math.vectors import Scalar, Vector, subtract
 from ..bodies import GROUND, Motion
-from ..contact.bristles import AbstractBristleFriction
+from ..contact.bristles import AbstractBristleFriction, FrictionLaw
 from ..contact.friction import AbstractFriction
 from ..contact.gap import Gap, Limit, slip_velocity
-from ..contact.laws import AbstractContactLaw, require_flat_law
+from ..contact.laws import AbstractContactLaw, require_flat_law, require_instance
 from ..joints.base import (
     AbstractConstraint,
     AbstractContactJoint,
@@ -105,11 +105,13 @@ class AbstractSharedLawJoint(AbstractFrictionlessJoint):
     class.
     """
 
-    friction: eqx.AbstractVar[AbstractFriction | AbstractBristleFriction | None]
+    friction: eqx.AbstractVar[FrictionLaw | None]
 
     def __check_init__(self):
         require_distinct(*self.pair())
-        require_law_and_friction(self.law, self.friction)
+        require_instance("law", self.law, AbstractContactLaw)
+        if self.friction is not None:
+            require_instance("friction", self.friction, AbstractFriction, AbstractBristleFriction)
 
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
         """Return the friction force on the second body, N in global axes; ``None`` without
@@ -126,33 +128,6 @@ class AbstractSharedLawJoint(AbstractFrictionlessJoint):
         if isinstance(self.friction, AbstractBristleFriction):
             return dict.fromkeys(self.contact_labels(), self.friction)
         return {}
-
-
-def require_law_and_friction(law: object, friction: object) -> None:
-    """Check the classes of a normal law and of a friction law; the friction may be ``None``.
-
-    **Raises:** `ValueError` that names `law` or `friction`.
-    """
-    kinds = {
-        "law": (law, (AbstractContactLaw,)),
-        "friction": (friction, (AbstractFriction, AbstractBristleFriction)),
-    }
-    for name, (value, allowed) in kinds.items():
-        names = " or ".join(kind.__name__ for kind in allowed)
-        require(
-            isinstance(value, allowed) or (name == "friction" and value is None),
-            name,
-            value,
-            f"an {names}",
-            _remedy(value, names),
-        )
-
-
-def _remedy(value: object, names: str) -> str:
-    """Return the advice for a value that is no law; `names`: of the allowed classes."""
-    if isinstance(value, type):
-        return f"call the class with its numbers, {value.__name__}(...)"
-    return f"subclass {names} or pass one of clearjoint's"
 
 
 def require_smaller_clearance(clearance: Single, radius: Single, radius_name: str) -> None:

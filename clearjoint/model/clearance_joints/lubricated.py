@@ -11,7 +11,7 @@ import optimistix
 from jaxtyping import Complex, Float, PyTree
 
 from ...compilation import Compiled
-from ...fields.checks import require, require_positive, require_shape
+from ...fields.checks import require_positive, require_shape
 from ...fields.conversion import on_device
 from ...fields.declarations import optional_quantity, quantity
 from ...fields.types import ArrayLike, Single
@@ -20,7 +20,7 @@ from ...math.smoothing import norm_and_direction, ramp
 from ...math.vectors import UNIT_Z, Scalar, Vector, unpack
 from ..bodies import NO_WRENCH, Wrench
 from ..contact.gap import Gap, Limit, caution_beyond
-from ..contact.laws import AbstractContactLaw
+from ..contact.laws import AbstractContactLaw, require_instance
 from ..films import AbstractFilm, FilmGap
 from ..joints.base import AbstractContactJoint, Motions
 from .clearance import ClearanceJoint
@@ -159,15 +159,9 @@ class LubricatedJoint(AbstractContactJoint):
     )
 
     def __check_init__(self):
-        for name, kind in (("dry", ClearanceJoint), ("film", AbstractFilm)):
-            value = getattr(self, name)
-            require(
-                isinstance(value, kind),
-                name,
-                type(value).__name__,
-                f"one of {kind.__name__}",
-                "pass the joint without its film, and then a film such as CaponeFilm(0.02)",
-            )
+        remedy = "pass the joint without its film, and then a film such as CaponeFilm(0.02)"
+        require_instance("dry", self.dry, ClearanceJoint, remedy=remedy)
+        require_instance("film", self.film, AbstractFilm, remedy=remedy)
 
     def _caution_together(self) -> None:
         for limit in self.film.limits(self.dry.bearing_radius, self.dry.journal_length):

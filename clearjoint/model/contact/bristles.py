@@ -7,6 +7,7 @@ normal force, so that friction starts and ends with the contact.
 """
 
 import abc
+from typing import TypeAlias
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -17,7 +18,7 @@ from ...fields.declarations import quantity
 from ...fields.types import Single
 from ...math.smoothing import norm_and_direction
 from ...math.vectors import Scalar, Vector
-from .friction import require_breakaway
+from .friction import AbstractFriction, require_breakaway
 
 
 class AbstractBristleFriction(AbstractConverting):
@@ -104,6 +105,10 @@ class AbstractBristleFriction(AbstractConverting):
         """
         speed, direction = norm_and_direction(slip)
         return direction * (-normal_force * self.sliding_ratio(speed))
+
+
+FrictionLaw: TypeAlias = AbstractFriction | AbstractBristleFriction
+"""Law of the friction in a joint, without or with bristles."""
 
 
 class Dahl(AbstractBristleFriction):

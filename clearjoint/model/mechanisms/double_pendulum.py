@@ -4,8 +4,7 @@ from ...math.vectors import Scalar
 from ..bodies import Body, State, body_state
 from ..clearance_joints.axial import AbstractAxialPolicy
 from ..clearance_joints.clearance import ClearanceJoint
-from ..contact.bristles import AbstractBristleFriction
-from ..contact.friction import AbstractFriction
+from ..contact.bristles import FrictionLaw
 from ..contact.laws import AbstractContactLaw
 from ..joints.ideal import RevoluteJoint
 from ..scene import Scene
@@ -19,7 +18,7 @@ def double_pendulum(
     bearing_radius: Scalar = 10e-3,
     journal_length: Scalar = 20e-3,
     law: AbstractContactLaw | None = None,
-    friction: AbstractFriction | AbstractBristleFriction | None = None,
+    friction: FrictionLaw | None = None,
     axial: AbstractAxialPolicy | None = None,
 ) -> tuple[Scene, State]:
     """Return the double pendulum of Flores et al. 2006 and its state at rest.

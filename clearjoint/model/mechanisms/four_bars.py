@@ -12,8 +12,7 @@ from ...math.vectors import Scalar
 from ..bodies import GROUND, Body, BodyState, State, body_state
 from ..clearance_joints.ball_in_socket import BallInSocket
 from ..clearance_joints.clearance import ClearanceJoint
-from ..contact.bristles import AbstractBristleFriction
-from ..contact.friction import AbstractFriction
+from ..contact.bristles import FrictionLaw
 from ..contact.laws import AbstractContactLaw
 from ..joints.base import AbstractConstraint, AbstractForce
 from ..joints.ideal import InlineJoint, RevoluteJoint, SphericalJoint
@@ -47,7 +46,7 @@ def four_bar(
     bearing_radius: Scalar = 10e-3,
     journal_length: Scalar = 20e-3,
     law: AbstractContactLaw | None = None,
-    friction: AbstractFriction | AbstractBristleFriction | None = None,
+    friction: FrictionLaw | None = None,
     gravity: TripleLike | None = (0.0, -9.81, 0.0),
 ) -> tuple[Scene, State]:
     """Return a planar four-bar linkage with clearance at any of its pins, and its initial state.
@@ -213,7 +212,7 @@ def spatial_four_bar(
     *,
     speed: Scalar = 0.0,
     law: AbstractContactLaw | None = None,
-    friction: AbstractFriction | AbstractBristleFriction | None = None,
+    friction: FrictionLaw | None = None,
 ) -> tuple[Scene, State]:
     """Return a spatial four-bar linkage with clearance between coupler and rocker, and its state.
 

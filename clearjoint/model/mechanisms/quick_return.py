@@ -7,9 +7,8 @@ import numpy as np
 from ...math.vectors import Scalar
 from ..bodies import GROUND, Body, State, body_state
 from ..clearance_joints.between_walls import PinInSlot
-from ..contact.bristles import AbstractBristleFriction
+from ..contact.bristles import FrictionLaw
 from ..contact.damping_factors import HuntCrossley
-from ..contact.friction import AbstractFriction
 from ..contact.laws import AbstractContactLaw, GivenStiffness
 from ..drives.drivers import PrescribedRotation
 from ..joints.ideal import RevoluteJoint
@@ -32,7 +31,7 @@ def quick_return(
     speed: Scalar = 10.0,
     angle: float = 0.0,
     law: AbstractContactLaw | None = None,
-    friction: AbstractFriction | AbstractBristleFriction | None = None,
+    friction: FrictionLaw | None = None,
 ) -> tuple[Scene, State]:
     """Return a quick-return mechanism, as used in a shaper, and its initial state.
 

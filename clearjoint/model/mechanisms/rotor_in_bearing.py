@@ -8,8 +8,7 @@ from ..bodies import GROUND, Body, State, body_state
 from ..clearance_joints.axial import FixedAxially
 from ..clearance_joints.clearance import ClearanceJoint
 from ..clearance_joints.lubricated import LubricatedJoint
-from ..contact.bristles import AbstractBristleFriction
-from ..contact.friction import AbstractFriction
+from ..contact.bristles import FrictionLaw
 from ..contact.laws import AbstractContactLaw
 from ..drives.drivers import PrescribedRotation
 from ..films import AbstractFilm
@@ -32,7 +31,7 @@ def rotor_in_bearing(
     journal_length: Scalar = 25e-3,
     restitution: Scalar = 0.5,
     law: AbstractContactLaw | None = None,
-    friction: AbstractFriction | AbstractBristleFriction | None = None,
+    friction: FrictionLaw | None = None,
     gravity: TripleLike | None = (0.0, -9.81, 0.0),
 ) -> tuple[Scene, State]:
     """Return a rigid rotor in one bearing, driven at constant speed about Z, and its initial state.

@@ -9,9 +9,9 @@ from ...math.vectors import Scalar
 from ..bodies import GROUND, Body, BodyState, State, body_state
 from ..clearance_joints.between_walls import SliderInGuide
 from ..clearance_joints.clearance import ClearanceJoint
-from ..contact.bristles import AbstractBristleFriction
+from ..contact.bristles import FrictionLaw
 from ..contact.damping_factors import ExactRestitution
-from ..contact.friction import AbstractFriction, RegularisedCoulomb
+from ..contact.friction import RegularisedCoulomb
 from ..contact.laws import AbstractContactLaw
 from ..drives.drivers import PrescribedRotation
 from ..joints.base import AbstractConstraint, AbstractContactJoint, AbstractForce
@@ -42,7 +42,7 @@ def slider_crank(
     bearing_radius: Scalar = 10e-3,
     journal_length: Scalar = 20e-3,
     law: AbstractContactLaw | None = None,
-    friction: AbstractFriction | AbstractBristleFriction | None = None,
+    friction: FrictionLaw | None = None,
     gravity: TripleLike | None = None,
 ) -> tuple[Scene, State]:
     """Return a slider-crank with clearance at the slider's pin, and its initial state.
@@ -160,7 +160,7 @@ def guided_slider_crank(
     pin_clearance: Scalar | None = None,
     *,
     law: AbstractContactLaw | None = None,
-    friction: AbstractFriction | AbstractBristleFriction | None = FRICTION,
+    friction: FrictionLaw | None = FRICTION,
     pin_law: AbstractContactLaw | None = None,
     speed: Scalar = 150.0,
 ) -> tuple[Scene, State]:
