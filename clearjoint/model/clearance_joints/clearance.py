@@ -162,13 +162,9 @@ class ClearanceJoint(AbstractCentredJoint):
         journal_profile: AbstractProfile | None = None,
         line_points: int | None = None,
     ):
-        require(
-            (journal_radius is None) != (clearance is None),
-            "clearance",
-            clearance,
-            "given if and only if `journal_radius` is not",
-            "pass one of the two, in m",
-        )
+        one = (journal_radius is None) != (clearance is None)
+        expected = "given if and only if `journal_radius` is not"
+        require(one, "clearance", clearance, expected, "pass one of the two, in m")
         outer = as_number(bearing_radius, "bearing_radius", "m")
         if clearance is not None:
             difference = as_number(clearance, "clearance", "m")
@@ -177,13 +173,9 @@ class ClearanceJoint(AbstractCentredJoint):
             number = concrete(difference)
             # A later check would refuse the clearance, which the user has not given.
             if number is not None and number.shape == ():
-                require(
-                    not number <= 0.0,
-                    "journal_radius",
-                    journal_radius,
-                    f"smaller than the bearing's {as_shown(float(outer))} m",
-                    "swap the radii, or use an ideal RevoluteJoint for no clearance",
-                )
+                expected = f"smaller than the bearing's {as_shown(float(outer))} m"
+                remedy = "swap the radii, or use an ideal RevoluteJoint for no clearance"
+                require(not number <= 0.0, "journal_radius", journal_radius, expected, remedy)
         self.bearing_body, self.journal_body = bearing_body, journal_body
         self.bearing_point, self.bearing_axis = bearing_point, bearing_axis
         self.journal_point, self.journal_axis = journal_point, journal_axis
@@ -209,14 +201,10 @@ class ClearanceJoint(AbstractCentredJoint):
     def _caution_together(self) -> None:
         radius, clearance = concrete(self.bearing_radius), concrete(self.clearance)
         if radius is not None and clearance is not None:
-            caution_unless(
-                bool(clearance <= WIDEST_CLEARANCE * radius),
-                "clearance",
-                float(clearance),
-                "m",
-                f"at most a tenth of the bearing's radius of {float(radius):g} m",
-                "give the journal's radius as `journal_radius`, and the radial clearance in m",
-            )
+            fine = bool(clearance <= WIDEST_CLEARANCE * radius)
+            expected = f"at most a tenth of the bearing's radius of {float(radius):g} m"
+            remedy = "give the journal's radius as `journal_radius`, and the radial clearance in m"
+            caution_unless(fine, "clearance", float(clearance), "m", expected, remedy)
             remedy = "give lengths in m; 1 mm is 1e-3 m"
             longest = LONGEST_JOURNAL * float(radius)
             caution_above("journal_length", self.journal_length, "m", longest, remedy)

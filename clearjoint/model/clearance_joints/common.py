@@ -1,6 +1,7 @@
 """Shared parts of the clearance joints: base classes, argument checks, flat walls."""
 
 import abc
+import operator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -135,13 +136,8 @@ def require_smaller_clearance(clearance: Single, radius: Single, radius_name: st
 
     **Raises:** `ValueError` that names both.
     """
-    require_numbers(
-        lambda width, size: width < size,
-        "clearance",
-        (clearance, radius),
-        f"smaller than {radius_name} {{1}} m",
-        "check the units (m)",
-    )
+    values, expected = (clearance, radius), f"smaller than {radius_name} {{1}} m"
+    require_numbers(operator.lt, "clearance", values, expected, "check the units (m)")
 
 
 def require_right_angle(argument: str, direction: Triple, other: str, axis: Triple) -> None:
@@ -154,13 +150,9 @@ def require_right_angle(argument: str, direction: Triple, other: str, axis: Trip
     if (known := checkable(direction, axis)) is not None:
         numbers, base = known
         lengths = ((numbers**2).sum() * (base**2).sum()) ** 0.5
-        require(
-            abs((numbers * base).sum()) < RIGHT_ANGLE * lengths,
-            argument,
-            numbers,
-            f"perpendicular to `{other}` = {as_shown(base)}",
-            "change one of the two directions",
-        )
+        fine = abs((numbers * base).sum()) < RIGHT_ANGLE * lengths
+        expected = f"perpendicular to `{other}` = {as_shown(base)}"
+        require(fine, argument, numbers, expected, "change one of the two directions")
 
 
 class AbstractCentredJoint(AbstractSharedLawJoint):

@@ -1,6 +1,7 @@
 """Two spur gears with involute teeth and backlash."""
 
 import math
+import operator
 from dataclasses import dataclass
 
 from ...fields.checks import caution_above, concrete, require_axis, require_numbers, require_shape
@@ -184,13 +185,8 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
             "positive, or more than the first gear's {1} for an internal gear",
             "name the inner gear first, with a positive number, and the internal one second",
         )
-        require_numbers(
-            lambda backlash, pitch: backlash < pitch,
-            "backlash",
-            (self.backlash, math.pi * self.module),
-            "smaller than the pitch of {1} m",
-            "check the units (m)",
-        )
+        values, expected = (self.backlash, math.pi * self.module), "smaller than the pitch of {1} m"
+        require_numbers(operator.lt, "backlash", values, expected, "check the units (m)")
 
     def _caution_together(self) -> None:
         module = concrete(self.module)

@@ -54,13 +54,9 @@ class MasslessLink(AbstractConstraint):
 
     def __check_init__(self):
         require_distinct(self.bearing_body, self.journal_body)
-        require(
-            self.axial.shoulder_law() is None,
-            "axial",
-            type(self.axial).__name__,
-            "FreeAxially() or FixedAxially()",
-            "use a ClearanceJoint for shoulders, which are contacts",
-        )
+        fine, expected = self.axial.shoulder_law() is None, "FreeAxially() or FixedAxially()"
+        remedy = "use a ClearanceJoint for shoulders, which are contacts"
+        require(fine, "axial", type(self.axial).__name__, expected, remedy)
 
     def body_names(self) -> tuple[str, ...]:
         """Return the names of the bearing's body and the journal's body."""

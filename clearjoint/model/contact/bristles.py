@@ -7,6 +7,7 @@ normal force, so that friction starts and ends with the contact.
 """
 
 import abc
+import operator
 from typing import TypeAlias
 
 import equinox as eqx
@@ -265,13 +266,10 @@ class ElastoPlastic(AbstractDampedBristles):
 
     def _check_together(self) -> None:
         super()._check_together()
-        require_numbers(
-            lambda elastic, full: elastic < full,
-            "elastic_deflection",
-            (self.elastic_deflection, self.full_deflection()),
-            "below kinetic/stiffness = {1} m",
-            "give z_ba in m, half of that for example",
-        )
+        values = self.elastic_deflection, self.full_deflection()
+        expected = "below kinetic/stiffness = {1} m"
+        remedy = "give z_ba in m, half of that for example"
+        require_numbers(operator.lt, "elastic_deflection", values, expected, remedy)
 
     def rate(self, deflection: Vector, slip: Vector) -> Vector:
         """Return v - alpha(z, v) sigma0 |v| z/g(v), m/s."""

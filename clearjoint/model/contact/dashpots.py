@@ -124,13 +124,9 @@ class AbstractTunedDashpotLaw(AbstractDashpotLaw):
     effective_mass: Single = quantity("kg", positive=True, remedy="give the mass that rebounds")
 
     def _check_together(self) -> None:
-        require(
-            isinstance(self.stiffness, AbstractStiffness),
-            "stiffness",
-            type(self.stiffness).__name__,
-            "a number or an AbstractStiffness",
-            "the damping of this law is computed from the stiffness K of a power law",
-        )
+        fine, given = isinstance(self.stiffness, AbstractStiffness), type(self.stiffness).__name__
+        remedy = "the damping of this law is computed from the stiffness K of a power law"
+        require(fine, "stiffness", given, "a number or an AbstractStiffness", remedy)
         require_rebound(self.restitution)
 
     def _root(self, gap: Gap) -> Scalar:
