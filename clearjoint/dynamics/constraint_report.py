@@ -6,6 +6,7 @@ is redundant if it depends linearly on other rows.
 
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import compress
 from typing import NamedTuple
 
 import jax
@@ -229,12 +230,7 @@ def dependent(
     apart = known[key]
     redundant = apart < RANK_TOLERANCE
     uncertain = (apart < UNCERTAIN_BELOW) & ~redundant
-    return _chosen(names, redundant), _chosen(names, uncertain)
-
-
-def _chosen(names: tuple[str, ...], chosen: np.ndarray) -> tuple[str, ...]:
-    """Return those names whose entry in `chosen`, (n,), is true."""
-    return tuple(name for name, is_chosen in zip(names, chosen, strict=True) if is_chosen)
+    return tuple(compress(names, redundant)), tuple(compress(names, uncertain))
 
 
 def _distances(rows: np.ndarray) -> np.ndarray:

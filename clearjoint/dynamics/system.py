@@ -274,10 +274,8 @@ class System(eqx.Module):
         `bias` are the first and second time derivative of the value. The list has the order of
         `rows`.
         """
-        motions = {
-            name: Motion(motion.position, motion.rotation, ZERO, ZERO)
-            for name, motion in self.motions(variables).items()
-        }
+        at = self.motions(variables).items()
+        motions = {name: Motion(one.position, one.rotation, ZERO, ZERO) for name, one in at}
         rows = flattened(self.rows(motions, t))
         return [replace(row, jacobian={}) for row in rows if not is_zero(row.time_rate)]
 

@@ -117,7 +117,7 @@ class GearJoint(AbstractConstraint):
         )
         # External gears rotate in opposite senses: their angles, times their teeth, add up to zero.
         ratio = self.teeth_second / self.teeth_first
-        mesh = sum_of_rows((first, scaled_row(second, -ratio if self.internal else ratio)))
+        mesh = sum_of_rows(first, scaled_row(second, -ratio if self.internal else ratio))
         tooth = 2.0 * math.pi / self.teeth_first
         return {"mesh": replace(mesh, value=wrapped(mesh.value - self.offset, tooth))}
 
@@ -222,7 +222,7 @@ class ScrewJoint(AbstractAxisJoint):
         """
         advance = self._in_plane(motions, unit(self.axis_first))
         by_angle = scaled_row(self.relative_angle(motions), self.lead * (-0.5 / math.pi))
-        row = sum_of_rows((advance, by_angle))
+        row = sum_of_rows(advance, by_angle)
         return replace(row, value=wrapped(row.value, self.lead))
 
     def motion_subspace(self, parent: str) -> ScrewMotion:
@@ -297,9 +297,8 @@ class UniversalMotion(AbstractMotionAtPoints):
         reference = composed(self._about_parent(first), self._reference())
         second = self._about_child(reference).encode(relative)
         along, _ = self._parents_arm(second.position)
-        return JointState(
-            (first, second.position), (relative.twist.angular.dot(along), *second.speeds)
-        )
+        rate = relative.twist.angular.dot(along)
+        return JointState((first, second.position), (rate, *second.speeds))
 
     def orientation(self, position: Angles) -> EulerParameters:
         """Return Euler parameters that transform components in the child's axes to the parent's."""

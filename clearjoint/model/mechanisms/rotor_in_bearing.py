@@ -71,12 +71,10 @@ def rotor_in_bearing(
         axial=FixedAxially(),
     )
     # With a film, the lubricated joint replaces the dry one, whose contact it includes.
-    joints = {
-        "bearing": bearing
-        if film is None
-        else LubricatedJoint(bearing, film, TRANSITION * clearance),
-        "motor": PrescribedRotation(GROUND, "rotor", Z_AXIS, speed),
-    }
+    if film is not None:
+        bearing = LubricatedJoint(bearing, film, TRANSITION * clearance)
+    motor = PrescribedRotation(GROUND, "rotor", Z_AXIS, speed)
+    joints = {"bearing": bearing, "motor": motor}
     position, spin = np.array([*offset, 0.0]) * clearance, np.array([0.0, 0.0, 1.0]) * speed
     state = State({"rotor": body_state(position, spin=spin)})
     return Scene({"rotor": Body(mass, (0.061, 0.061, 0.1))}, joints, gravity=gravity), state

@@ -14,7 +14,7 @@ from ..contact.damping_factors import ExactRestitution
 from ..contact.friction import RegularisedCoulomb
 from ..contact.laws import AbstractContactLaw
 from ..drives.drivers import PrescribedRotation
-from ..joints.base import AbstractConstraint, AbstractContactJoint, AbstractForce
+from ..joints.base import AbstractConstraint, AbstractForce
 from ..joints.ideal import InlineJoint, PrismaticJoint, RevoluteJoint
 from ..joints.planes import LineInPlaneJoint, PointInPlaneJoint
 from ..scene import Scene
@@ -192,15 +192,11 @@ def guided_slider_crank(
     >>> list(scene.joints)
     ['crank bearing', 'crank pin', 'slider pin', 'guide']
     """
-    # Ends of a rod along its x axis, over its length. The first is that next to the slider.
-    near, far = 0.5, -0.5
-    joints: dict[str, AbstractConstraint | AbstractContactJoint] = {
-        "crank bearing": RevoluteJoint(
-            GROUND, "crank", ORIGIN, (far * CRANK, 0.0, 0.0), Z_AXIS, Z_AXIS
-        ),
-        "crank pin": RevoluteJoint(
-            "crank", "rod", (near * CRANK, 0.0, 0.0), (far * ROD, 0.0, 0.0), Z_AXIS, Z_AXIS
-        ),
+    foot, tip = (-0.5 * CRANK, 0.0, 0.0), (0.5 * CRANK, 0.0, 0.0)
+    big_end = (-0.5 * ROD, 0.0, 0.0)
+    joints: Joints = {
+        "crank bearing": RevoluteJoint(GROUND, "crank", ORIGIN, foot, Z_AXIS, Z_AXIS),
+        "crank pin": RevoluteJoint("crank", "rod", tip, big_end, Z_AXIS, Z_AXIS),
         "slider pin": _pin(pin_clearance, pin_law),
     }
     if pin_clearance is not None:
@@ -268,14 +264,10 @@ def _start(speed: Scalar) -> State:
     # Velocity of the crank's end, with which the rod rotates about the slider.
     tip = np.array([0.0, CRANK * speed, 0.0])
     axis = np.array([0.0, 0.0, 1.0])
-    return State(
-        {
-            "crank": body_state((0.5 * CRANK, 0.0, 0.0), velocity=0.5 * tip, spin=axis * speed),
-            "rod": body_state(
-                (CRANK + 0.5 * ROD, 0.0, 0.0),
-                velocity=0.5 * tip,
-                spin=axis * (-speed * CRANK / ROD),
-            ),
-            "slider": body_state((CRANK + ROD, 0.0, 0.0)),
-        }
-    )
+    middle, rod_spin = (CRANK + 0.5 * ROD, 0.0, 0.0), axis * (-speed * CRANK / ROD)
+    states = {
+        "crank": body_state((0.5 * CRANK, 0.0, 0.0), velocity=0.5 * tip, spin=axis * speed),
+        "rod": body_state(middle, velocity=0.5 * tip, spin=rod_spin),
+        "slider": body_state((CRANK + ROD, 0.0, 0.0)),
+    }
+    return State(states)
