@@ -249,14 +249,19 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         sense = where(radii < 0.0, -1.0, 1.0)
         # Cosine and sine of the working pressure angle alpha', which grows with the distance.
         tangential = radii * sense / line.distance
-        radial = square_root(1.0 - tangential * tangential)
+        square = 1.0 - tangential * tangential
+        # Involutes have no common normal if the gears are closer than the sum of their base radii.
+        meshes = square > 0.0
+        radial = square_root(where(meshes, square, 1.0))
         opening = self._opening(radii, tangential, radial)
         contacts = {}
         for label, side in FLANKS.items():
             # The line of action has the angle alpha' from the tangent of the pitch circles.
             push = line.across * (side * tangential) + line.along * radial
             normal = push * -sense
-            gap = Gap(side * displacement - opening, sliding.dot(normal))
+            # An infinite penetration is beyond every limit, so that a run refuses such gears.
+            depth = where(meshes, side * displacement - opening, math.inf)
+            gap = Gap(depth, sliding.dot(normal))
             contacts[label] = Contact(gap, normal, at_first, at_second, None)
         return contacts
 
