@@ -295,12 +295,10 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
         strain = self._strain(motions)
         # Along the axes of the bushing: forces, N, from the shift, and a moment, N m, from the
         # rotation vector.
-        forces_along = strain.shift.componentwise_product(
-            self.stiffness
-        ) + strain.shift_rate.componentwise_product(self.damping)
-        conjugate_moment = strain.rotation.vector.componentwise_product(
-            self.rotational_stiffness
-        ) + strain.rotation_rate.componentwise_product(self.rotational_damping)
+        times = Vector.componentwise_product
+        forces_along = times(strain.shift, self.stiffness) + times(strain.shift_rate, self.damping)
+        conjugate_moment = times(strain.rotation.vector, self.rotational_stiffness)
+        conjugate_moment += times(strain.rotation_rate, self.rotational_damping)
         force = strain.axes @ forces_along
         # The moment's power is its product with the rate of the rotation vector, which differs from
         # the relative angular velocity for large rotations. The torque has the same power with the

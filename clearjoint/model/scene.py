@@ -216,11 +216,7 @@ def _check_distances(argument: str, element: AbstractElement, bodies: Mapping[st
         if not numbers or any(concrete(leaf) is None for leaf in jax.tree.leaves(numbers)):
             continue
         distance, radius = float(np.linalg.norm(point)), bodies[body].gyration_radius()
-        caution_unless(
-            distance <= FARTHEST * radius,
-            f"{argument}.{name}",
-            distance,
-            "m from the centre of mass",
-            f"at most {FARTHEST:g} times the radius of gyration {radius:.3g} m of {body!r}",
-            "give points in m, and inertias in kg m^2",
-        )
+        fine, unit = distance <= FARTHEST * radius, "m from the centre of mass"
+        expected = f"at most {FARTHEST:g} times the radius of gyration {radius:.3g} m of {body!r}"
+        remedy = "give points in m, and inertias in kg m^2"
+        caution_unless(fine, f"{argument}.{name}", distance, unit, expected, remedy)

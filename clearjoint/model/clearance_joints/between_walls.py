@@ -108,6 +108,7 @@ class PinInSlot(AbstractSharedLawJoint):
     def contacts(self, motions: Motions) -> dict[str, Contact]:
         """Return the contacts by label: walls, and ends if the slot has ends."""
         slot, pin = (motions[name] for name in self.pair())
+        part = self.pin_point, self.pin_radius, self.friction is not None
         directions = [(WALLS, unit(self.slot_normal), self.play)]
         if self.travel is not None:
             directions.append((ENDS, unit(self.slot_axis), self.travel))
@@ -115,10 +116,7 @@ class PinInSlot(AbstractSharedLawJoint):
         for labels, outward, room in directions:
             for side, label in zip(SIDES, labels, strict=True):
                 wall = FlatWall(self.slot_point, outward * side, 0.5 * room)
-                has_friction = self.friction is not None
-                contacts[label] = wall.contact(
-                    slot, pin, self.pin_point, self.pin_radius, has_friction
-                )
+                contacts[label] = wall.contact(slot, pin, *part)
         return contacts
 
     def deepest(self) -> dict[str, Scalar]:

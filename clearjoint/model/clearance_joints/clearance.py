@@ -473,11 +473,8 @@ class ClearanceJoint(AbstractCentredJoint):
         if not self.axial.holds_centre:
             return {}
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
-        axis = unit(self.bearing_axis)
-        row = point_in_plane(
-            self.pair(), bearing, journal, self.bearing_point, axis, self.journal_point
-        )
-        return {"axial": row}
+        points = self.bearing_point, unit(self.bearing_axis), self.journal_point
+        return {"axial": point_in_plane(self.pair(), bearing, journal, *points)}
 
     def draw(self, pen: AbstractPen) -> None:
         """Draw a journal in a bearing."""

@@ -193,15 +193,12 @@ class LubricatedJoint(AbstractContactJoint):
 
         Without a `transition` all laws are those of `dry`.
         """
-        walls, laws = self.dry.contact_labels(), self.dry.laws()
-        if self.transition is None:
-            return laws
-        return {
-            name: BlendedContactLaw(law, self.transition, law.uses_entry_speed)
-            if name in walls
-            else law
-            for name, law in laws.items()
-        }
+        laws = self.dry.laws()
+        if self.transition is not None:
+            for label in self.dry.contact_labels():
+                law = laws[label]
+                laws[label] = BlendedContactLaw(law, self.transition, law.uses_entry_speed)
+        return laws
 
     def film_wrenches(self, motions: Motions) -> dict[str, Wrench]:
         """Return the film's wrench on the bearing's and on the journal's body, by body name."""
@@ -313,12 +310,8 @@ class CarriedJournal(NamedTuple):
         """
         # The motion is that of a linear system whose variables are the offset and its rate.
         inverse_mass = jnp.eye(2) / mass
-        rates = jnp.block(
-            [
-                [jnp.zeros((2, 2)), jnp.eye(2)],
-                [-inverse_mass @ self.stiffness, -inverse_mass @ self.damping],
-            ]
-        )
+        by_offset, by_rate = -inverse_mass @ self.stiffness, -inverse_mass @ self.damping
+        rates = jnp.block([[jnp.zeros((2, 2)), jnp.eye(2)], [by_offset, by_rate]])
         return jnp.linalg.eigvals(rates)
 
 

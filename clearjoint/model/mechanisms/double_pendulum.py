@@ -8,7 +8,7 @@ from ..contact.bristles import FrictionLaw
 from ..contact.laws import AbstractContactLaw
 from ..joints.ideal import RevoluteJoint
 from ..scene import Scene
-from .common import steel_law
+from .common import ORIGIN, X_AXIS, Z_AXIS, steel_law
 
 
 def double_pendulum(
@@ -52,12 +52,10 @@ def double_pendulum(
         "arm 2": Body(7.02, (0.0010, 0.5855, 0.5855)),
         "arm 3": Body(7.02, (0.5855, 0.5855, 0.0010)),
     }
-    elbow = RevoluteJoint(
-        "arm 2", "arm 3", (0.5, 0.0, 0.0), (0.0, 0.0, -0.5), (1.0, 0.0, 0.0), (1.0, 0.0, 0.0)
-    )
+    ends = (0.5, 0.0, 0.0), (0.0, 0.0, -0.5)
+    elbow = RevoluteJoint("arm 2", "arm 3", *ends, X_AXIS, X_AXIS)
     if clearance is None:
-        origin, near_end, axis = (0.0, 0.0, 0.0), (-0.5, 0.0, 0.0), (0.0, 0.0, 1.0)
-        shoulder = RevoluteJoint("ground", "arm 2", origin, near_end, axis, axis)
+        shoulder = RevoluteJoint("ground", "arm 2", ORIGIN, (-0.5, 0.0, 0.0), Z_AXIS, Z_AXIS)
     else:
         shoulder = ClearanceJoint(
             "ground",
