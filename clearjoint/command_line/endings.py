@@ -49,7 +49,9 @@ def understandable() -> Iterator[None]:
             text = str(error)
             # The text of an error of the system would begin with its number, "[Errno 2]".
             if isinstance(error, OSError) and error.strerror:
-                text = f"{error.filename}: {error.strerror}."
+                # An error may concern no file, such as a full disk.
+                subject = "" if error.filename is None else f"{error.filename}: "
+                text = f"{subject}{error.strerror}."
             say(f"error: {text}")
             code = FAILED if isinstance(error, RuntimeError) else BAD_INPUT
             raise click.exceptions.Exit(code) from error

@@ -47,7 +47,6 @@ class AbsoluteCoordinates(AbstractCoordinates):
 
     def eliminated(self, scene: Scene) -> frozenset[str]:
         """Return an empty set: no joint is eliminated."""
-        del scene
         return frozenset()
 
     def encode(self, scene: Scene, bodies: Bodies) -> Bodies:
@@ -86,13 +85,11 @@ class AbsoluteCoordinates(AbstractCoordinates):
     def without_drift(self, scene: Scene, variables: Bodies) -> Bodies:
         """Return the variables with Euler parameters whose norm is corrected to 1 if it has drifted
         (see `kept_unit`)."""
-        del scene
         return {name: normalised_body(body) for name, body in variables.items()}
 
     def with_speeds(self, scene: Scene, variables: Bodies, others: Bodies) -> Bodies:
         """Return variables with the positions and orientations of `variables` and the velocities
         and spins of `others`."""
-        del scene
         return {name: body_with_speeds(body, others[name]) for name, body in variables.items()}
 
 
@@ -143,7 +140,6 @@ class AbsoluteMechanics(AbstractMechanics):
     def bias(self, row: Row) -> Scalar:
         """Return zero. If the time derivatives of all speeds are zero, no body accelerates, so that
         the row's own `bias` is the whole second time derivative of its value."""
-        del row
         return 0.0
 
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:

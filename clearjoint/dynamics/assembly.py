@@ -214,10 +214,7 @@ def require_representable(scene: Scene, state: State, coordinates: AbstractCoord
         # Euler parameters of opposite sign are the same orientation.
         apart = min(np.abs(given - found).max(), np.abs(given + found).max())
         expected = f"one that the coordinates can represent, here {found.tolist()}"
-        remedy = (
-            "reverse one of the axes of the joint that carries the body, or pass "
-            "coordinates=AbsoluteCoordinates()"
-        )
+        remedy = "reverse an axis of the joint that carries the body, or use AbsoluteCoordinates()"
         argument = f"state.bodies[{name!r}].orientation"
         require(bool(apart < REPRESENTED), argument, given, expected, remedy)
 
@@ -285,9 +282,7 @@ def _require_satisfied(
     limit = f"residual of constraint {names[worst]!r} at most {tolerance:g}"
     remedy = "call assemble(scene, state) first"
     if quality == "assembled":
-        remedy = (
-            "start from a better guess, or check the joints' points and axes against each other"
-        )
+        remedy = "start from a better guess, or check the joints' points and axes with each other"
     residual, expected = float(residuals[worst]), f"{quality} in its {part} ({limit})"
     require(bool(np.abs(residual) <= tolerance), "state", residual, expected, remedy)
 

@@ -19,7 +19,8 @@ import numpy as np
 from ..compilation import traced_once
 from ..math.functions import wrapped
 from ..math.vectors import Condition, Scalar
-from ..model.joints.base import AbstractElement, Row
+from ..model.drives.drivers import AbstractRotationDriver
+from ..model.joints.base import AbstractElement, ByLabel, Row
 from ..model.scene import Scene
 from .coordinates import MotionVariables
 from .system import System
@@ -135,7 +136,7 @@ def drivers_are_smooth(
 
     # The rows are evaluated at eight times, and traced once for all of them.
     @traced_once
-    def prescribed(system: System, variables: MotionVariables, t: Scalar) -> list[Row]:
+    def prescribed(system: System, variables: MotionVariables, t: Scalar) -> ByLabel[Row]:
         return system.prescribed(variables, t)
 
     def integral(values: Sequence[Scalar]) -> Scalar:
@@ -154,11 +155,14 @@ def drivers_are_smooth(
     rounding = DRIVER_ROUNDINGS * eps * (1.0 + jnp.abs(system.clock(end)))
     smooth: Condition | None = None
     at_times = [prescribed(system, variables, t) for t in (past_end, *within)]
-    for beyond, first, last, *others in zip(*at_times, strict=True):
+    names = [(name, label) for name, family in at_times[0].items() for label in family]
+    for name, label in names:
+        beyond, first, last, *others = (rows[name][label] for rows in at_times)
         rates, seconds = zip(*((row.time_rate, row.bias) for row in others), strict=True)
-        # Angles are compared modulo 2 pi. Distances are too, which makes no difference for the
-        # small errors of interest.
-        value = wrapped(beyond.value - first.value - integral(rates), 2.0 * math.pi)
+        value = beyond.value - first.value - integral(rates)
+        # Angles are known up to whole revolutions.
+        if isinstance(system.scene.joints[name], AbstractRotationDriver):
+            value = wrapped(value, 2.0 * math.pi)
         rate = last.time_rate - first.time_rate - integral(seconds)
         # The scale is the total variation of the rate: a driver that oscillates within the step has
         # small rates at both ends.

@@ -12,7 +12,8 @@ derivative of tau is not zero, and derivatives of the motion need it.
 import jax
 import jax.numpy as jnp
 
-from ..math.vectors import Scalar, Vector
+from ..math.vectors import Vector
+from ..model.contact.bristles import AbstractBristleFriction
 from ..model.joints.base import Motions
 from ..model.scene import Scene
 from .contact_events import ContactGaps
@@ -30,15 +31,12 @@ def initial_bristles(scene: Scene, given: Bristles) -> Bristles:
 def bristle_rates(dynamics: Dynamics) -> Bristles:
     """Return the rates of all bristle deflections, m/s, by joint and contact label, from the solved
     equations of motion."""
-    rates = {
-        name: {
-            label: force.bristle_rate
-            for label, force in family.items()
-            if force.bristle_rate is not None
-        }
-        for name, family in dynamics.contact_forces.items()
-    }
-    return {name: family for name, family in rates.items() if family}
+    rates: Bristles = {}
+    for name, family in dynamics.contact_forces.items():
+        for label, force in family.items():
+            if force.bristle_rate is not None:
+                rates.setdefault(name, {})[label] = force.bristle_rate
+    return rates
 
 
 def full_deflections(scene: Scene) -> Bristles:
@@ -48,13 +46,12 @@ def full_deflections(scene: Scene) -> Bristles:
     Error control of steps uses it as the scale of the deflections. Each result is a vector with
     this value in x, y and z.
     """
-    return {
-        name: {
-            label: _constant(jnp.asarray(law.full_deflection(), float))
-            for label, law in family.items()
-        }
-        for name, family in scene.bristle_laws().items()
-    }
+
+    def sizes(law: AbstractBristleFriction) -> Vector:
+        return Vector(*(jnp.asarray(law.full_deflection(), float),) * 3)
+
+    laws = scene.bristle_laws()
+    return {name: {k: sizes(law) for k, law in family.items()} for name, family in laws.items()}
 
 
 def updated_bristles(
@@ -97,7 +94,3 @@ def updated_bristles(
                 *(jnp.where(end.depth > 0.0, part, 0.0) for part in deflection)
             )
     return updated
-
-
-def _constant(value: Scalar) -> Vector:
-    return Vector(value, value, value)

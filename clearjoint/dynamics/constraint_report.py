@@ -6,6 +6,7 @@ is redundant if it depends linearly on other rows.
 
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import compress
 from typing import NamedTuple
 
 import jax
@@ -14,6 +15,7 @@ from jaxtyping import Float, PyTree
 
 from ..compilation import HostFirst
 from ..fields.conversion import on_device
+from ..math.functions import where
 from ..math.vectors import Scalar, library, square_root, unpack
 from ..model.bodies import State
 from ..model.joints.base import ByLabel, Row
@@ -139,10 +141,12 @@ def start_rows(
     remaining = _by_name(constraint_rows(scene, coordinates, mechanics.motions, t))
     # Rows are divided by their norms in absolute coordinates, since a row that the coordinates
     # nearly satisfy must stay small, and count as dependent.
-    left = [
-        as_array(mechanics.projected(row.jacobian)) / square_root((jacobian[name] ** 2).sum())
-        for name, row in remaining.items()
-    ]
+    left = []
+    for name, row in remaining.items():
+        square = (jacobian[name] ** 2).sum()
+        # A row vanishes in a singular position; it then counts as dependent on the others.
+        norm = square_root(where(square > 0.0, square, 1.0))
+        left.append(as_array(mechanics.projected(row.jacobian)) / norm)
     all_rows = _stacked(values), _stacked(rates), _stacked([*jacobian.values()])
     return StartRows(*all_rows, tuple(rows), tuple(remaining), _stacked(left))
 
@@ -229,12 +233,7 @@ def dependent(
     apart = known[key]
     redundant = apart < RANK_TOLERANCE
     uncertain = (apart < UNCERTAIN_BELOW) & ~redundant
-    return _chosen(names, redundant), _chosen(names, uncertain)
-
-
-def _chosen(names: tuple[str, ...], chosen: np.ndarray) -> tuple[str, ...]:
-    """Return those names whose entry in `chosen`, (n,), is true."""
-    return tuple(name for name, is_chosen in zip(names, chosen, strict=True) if is_chosen)
+    return tuple(compress(names, redundant)), tuple(compress(names, uncertain))
 
 
 def _distances(rows: np.ndarray) -> np.ndarray:

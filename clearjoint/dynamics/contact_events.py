@@ -119,11 +119,11 @@ def _at_the_wall(gap: ContactGap) -> Condition:
 def _for_each_entry_speed(scene: Scene, entry_speed: Callable[[str, str], Scalar]) -> EntrySpeeds:
     """Return the results of a function of joint name and contact label, for all contacts whose laws
     use the entry speed, by joint and contact label."""
-    entry_speeds = {}
+    entry_speeds: EntrySpeeds = {}
     for name, family in scene.laws().items():
-        labels = [label for label, law in family.items() if law.uses_entry_speed]
-        if labels:
-            entry_speeds[name] = {label: entry_speed(name, label) for label in labels}
+        for label, law in family.items():
+            if law.uses_entry_speed:
+                entry_speeds.setdefault(name, {})[label] = entry_speed(name, label)
     return entry_speeds
 
 
@@ -134,25 +134,21 @@ def closed(gaps: ContactGaps) -> Closed:
     returns at the step's start. A step that begins in flight then meets no force even beyond the
     wall. It is therefore smooth, and the time at which the wall is crossed can be interpolated.
     """
-    return {
-        name: {label: gap.depth > 0.0 for label, gap in family.items()}
-        for name, family in gaps.items()
-    }
+    families = gaps.items()
+    return {name: {k: gap.depth > 0.0 for k, gap in family.items()} for name, family in families}
 
 
 def begins(before: ContactGaps, after: ContactGaps) -> jax.Array:
     """Return whether any contact is open at the first of two instants, `before`, and closed at the
     second, `after`."""
-    return any_of(
-        (start.depth <= 0.0) & (end.depth > 0.0) for start, end in gap_pairs(before, after)
-    )
+    pairs = gap_pairs(before, after)
+    return any_of((start.depth <= 0.0) & (end.depth > 0.0) for start, end in pairs)
 
 
 def changes(before: ContactGaps, after: ContactGaps) -> Condition:
     """Return whether any contact is closed at exactly one of two instants, `before` and `after`."""
-    return any_of(
-        (start.depth > 0.0) != (end.depth > 0.0) for start, end in gap_pairs(before, after)
-    )
+    pairs = gap_pairs(before, after)
+    return any_of((start.depth > 0.0) != (end.depth > 0.0) for start, end in pairs)
 
 
 def touches(gaps: ContactGaps) -> Condition:

@@ -101,11 +101,8 @@ def constraint_rows(
     """Return the constraint rows at the scene's time t, s, by joint and label, without the joints
     that the coordinates eliminate."""
     eliminated = coordinates.eliminated(scene)
-    rows = {
-        name: joint.rows(motions, t)
-        for name, joint in scene.joints.items()
-        if name not in eliminated
-    }
+    kept = {name: joint for name, joint in scene.joints.items() if name not in eliminated}
+    rows = {name: joint.rows(motions, t) for name, joint in kept.items()}
     return {name: family for name, family in rows.items() if family}
 
 

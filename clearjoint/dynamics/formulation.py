@@ -49,7 +49,6 @@ class AbstractStabilisation(AbstractConverting):
 
         **Returns:** m/s^2 or rad/s^2.
         """
-        del value, rate
         return 0.0
 
     def corrected(self, variables: T, project: Callable[[T], T]) -> T:
@@ -59,7 +58,6 @@ class AbstractStabilisation(AbstractConverting):
         function that returns given variables with positions and speeds projected onto the
         constraints.
         """
-        del project
         return variables
 
 

@@ -266,20 +266,21 @@ class System(eqx.Module):
         """Return whether any constraint remains that the coordinates do not eliminate."""
         return bool(jax.eval_shape(lambda: self.rows(self.motions(variables), t)))
 
-    def prescribed(self, variables: MotionVariables, t: Scalar) -> list[Row]:
-        """Return the rows of constraints that depend on time, for bodies at rest, without their
-        Jacobians.
+    def prescribed(self, variables: MotionVariables, t: Scalar) -> ByLabel[Row]:
+        """Return the rows of constraints that depend on time, by joint and label, for bodies at
+        rest, without their Jacobians.
 
         At rest, the value of such a row changes only as its driver prescribes: `time_rate` and
-        `bias` are the first and second time derivative of the value. The list has the order of
-        `rows`.
+        `bias` are the first and second time derivative of the value.
         """
-        motions = {
-            name: Motion(motion.position, motion.rotation, ZERO, ZERO)
-            for name, motion in self.motions(variables).items()
-        }
-        rows = flattened(self.rows(motions, t))
-        return [replace(row, jacobian={}) for row in rows if not is_zero(row.time_rate)]
+        at = self.motions(variables).items()
+        motions = {name: Motion(one.position, one.rotation, ZERO, ZERO) for name, one in at}
+        prescribed: ByLabel[Row] = {}
+        for name, family in self.rows(motions, t).items():
+            for label, row in family.items():
+                if not is_zero(row.time_rate):
+                    prescribed.setdefault(name, {})[label] = replace(row, jacobian={})
+        return prescribed
 
     def constraints_violated(self, variables: MotionVariables, t: Scalar) -> Condition | None:
         """Return whether any constraint is violated by more than `FARTHEST`, or by more than the

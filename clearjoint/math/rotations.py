@@ -4,15 +4,7 @@ import math
 
 import jax.numpy as jnp
 
-from .vectors import (
-    EulerParameters,
-    Matrix,
-    Scalar,
-    Vector,
-    multiply,
-    square_root,
-    subtract,
-)
+from .vectors import EulerParameters, Matrix, Scalar, Vector, multiply, square_root, subtract
 
 
 def squared_norm(p: EulerParameters) -> Scalar:

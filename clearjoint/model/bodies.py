@@ -21,15 +21,7 @@ from ..fields.checks import (
 )
 from ..fields.declarations import quantity
 from ..fields.readable import AbstractReadable
-from ..fields.types import (
-    ArrayLike,
-    Quadruple,
-    QuadrupleLike,
-    Single,
-    Square,
-    Triple,
-    TripleLike,
-)
+from ..fields.types import ArrayLike, Quadruple, QuadrupleLike, Single, Square, Triple, TripleLike
 from ..math.vectors import IDENTITY, ZERO, Matrix, Scalar, Vector
 from . import solids
 
@@ -54,13 +46,9 @@ estimated. A rod or plate with idealised moments of inertia would have no thickn
 
 def _require_inertia(argument: str, value: ArrayLike) -> None:
     """Check principal moments, (3,), or an inertia matrix, (3, 3), kg m^2."""
-    require(
-        np.shape(value) in ((3,), (3, 3)),
-        argument,
-        value,
-        "of shape (3,) or (3, 3)",
-        "give three principal moments or the whole inertia matrix in kg m^2",
-    )
+    fine, expected = np.shape(value) in ((3,), (3, 3)), "of shape (3,) or (3, 3)"
+    remedy = "give three principal moments or the whole inertia matrix in kg m^2"
+    require(fine, argument, value, expected, remedy)
     require_finite(argument, value)
     if (known := checkable(value)) is not None:
         _check_moments(*known)
@@ -74,20 +62,12 @@ def _check_moments(inertia: np.ndarray) -> None:
         symmetric = xp.allclose(inertia, inertia.T, rtol=1e-9, atol=0.0)
         require(symmetric, "inertia", inertia, "symmetric", "average it with its transpose")
         moments = xp.linalg.eigvalsh(inertia)
-    require(
-        moments.min() > 0,
-        "inertia",
-        inertia,
-        "positive definite",
-        "give every body a positive moment of inertia about each axis",
-    )
-    require(
-        moments.max() <= (moments.sum() - moments.max()) * (1 + 1e-9),
-        "inertia",
-        inertia,
-        "such that no principal moment exceeds the sum of the other two",
-        "check the order of the moments and their units (kg m^2)",
-    )
+    remedy = "give every body a positive moment of inertia about each axis"
+    require(moments.min() > 0, "inertia", inertia, "positive definite", remedy)
+    fine = moments.max() <= (moments.sum() - moments.max()) * (1 + 1e-9)
+    expected = "such that no principal moment exceeds the sum of the other two"
+    remedy = "check the order of the moments and their units (kg m^2)"
+    require(fine, "inertia", inertia, expected, remedy)
 
 
 class Body(AbstractReadable):
@@ -119,16 +99,11 @@ class Body(AbstractReadable):
     def _caution_together(self) -> None:
         mass, inertia = concrete(self.mass), concrete(self.inertia)
         if mass is not None and inertia is not None:
-            density = _box_density(float(mass), inertia)
-            least, most = DENSITIES
-            caution_unless(
-                least <= density <= most,
-                "mass",
-                float(mass),
-                "kg",
-                f"a density between {least:g} and {most:g} kg/m^3",
-                f"a box of this mass and inertia has {density:.3g} kg/m^3; give kg and kg m^2",
-            )
+            density, (least, most) = _box_density(float(mass), inertia), DENSITIES
+            fine = least <= density <= most
+            expected = f"a density between {least:g} and {most:g} kg/m^3"
+            remedy = f"a box of this mass and inertia has {density:.3g} kg/m^3; give kg and kg m^2"
+            caution_unless(fine, "mass", float(mass), "kg", expected, remedy)
 
     @staticmethod
     def rod(

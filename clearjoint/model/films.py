@@ -111,14 +111,8 @@ class AbstractFilm(AbstractConverting):
         # The viscous stress mu R spin/h acts on the journal's surface. The mean of 1/h around the
         # bearing, for the film's height h = c (1 + eps cos angle), is the inverse of this height.
         height = gap.clearance * square_root(1.0 - gap.offset.dot(gap.offset))
-        return (
-            -2.0
-            * math.pi
-            * self.viscosity
-            * gap.bearing_radius**3
-            * gap.length
-            * (gap.spin / height)
-        )
+        scale = -2.0 * math.pi * self.viscosity * gap.bearing_radius**3 * gap.length
+        return scale * (gap.spin / height)
 
     def limits(self, bearing_radius: Scalar, length: Scalar) -> tuple[Limit, ...]:
         """Return the quantities on which the validity of the film law depends, with their ranges.
@@ -127,7 +121,6 @@ class AbstractFilm(AbstractConverting):
 
         **Arguments:** `bearing_radius`, `length`: of the bearing and the film, m.
         """
-        del bearing_radius, length
         return ()
 
 
@@ -172,12 +165,8 @@ class CaponeFilm(AbstractFilm):
         squeeze = (2.0 + along * wedge) / rho
         transverse = across / (1.0 - across * across)
         scale = self.viscosity * gap.bearing_radius * gap.length**3 / (2.0 * gap.clearance**2)
-        flow = (
-            offset * (3.0 * squeeze * speed)
-            + rate * wedge
-            + gap.axis.cross(rate) * (2.0 * transverse)
-        )
-        return flow * (-scale / rho)
+        flow = offset * (3.0 * squeeze * speed) + rate * wedge
+        return (flow + gap.axis.cross(rate) * (2.0 * transverse)) * (-scale / rho)
 
 
 class PinkusSternlichtFilm(AbstractFilm):

@@ -6,12 +6,7 @@ from typing import NamedTuple
 import equinox as eqx
 from jaxtyping import PyTree
 
-from ..fields.checks import (
-    require_euler_parameters,
-    require_numbers,
-    require_point,
-    require_shape,
-)
+from ..fields.checks import require_euler_parameters, require_numbers, require_point, require_shape
 from ..fields.declarations import quantity
 from ..fields.types import ArrayLike, Quadruple, Single, Triple
 from ..math.functions import wrapped
@@ -20,7 +15,7 @@ from ..math.rotations import rotation_matrix
 from ..math.smoothing import norm_and_direction
 from ..math.vectors import Matrix, Scalar, Vector, pack, unpack
 from .bodies import Wrench
-from .drives.drivers import AbstractDriveTorque
+from .drives.drivers import AbstractDriveAboutAxis, AbstractDriveTorque
 from .drives.functions_of_time import TripleInTime, breakpoints_of, triple_in_time, vector_at
 from .joints.base import PARALLEL, AbstractForce, AbstractPairAtPoints, Attachment, Motions
 from .pen import AbstractPen, Marker
@@ -69,7 +64,6 @@ class SpringDamper(AbstractPairAtPoints, AbstractForce):
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
         """Return the wrenches of two opposite forces along the line between the points, by body
         name."""
-        del t
         stretch, rate, direction = self._stretch(motions)
         force = direction * (self.stiffness * stretch + self.damping * rate)
         return {
@@ -80,12 +74,10 @@ class SpringDamper(AbstractPairAtPoints, AbstractForce):
     def stored_energy(self, motions: Motions, t: Scalar) -> Scalar:
         """Return the spring's energy, J: half the stiffness times the square of the length beyond
         the free length."""
-        del t
         return 0.5 * self.stiffness * self._stretch(motions)[0] ** 2
 
     def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
         """Return the damper's power, W, which is never positive."""
-        del t
         return -self.damping * self._stretch(motions)[1] ** 2
 
     def draw(self, pen: AbstractPen) -> None:
@@ -93,7 +85,7 @@ class SpringDamper(AbstractPairAtPoints, AbstractForce):
         pen.spring(*self.ends())
 
 
-class TorsionalSpring(AbstractDriveTorque):
+class TorsionalSpring(AbstractDriveAboutAxis, AbstractDriveTorque):
     """A linear torsional spring and damper about a common axis of two bodies.
 
     The spring's twist, the angle between the bodies less the rest angle, is taken within half a
@@ -116,9 +108,6 @@ class TorsionalSpring(AbstractDriveTorque):
     ('ground', 'lever')
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
-    axis: Triple = quantity("1")
     stiffness: Single = quantity("N m/rad", shape=(), positive=True, zero=True, remedy=SI)
     damping: Single = quantity(
         "N m s/rad", shape=(), default=0.0, positive=True, zero=True, remedy=SI
@@ -129,17 +118,14 @@ class TorsionalSpring(AbstractDriveTorque):
     def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
         """Return the torque on the second body, N m, from the angle of this body relative to the
         first, rad, and its rate, rad/s."""
-        del t
         return -(self.stiffness * self._twist(angle) + self.damping * speed)
 
     def stored_energy(self, motions: Motions, t: Scalar) -> Scalar:
         """Return the spring's energy, J: half the stiffness times the squared twist."""
-        del t
         return 0.5 * self.stiffness * self._twist(self.relative_angle(motions).value) ** 2
 
     def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
         """Return the damper's power, W, which is never positive."""
-        del t
         return -self.damping * self.speed(motions) ** 2
 
     def _twist(self, angle: Scalar) -> Scalar:
@@ -305,17 +291,14 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
 
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
         """Return the wrench of all springs and dampers on each body, by body name."""
-        del t
         first, second = motions[self.first], motions[self.second]
         strain = self._strain(motions)
         # Along the axes of the bushing: forces, N, from the shift, and a moment, N m, from the
         # rotation vector.
-        forces_along = strain.shift.componentwise_product(
-            self.stiffness
-        ) + strain.shift_rate.componentwise_product(self.damping)
-        conjugate_moment = strain.rotation.vector.componentwise_product(
-            self.rotational_stiffness
-        ) + strain.rotation_rate.componentwise_product(self.rotational_damping)
+        times = Vector.componentwise_product
+        forces_along = times(strain.shift, self.stiffness) + times(strain.shift_rate, self.damping)
+        conjugate_moment = times(strain.rotation.vector, self.rotational_stiffness)
+        conjugate_moment += times(strain.rotation_rate, self.rotational_damping)
         force = strain.axes @ forces_along
         # The moment's power is its product with the rate of the rotation vector, which differs from
         # the relative angular velocity for large rotations. The torque has the same power with the
@@ -332,14 +315,12 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
 
     def stored_energy(self, motions: Motions, t: Scalar) -> Scalar:
         """Return the energy of the springs along and about the three axes, J."""
-        del t
         strain = self._strain(motions)
         energy = _weighted(self.stiffness, strain.shift)
         return 0.5 * (energy + _weighted(self.rotational_stiffness, strain.rotation.vector))
 
     def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
         """Return the power of the dampers along and about the three axes, W; never positive."""
-        del t
         strain = self._strain(motions)
         power = _weighted(self.damping, strain.shift_rate)
         return -(power + _weighted(self.rotational_damping, strain.rotation_rate))

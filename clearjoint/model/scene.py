@@ -16,12 +16,7 @@ from .bodies import GROUND, Body
 from .contact.bristles import AbstractBristleFriction
 from .contact.laws import AbstractContactLaw
 from .drives.drivers import AbstractDrive
-from .joints.base import (
-    AbstractConstraint,
-    AbstractContactJoint,
-    AbstractElement,
-    AbstractForce,
-)
+from .joints.base import AbstractConstraint, AbstractContactJoint, AbstractElement, AbstractForce
 
 
 def unheld_drives(
@@ -34,11 +29,8 @@ def unheld_drives(
 
     **Arguments:** `joints`, `forces`: the elements of a scene by name.
     """
-    drives = {
-        name: element
-        for name, element in {**joints, **forces}.items()
-        if isinstance(element, AbstractDrive)
-    }
+    elements = {**joints, **forces}.items()
+    drives = {name: one for name, one in elements if isinstance(one, AbstractDrive)}
     # A driver is among the joints, but it doesn't hold its axis, so it connects no bodies here.
     links = [joint.body_names() for name, joint in joints.items() if name not in drives]
     return [
@@ -121,13 +113,8 @@ class Scene(AbstractReadable):
         """
         remedy = "pass {name: Body(...)}"
         require(len(self.bodies) > 0, "bodies", {}, "a dictionary with at least one body", remedy)
-        require(
-            GROUND not in self.bodies,
-            "bodies",
-            GROUND,
-            "without the reserved name of the fixed body",
-            "rename the body",
-        )
+        expected = "without the reserved name of the fixed body"
+        require(GROUND not in self.bodies, "bodies", GROUND, expected, "rename the body")
         _check_kinds("bodies", self.bodies, Body)
         _check_kinds("joints", self.joints, AbstractConstraint, AbstractContactJoint)
         _check_kinds("forces", self.forces, AbstractForce)
@@ -138,10 +125,9 @@ class Scene(AbstractReadable):
         # Elements are also looked up by name among joints and forces together.
         shared = sorted(set(self.joints) & set(self.forces))
         require(not shared, "forces", shared, "of other names than the joints", "rename them")
-        if self.gravity is not None:
-            size = None if concrete(self.gravity) is None else np.linalg.norm(self.gravity)
-            if size is not None:
-                caution_above("gravity", size, "m/s^2", STRONGEST_GRAVITY, "give it in m/s^2")
+        if self.gravity is not None and concrete(self.gravity) is not None:
+            size = np.linalg.norm(self.gravity)
+            caution_above("gravity", size, "m/s^2", STRONGEST_GRAVITY, "give it in m/s^2")
 
     def _caution_together(self) -> None:
         elements = (*self.joints.values(), *self.forces.values())
@@ -163,11 +149,8 @@ class Scene(AbstractReadable):
 
     def contact_joints(self) -> dict[str, AbstractContactJoint]:
         """Return the joints that have contacts, by name."""
-        return {
-            name: joint
-            for name, joint in self.joints.items()
-            if isinstance(joint, AbstractContactJoint)
-        }
+        joints = self.joints.items()
+        return {name: one for name, one in joints if isinstance(one, AbstractContactJoint)}
 
     def bristle_laws(self) -> dict[str, dict[str, AbstractBristleFriction]]:
         """Return the friction laws with bristles, ``laws[joint][contact]``.
@@ -184,14 +167,10 @@ class Scene(AbstractReadable):
 
 
 def _check_kinds(argument: str, elements: Mapping[str, object], *kinds: type) -> None:
+    expected = "one of " + ", ".join(kind.__name__ for kind in kinds)
     for name, element in elements.items():
-        require(
-            isinstance(element, kinds),
-            f"{argument}[{name!r}]",
-            type(element).__name__,
-            "one of " + ", ".join(kind.__name__ for kind in kinds),
-            f"pass an element of that class{_hint_for(element)}",
-        )
+        given, remedy = type(element).__name__, f"pass an element of that class{_hint_for(element)}"
+        require(isinstance(element, kinds), f"{argument}[{name!r}]", given, expected, remedy)
 
 
 def _hint_for(element: object) -> str:
@@ -237,11 +216,7 @@ def _check_distances(argument: str, element: AbstractElement, bodies: Mapping[st
         if not numbers or any(concrete(leaf) is None for leaf in jax.tree.leaves(numbers)):
             continue
         distance, radius = float(np.linalg.norm(point)), bodies[body].gyration_radius()
-        caution_unless(
-            distance <= FARTHEST * radius,
-            f"{argument}.{name}",
-            distance,
-            "m from the centre of mass",
-            f"at most {FARTHEST:g} times the radius of gyration {radius:.3g} m of {body!r}",
-            "give points in m, and inertias in kg m^2",
-        )
+        fine, unit = distance <= FARTHEST * radius, "m from the centre of mass"
+        expected = f"at most {FARTHEST:g} times the radius of gyration {radius:.3g} m of {body!r}"
+        remedy = "give points in m, and inertias in kg m^2"
+        caution_unless(fine, f"{argument}.{name}", distance, unit, expected, remedy)

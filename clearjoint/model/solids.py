@@ -55,13 +55,9 @@ def slender_rod(length: Number, mass: Number, axis: str) -> Solid:
     length, mass = _length("length", length), _number("mass", mass, "give it in kg")
     # A round bar has the mass rho pi/4 d^2 l.
     squared_diameter = 4.0 * mass / (math.pi * STEEL * length)
-    require_numbers(
-        lambda _, squared, length: squared <= length**2,
-        "mass",
-        (mass, squared_diameter, length),
-        "that of a rod longer than thick",
-        "give its diameter in m, or check mass (kg) and length (m)",
-    )
+    fits, values = (lambda _, d, l: d <= l**2), (mass, squared_diameter, length)
+    remedy = "give its diameter in m, or check mass (kg) and length (m)"
+    require_numbers(fits, "mass", values, "that of a rod longer than thick", remedy)
     return _along(axis, mass, mass * squared_diameter / 8.0, mass * length**2 / 12.0)
 
 

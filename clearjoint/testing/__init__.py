@@ -16,16 +16,4 @@ from .force_conformance import check_force as check_force
 from .moving_bodies import moving as moving
 from .native_times import native_seconds as native_seconds
 
-__all__ = [
-    "check_bristles",
-    "check_constraint",
-    "check_contact_joint",
-    "check_force",
-    "check_film",
-    "check_friction",
-    "check_law",
-    "moving",
-    "native_seconds",
-]
-
 __dir__ = _without_modules(globals())

@@ -338,14 +338,10 @@ def check_bristles(friction: AbstractBristleFriction) -> None:
     stored = jnp.stack(
         [jnp.asarray(friction.stored_energy(Vector(0.0, z, 0.0))) for z in ratios * full]
     )
-    ensure(
-        (stored[0] == 0.0) & (stored >= 0.0),
-        "stored_energy() is negative, or not zero without deflection.",
-    )
-    ensure(
-        jax.vmap(friction.sliding_ratio)(speeds) * jnp.ones_like(speeds) >= 0.0,
-        "sliding_ratio() is negative somewhere: friction would drive the slip.",
-    )
+    message = "stored_energy() is negative, or not zero without deflection."
+    ensure((stored[0] == 0.0) & (stored >= 0.0), message)
+    sliding = jax.vmap(friction.sliding_ratio)(speeds) * jnp.ones_like(speeds)
+    ensure(sliding >= 0.0, "sliding_ratio() is negative somewhere: friction would drive the slip.")
     for function in (growth, ratio):
         ensure_finite_slopes(function, friction, deflection=deflection, slip=speed)
 

@@ -350,6 +350,21 @@ def test_errors_have_their_exit_codes(error, code):
     assert ended.value.exit_code == code
 
 
+@pytest.mark.parametrize(
+    ("error", "text"),
+    [
+        (OSError(28, "No space left on device"), "error: No space left on device."),
+        (OSError(2, "No such file or directory", "a.toml"), "error: a.toml: No such file"),
+    ],
+)
+def test_errors_of_the_system_name_a_file_if_there_is_one(error, text, capsys):
+    import click
+
+    with pytest.raises(click.exceptions.Exit), understandable():
+        raise error
+    assert text in capsys.readouterr().err
+
+
 def test_times_to_save_at():
     part = read_times(save_every=0.3)
     np.testing.assert_allclose(part, [0.0, 0.3, 0.6, 0.9])

@@ -48,6 +48,15 @@ def test_redundant_constraints_are_found_from_rows_of_unit_norm():
     np.testing.assert_allclose(rows.left * lengths[:, None], rows.jacobian, atol=1e-14)
 
 
+def test_a_constraint_whose_rows_vanish_is_redundant_there():
+    """The length of a rod between coincident points has no gradient: all its rates are zero."""
+    rod = cj.DistanceJoint("ground", "rotor", (0, 0, 0), (0, 0, 0), length=0.1)
+    scene = cj.Scene({"rotor": cj.Body(1.0, (0.1, 0.1, 0.1))}, {"rod": rod})
+    report = cj.constraint_report(scene, cj.State({"rotor": cj.body_state((0, 0, 0))}))
+    assert report.redundant == ("rod: length",)
+    assert report.degrees_of_freedom() == 6
+
+
 def test_spring_and_damper_oscillate_as_in_the_closed_form():
     """m x'' + c x' + k x = 0 from x = 0.3 m: x = exp(-d t)(cos w t + d/w sin w t) 0.3."""
     mass, stiffness, damping, length = 2.0, 50.0, 1.2, 1.0

@@ -234,6 +234,17 @@ def test_invalid_backlash_is_refused(wrong, said):
         wrong()
 
 
+def test_gears_closer_than_their_base_circles_are_refused():
+    """The base radii add up to 83.2 mm, the pitch radii to 88.5 mm."""
+    joint = gears()
+    contacts = unpack(joint).contacts(meshing(joint, wider=-8e-3))
+    assert all(contacts[label].gap.depth > limit for label, limit in joint.deepest().items())
+    bodies = {name: cj.Body(1.0, (1e-3, 1e-3, 1e-3)) for name in ("a", "b")}
+    states = {"a": cj.body_state((0, 0, 0)), "b": cj.body_state((0.08, 0.01, 0.005))}
+    with pytest.raises(ValueError, match="but is inf"):
+        cj.simulate(cj.Scene(bodies, {"mesh": joint}), cj.State(states), 1e-3)
+
+
 def test_a_backlash_wider_than_the_pitch_is_refused():
     with pytest.raises(ValueError, match="smaller than the pitch"):
         cj.GearBacklash(

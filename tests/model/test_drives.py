@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from clearjoint.dynamics.breakpoints import drivers_are_smooth
 from clearjoint.fields.declarations import quantity
 
 Z = (0.0, 0.0, 1.0)
 ORIGIN = (0.0, 0.0, 0.0)
 INERTIA = 0.02
+FORMULATION = cj.extend.Formulation(cj.AbsoluteCoordinates())
 SHAFT = cj.Body(1.0, (0.03, 0.03, INERTIA))
 
 
@@ -27,6 +29,18 @@ def shaft_scene(drive, **options):
     family = scene.forces if isinstance(drive, cj.extend.AbstractForce) else scene.joints
     family["motor"] = drive
     return scene
+
+
+@pytest.mark.parametrize(("jump", "smooth"), [(0.0, True), (1.0, False), (2.0 * np.pi, False)])
+def test_a_distance_that_jumps_is_not_smooth(jump, smooth):
+    """A jump of a prescribed distance by 2 pi m is one, unlike that of an angle by 2 pi rad."""
+    driver = cj.PrescribedTranslation(
+        "ground", "shaft", ORIGIN, ORIGIN, Z, lambda t: jnp.where(t < 0.05, 0.0, jump) + 0.0 * t
+    )
+    scene = cj.Scene({"shaft": SHAFT}, {"slide": driver})
+    system = cj.extend.System(cj.extend.unpack(scene), FORMULATION)
+    variables = system.encode(cj.extend.unpack(cj.State({"shaft": cj.body_state(ORIGIN)})).bodies)
+    assert bool(drivers_are_smooth(system, variables, 0.04, 0.06, 1e-6)) == smooth
 
 
 def test_prescribed_rotation_keeps_its_angle_over_a_hundred_revolutions():

@@ -188,9 +188,9 @@ def test_no_mass_whirls_beyond_an_eccentricity_of_three_quarters():
 
 
 def test_wrong_arguments_are_refused():
-    with pytest.raises(ValueError, match="`film` must be one of AbstractFilm"):
+    with pytest.raises(ValueError, match="`film` must be an AbstractFilm"):
         cj.LubricatedJoint(DRY, 0.02, 1e-6)
-    with pytest.raises(ValueError, match="`dry` must be one of ClearanceJoint"):
+    with pytest.raises(ValueError, match="`dry` must be a ClearanceJoint"):
         cj.LubricatedJoint(JOINT, FILM, 1e-6)
     with pytest.raises(ValueError, match="`largest_ratio` must be"):
         cj.LubricatedJoint(DRY, FILM, 1e-6, largest_ratio=1.0)

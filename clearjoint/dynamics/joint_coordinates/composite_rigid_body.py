@@ -72,14 +72,13 @@ class JointMechanics(AbstractMechanics):
         self._axes: list[Matrix] = []
         self._falls: list[Vector] = []
         self._weights: list[Vector] = []
-        for root, *others in trees:
-            axes = motions[root.body].rotation
+        for tree in trees:
+            axes = motions[tree[0].body].rotation
             gravity = axes.transposed_times(self._gravity)
-            fall, weight = (gravity, ZERO) if root.falls() else (ZERO, gravity)
-            for _ in (root, *others):
-                self._axes.append(axes)
-                self._falls.append(fall)
-                self._weights.append(weight)
+            fall, weight = (gravity, ZERO) if tree[0].falls() else (ZERO, gravity)
+            self._axes += [axes] * len(tree)
+            self._falls += [fall] * len(tree)
+            self._weights += [weight] * len(tree)
         self._links: list[Link] = []
         for branch, parent in zip(self._branches, self._parents, strict=True):
             carrier = None if parent is None else self._links[parent]

@@ -9,7 +9,7 @@ from ...fields.types import Single
 from ...math.vectors import Scalar
 from ..contact.friction import AbstractFriction
 from ..contact.gap import Gap
-from ..contact.laws import AbstractContactLaw, require_flat_law
+from ..contact.laws import AbstractContactLaw, require_flat_law, require_instance
 
 
 class AbstractAxialPolicy(AbstractConverting):
@@ -63,7 +63,6 @@ class AbstractAxialPolicy(AbstractConverting):
           journal.
         - `rate`: rate of `offset`, m/s.
         """
-        del side
         return Gap(offset, rate)
 
 
@@ -128,10 +127,9 @@ class EndPlay(AbstractAxialPolicy):
 
     def __check_init__(self):
         require_flat_law(self.law, "shoulders")
-        friction, remedy = self.friction, "pass a law such as RegularisedCoulomb(0.1)"
-        known = friction is None or isinstance(friction, AbstractFriction)
-        require(known, "friction", friction, "an AbstractFriction or None", remedy)
-        both = (friction is None) == (self.radius is None)
+        if self.friction is not None:
+            require_instance("friction", self.friction, AbstractFriction)
+        both = (self.friction is None) == (self.radius is None)
         expected = "given if and only if `friction` is"
         require(both, "radius", self.radius, expected, "pass both, or none of the two")
 
@@ -151,5 +149,4 @@ class EndPlay(AbstractAxialPolicy):
         """Return the penetration into a shoulder: the offset beyond half the play, m, and its rate,
         m/s.
         """
-        del side
         return Gap(offset - 0.5 * self.play, rate)

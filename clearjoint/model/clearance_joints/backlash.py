@@ -6,13 +6,7 @@ from typing import Annotated
 
 import equinox as eqx
 
-from ...fields.checks import (
-    as_number,
-    require,
-    require_axis,
-    require_numbers,
-    require_positive,
-)
+from ...fields.checks import as_number, require, require_axis, require_numbers, require_positive
 from ...fields.declarations import quantity
 from ...fields.types import Single, Triple, TripleLike
 from ...math.functions import wrapped
@@ -49,13 +43,9 @@ def _flank_law(
 
     **Raises:** `ValueError` if the stiffness is ``None`` or not positive.
     """
-    require(
-        torsional_stiffness is not None,
-        "law",
-        None,
-        "given, or else a `torsional_stiffness`",
-        "pass the stiffness of a pressed flank in N m/rad, or a normal law",
-    )
+    given, expected = torsional_stiffness is not None, "given, or else a `torsional_stiffness`"
+    remedy = "pass the stiffness of a pressed flank in N m/rad, or a normal law"
+    require(given, "law", None, expected, remedy)
     torsional = as_number(torsional_stiffness, "torsional_stiffness", "N m/rad")
     require_positive("torsional_stiffness", torsional, "give it in N m/rad")
     # An angle beyond the flank gives the penetration angle * radius, and a force gives the couple
@@ -150,13 +140,10 @@ class Backlash(AbstractFlankJoint):
         torsional_stiffness: Annotated[Scalar | None, "N m/rad"] = None,
         restitution: Annotated[Scalar | None, "1"] = None,
     ):
-        require(
-            (play is None) != (play_length is None),
-            "play",
-            play,
-            "given if and only if `play_length` is not",
-            "pass one of the two: an angle in rad, or a length at the radius in m",
-        )
+        one = (play is None) != (play_length is None)
+        expected = "given if and only if `play_length` is not"
+        remedy = "pass one of the two: an angle in rad, or a length at the radius in m"
+        require(one, "play", play, expected, remedy)
         if law is None:
             radius = DEFAULT_RADIUS if radius is None else radius
             law = _flank_law(radius, torsional_stiffness, restitution)
@@ -176,13 +163,9 @@ class Backlash(AbstractFlankJoint):
         require_distinct(self.first, self.second)
 
     def _check_together(self) -> None:
-        require_numbers(
-            lambda play: play < TURN,
-            "play",
-            (self.play,),
-            "smaller than a full revolution",
-            "give the angle from flank to flank in rad",
-        )
+        expected = "smaller than a full revolution"
+        remedy = "give the angle from flank to flank in rad"
+        require_numbers(lambda play: play < TURN, "play", (self.play,), expected, remedy)
 
     def pair(self) -> tuple[str, str]:
         """Return the names of the first and the second body."""

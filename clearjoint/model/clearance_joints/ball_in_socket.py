@@ -8,19 +8,14 @@ from ...fields.declarations import quantity
 from ...fields.types import Single, Triple
 from ...math.smoothing import norm_and_direction
 from ...math.vectors import Scalar, subtract
-from ..contact.bristles import AbstractBristleFriction
-from ..contact.friction import AbstractFriction
+from ..contact.bristles import FrictionLaw
 from ..contact.gap import Gap, Limit, caution_beyond
 from ..contact.laws import AbstractContactLaw
 from ..joints.base import AbstractConstraint, Attachment, Contact, Motions
 from ..joints.ideal import SphericalJoint
 from ..pen import AbstractPen, Marker
 from .clearance import LARGEST_BEARING
-from .common import (
-    AbstractCentredJoint,
-    require_smaller_clearance,
-    slip_at,
-)
+from .common import AbstractCentredJoint, require_smaller_clearance, slip_at
 
 CONTACT = "ball"
 
@@ -69,9 +64,7 @@ class BallInSocket(AbstractCentredJoint):
     law: AbstractContactLaw = eqx.field(kw_only=True)  # pyright: ignore[reportGeneralTypeIssues]
     socket_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0), kw_only=True)
     ball_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0), kw_only=True)
-    friction: AbstractFriction | AbstractBristleFriction | None = eqx.field(  # pyright: ignore[reportGeneralTypeIssues]
-        default=None, kw_only=True
-    )
+    friction: FrictionLaw | None = eqx.field(default=None, kw_only=True)  # pyright: ignore[reportGeneralTypeIssues]
 
     def _check_together(self) -> None:
         require_smaller_clearance(self.clearance, self.socket_radius, "the socket's radius")
@@ -118,7 +111,6 @@ class BallInSocket(AbstractCentredJoint):
 
     def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
         """Return the validity limits of the normal law at a penetration, m."""
-        del name
         return self.law.limits(Gap(depth, 0.0, self.socket_radius, self.clearance))
 
     def centred_joint(self) -> AbstractConstraint:

@@ -8,8 +8,7 @@ from ...fields.declarations import optional_quantity, quantity
 from ...fields.types import Single, Triple
 from ...math.rotations import unit
 from ...math.vectors import Scalar, add
-from ..contact.bristles import AbstractBristleFriction
-from ..contact.friction import AbstractFriction
+from ..contact.bristles import FrictionLaw
 from ..contact.laws import AbstractContactLaw, require_flat_law
 from ..joints.base import AbstractConstraint, Attachment, Contact, Motions
 from ..joints.planes import LineInPlaneJoint, PointInPlaneJoint
@@ -80,9 +79,7 @@ class PinInSlot(AbstractSharedLawJoint):
     slot_normal: Triple = quantity("1", check=require_axis, default=(0.0, 1.0, 0.0), kw_only=True)
     pin_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0), kw_only=True)
     travel: Single | None = optional_quantity("m", positive=True, kw_only=True)
-    friction: AbstractFriction | AbstractBristleFriction | None = eqx.field(  # pyright: ignore[reportGeneralTypeIssues]
-        default=None, kw_only=True
-    )
+    friction: FrictionLaw | None = eqx.field(default=None, kw_only=True)  # pyright: ignore[reportGeneralTypeIssues]
 
     def _check_together(self) -> None:
         require_flat_law(self.law, "the slot's walls")
@@ -111,6 +108,7 @@ class PinInSlot(AbstractSharedLawJoint):
     def contacts(self, motions: Motions) -> dict[str, Contact]:
         """Return the contacts by label: walls, and ends if the slot has ends."""
         slot, pin = (motions[name] for name in self.pair())
+        part = self.pin_point, self.pin_radius, self.friction is not None
         directions = [(WALLS, unit(self.slot_normal), self.play)]
         if self.travel is not None:
             directions.append((ENDS, unit(self.slot_axis), self.travel))
@@ -118,10 +116,7 @@ class PinInSlot(AbstractSharedLawJoint):
         for labels, outward, room in directions:
             for side, label in zip(SIDES, labels, strict=True):
                 wall = FlatWall(self.slot_point, outward * side, 0.5 * room)
-                has_friction = self.friction is not None
-                contacts[label] = wall.contact(
-                    slot, pin, self.pin_point, self.pin_radius, has_friction
-                )
+                contacts[label] = wall.contact(slot, pin, *part)
         return contacts
 
     def deepest(self) -> dict[str, Scalar]:
@@ -222,9 +217,7 @@ class SliderInGuide(AbstractSharedLawJoint):
     slider_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0), kw_only=True)
     slider_axis: Triple = quantity("1", check=require_axis, default=(1.0, 0.0, 0.0), kw_only=True)
     slider_normal: Triple = quantity("1", check=require_axis, default=(0.0, 1.0, 0.0), kw_only=True)
-    friction: AbstractFriction | AbstractBristleFriction | None = eqx.field(  # pyright: ignore[reportGeneralTypeIssues]
-        default=None, kw_only=True
-    )
+    friction: FrictionLaw | None = eqx.field(default=None, kw_only=True)  # pyright: ignore[reportGeneralTypeIssues]
 
     def _check_together(self) -> None:
         require_flat_law(self.law, "the guide's walls")

@@ -34,18 +34,11 @@ from ...math.rotations import transverse_axes, unit
 from ...math.smoothing import norm_and_direction
 from ...math.vectors import Scalar, Vector, add, subtract
 from ..bodies import Motion
-from ..contact.bristles import AbstractBristleFriction
-from ..contact.friction import AbstractFriction
+from ..contact.bristles import FrictionLaw
 from ..contact.gap import Gap, Limit, caution_beyond, slip_velocity
-from ..contact.laws import AbstractContactLaw
+from ..contact.laws import AbstractContactLaw, require_instance
 from ..contact.weighted import WeightedLaw
-from ..joints.base import (
-    AbstractConstraint,
-    Attachment,
-    Contact,
-    Motions,
-    Row,
-)
+from ..joints.base import AbstractConstraint, Attachment, Contact, Motions, Row
 from ..joints.constraint_rows import point_in_plane, relative_angle_row
 from ..joints.ideal import CylindricalJoint, RevoluteJoint
 from ..pen import AbstractPen, Marker
@@ -143,7 +136,7 @@ class ClearanceJoint(AbstractCentredJoint):
     clearance: Single = quantity("m", positive=True, remedy="give the radial clearance in m")
     journal_length: Single = quantity("m", positive=True)
     law: AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
-    friction: AbstractFriction | AbstractBristleFriction | None  # pyright: ignore[reportGeneralTypeIssues]
+    friction: FrictionLaw | None  # pyright: ignore[reportGeneralTypeIssues]
     axial: AbstractAxialPolicy  # pyright: ignore[reportGeneralTypeIssues]
     bearing_profile: AbstractProfile | None  # pyright: ignore[reportGeneralTypeIssues]
     journal_profile: AbstractProfile | None  # pyright: ignore[reportGeneralTypeIssues]
@@ -163,19 +156,15 @@ class ClearanceJoint(AbstractCentredJoint):
         clearance: Scalar | None = None,
         journal_length: Scalar,
         law: AbstractContactLaw,
-        friction: AbstractFriction | AbstractBristleFriction | None = None,
+        friction: FrictionLaw | None = None,
         axial: AbstractAxialPolicy | None = None,
         bearing_profile: AbstractProfile | None = None,
         journal_profile: AbstractProfile | None = None,
         line_points: int | None = None,
     ):
-        require(
-            (journal_radius is None) != (clearance is None),
-            "clearance",
-            clearance,
-            "given if and only if `journal_radius` is not",
-            "pass one of the two, in m",
-        )
+        one = (journal_radius is None) != (clearance is None)
+        expected = "given if and only if `journal_radius` is not"
+        require(one, "clearance", clearance, expected, "pass one of the two, in m")
         outer = as_number(bearing_radius, "bearing_radius", "m")
         if clearance is not None:
             difference = as_number(clearance, "clearance", "m")
@@ -184,13 +173,9 @@ class ClearanceJoint(AbstractCentredJoint):
             number = concrete(difference)
             # A later check would refuse the clearance, which the user has not given.
             if number is not None and number.shape == ():
-                require(
-                    not number <= 0.0,
-                    "journal_radius",
-                    journal_radius,
-                    f"smaller than the bearing's {as_shown(float(outer))} m",
-                    "swap the radii, or use an ideal RevoluteJoint for no clearance",
-                )
+                expected = f"smaller than the bearing's {as_shown(float(outer))} m"
+                remedy = "swap the radii, or use an ideal RevoluteJoint for no clearance"
+                require(not number <= 0.0, "journal_radius", journal_radius, expected, remedy)
         self.bearing_body, self.journal_body = bearing_body, journal_body
         self.bearing_point, self.bearing_axis = bearing_point, bearing_axis
         self.journal_point, self.journal_axis = journal_point, journal_axis
@@ -202,13 +187,7 @@ class ClearanceJoint(AbstractCentredJoint):
         self.line_points = line_points
 
     def __check_init__(self):
-        require(
-            isinstance(self.axial, AbstractAxialPolicy),
-            "axial",
-            self.axial,
-            "an AbstractAxialPolicy",
-            "subclass AbstractAxialPolicy or pass one of clearjoint's",
-        )
+        require_instance("axial", self.axial, AbstractAxialPolicy)
         if (points := self.line_points) is not None:
             remedy = "give the number of points along the journal, or None for its two bases"
             require_count("line_points", points, remedy)
@@ -222,14 +201,10 @@ class ClearanceJoint(AbstractCentredJoint):
     def _caution_together(self) -> None:
         radius, clearance = concrete(self.bearing_radius), concrete(self.clearance)
         if radius is not None and clearance is not None:
-            caution_unless(
-                bool(clearance <= WIDEST_CLEARANCE * radius),
-                "clearance",
-                float(clearance),
-                "m",
-                f"at most a tenth of the bearing's radius of {float(radius):g} m",
-                "give the journal's radius as `journal_radius`, and the radial clearance in m",
-            )
+            fine = bool(clearance <= WIDEST_CLEARANCE * radius)
+            expected = f"at most a tenth of the bearing's radius of {float(radius):g} m"
+            remedy = "give the journal's radius as `journal_radius`, and the radial clearance in m"
+            caution_unless(fine, "clearance", float(clearance), "m", expected, remedy)
             remedy = "give lengths in m; 1 mm is 1e-3 m"
             longest = LONGEST_JOURNAL * float(radius)
             caution_above("journal_length", self.journal_length, "m", longest, remedy)
@@ -495,15 +470,11 @@ class ClearanceJoint(AbstractCentredJoint):
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Return the distance "axial" of the journal's centre from the middle plane, m, if held."""
-        del t
         if not self.axial.holds_centre:
             return {}
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
-        axis = unit(self.bearing_axis)
-        row = point_in_plane(
-            self.pair(), bearing, journal, self.bearing_point, axis, self.journal_point
-        )
-        return {"axial": row}
+        points = self.bearing_point, unit(self.bearing_axis), self.journal_point
+        return {"axial": point_in_plane(self.pair(), bearing, journal, *points)}
 
     def draw(self, pen: AbstractPen) -> None:
         """Draw a journal in a bearing."""

@@ -1,6 +1,7 @@
 """Shared parts of the clearance joints: base classes, argument checks, flat walls."""
 
 import abc
+import operator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -12,10 +13,10 @@ from ...fields.checks import as_shown, checkable, require, require_numbers
 from ...fields.types import Single, Triple
 from ...math.vectors import Scalar, Vector, subtract
 from ..bodies import GROUND, Motion
-from ..contact.bristles import AbstractBristleFriction
+from ..contact.bristles import AbstractBristleFriction, FrictionLaw
 from ..contact.friction import AbstractFriction
 from ..contact.gap import Gap, Limit, slip_velocity
-from ..contact.laws import AbstractContactLaw, require_flat_law
+from ..contact.laws import AbstractContactLaw, require_flat_law, require_instance
 from ..joints.base import (
     AbstractConstraint,
     AbstractContactJoint,
@@ -53,7 +54,6 @@ class AbstractFrictionlessJoint(AbstractContactJoint):
 
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
         """Return ``None``: there is no friction."""
-        del name, contact, normal_force
 
 
 class AbstractFlankJoint(AbstractFrictionlessJoint):
@@ -94,7 +94,6 @@ class CentredInPlay(AbstractConstraint):
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Return the row of the joint."""
-        del t
         return self.joint.centred_rows(motions)
 
 
@@ -107,11 +106,13 @@ class AbstractSharedLawJoint(AbstractFrictionlessJoint):
     class.
     """
 
-    friction: eqx.AbstractVar[AbstractFriction | AbstractBristleFriction | None]
+    friction: eqx.AbstractVar[FrictionLaw | None]
 
     def __check_init__(self):
         require_distinct(*self.pair())
-        require_law_and_friction(self.law, self.friction)
+        require_instance("law", self.law, AbstractContactLaw)
+        if self.friction is not None:
+            require_instance("friction", self.friction, AbstractFriction, AbstractBristleFriction)
 
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
         """Return the friction force on the second body, N in global axes; ``None`` without
@@ -119,7 +120,6 @@ class AbstractSharedLawJoint(AbstractFrictionlessJoint):
 
         For a law with bristles it is that of steady sliding. A run uses `bristle_laws` instead.
         """
-        del name
         if self.friction is None or contact.slip is None:
             return None
         return self.friction.force(normal_force, contact.slip)
@@ -131,45 +131,13 @@ class AbstractSharedLawJoint(AbstractFrictionlessJoint):
         return {}
 
 
-def require_law_and_friction(law: object, friction: object) -> None:
-    """Check the classes of a normal law and of a friction law; the friction may be ``None``.
-
-    **Raises:** `ValueError` that names `law` or `friction`.
-    """
-    kinds = {
-        "law": (law, (AbstractContactLaw,)),
-        "friction": (friction, (AbstractFriction, AbstractBristleFriction)),
-    }
-    for name, (value, allowed) in kinds.items():
-        names = " or ".join(kind.__name__ for kind in allowed)
-        require(
-            isinstance(value, allowed) or (name == "friction" and value is None),
-            name,
-            value,
-            f"an {names}",
-            _remedy(value, names),
-        )
-
-
-def _remedy(value: object, names: str) -> str:
-    """Return the advice for a value that is no law; `names`: of the allowed classes."""
-    if isinstance(value, type):
-        return f"call the class with its numbers, {value.__name__}(...)"
-    return f"subclass {names} or pass one of clearjoint's"
-
-
 def require_smaller_clearance(clearance: Single, radius: Single, radius_name: str) -> None:
     """Check that a clearance, m, is smaller than a radius, m, with the name `radius_name`.
 
     **Raises:** `ValueError` that names both.
     """
-    require_numbers(
-        lambda width, size: width < size,
-        "clearance",
-        (clearance, radius),
-        f"smaller than {radius_name} {{1}} m",
-        "check the units (m)",
-    )
+    values, expected = (clearance, radius), f"smaller than {radius_name} {{1}} m"
+    require_numbers(operator.lt, "clearance", values, expected, "check the units (m)")
 
 
 def require_right_angle(argument: str, direction: Triple, other: str, axis: Triple) -> None:
@@ -182,13 +150,9 @@ def require_right_angle(argument: str, direction: Triple, other: str, axis: Trip
     if (known := checkable(direction, axis)) is not None:
         numbers, base = known
         lengths = ((numbers**2).sum() * (base**2).sum()) ** 0.5
-        require(
-            abs((numbers * base).sum()) < RIGHT_ANGLE * lengths,
-            argument,
-            numbers,
-            f"perpendicular to `{other}` = {as_shown(base)}",
-            "change one of the two directions",
-        )
+        fine = abs((numbers * base).sum()) < RIGHT_ANGLE * lengths
+        expected = f"perpendicular to `{other}` = {as_shown(base)}"
+        require(fine, argument, numbers, expected, "change one of the two directions")
 
 
 class AbstractCentredJoint(AbstractSharedLawJoint):

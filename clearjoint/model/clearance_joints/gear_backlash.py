@@ -1,15 +1,10 @@
 """Two spur gears with involute teeth and backlash."""
 
 import math
+import operator
 from dataclasses import dataclass
 
-from ...fields.checks import (
-    caution_above,
-    concrete,
-    require_axis,
-    require_numbers,
-    require_shape,
-)
+from ...fields.checks import caution_above, concrete, require_axis, require_numbers, require_shape
 from ...fields.declarations import quantity
 from ...fields.types import ArrayLike, Single, Triple
 from ...math.functions import cosine, polar_angle, sine, where, wrapped
@@ -190,13 +185,8 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
             "positive, or more than the first gear's {1} for an internal gear",
             "name the inner gear first, with a positive number, and the internal one second",
         )
-        require_numbers(
-            lambda backlash, pitch: backlash < pitch,
-            "backlash",
-            (self.backlash, math.pi * self.module),
-            "smaller than the pitch of {1} m",
-            "check the units (m)",
-        )
+        values, expected = (self.backlash, math.pi * self.module), "smaller than the pitch of {1} m"
+        require_numbers(operator.lt, "backlash", values, expected, "check the units (m)")
 
     def _caution_together(self) -> None:
         module = concrete(self.module)
@@ -259,14 +249,19 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         sense = where(radii < 0.0, -1.0, 1.0)
         # Cosine and sine of the working pressure angle alpha', which grows with the distance.
         tangential = radii * sense / line.distance
-        radial = square_root(1.0 - tangential * tangential)
+        square = 1.0 - tangential * tangential
+        # Involutes have no common normal if the gears are closer than the sum of their base radii.
+        meshes = square > 0.0
+        radial = square_root(where(meshes, square, 1.0))
         opening = self._opening(radii, tangential, radial)
         contacts = {}
         for label, side in FLANKS.items():
             # The line of action has the angle alpha' from the tangent of the pitch circles.
             push = line.across * (side * tangential) + line.along * radial
             normal = push * -sense
-            gap = Gap(side * displacement - opening, sliding.dot(normal))
+            # An infinite penetration is beyond every limit, so that a run refuses such gears.
+            depth = where(meshes, side * displacement - opening, math.inf)
+            gap = Gap(depth, sliding.dot(normal))
             contacts[label] = Contact(gap, normal, at_first, at_second, None)
         return contacts
 

@@ -11,7 +11,6 @@ from ...math.groups import each
 from ...math.vectors import Scalar, Vector
 from ..bodies import Motion, Wrench
 from ..contact.bristles import AbstractBristleFriction
-from ..contact.gap import Gap
 from ..contact.laws import AbstractContactLaw
 from ..joints.base import AbstractContactJoint, Contact, Motions
 
@@ -42,12 +41,7 @@ class GroupedContactJoint(AbstractContactJoint):
     def laws(self) -> dict[str, AbstractContactLaw]:
         """Return the grouped normal law of each contact by label."""
         return {
-            label: GroupedContactLaw(
-                joint=self.joint,
-                label=label,
-                uses_entry_speed=law.uses_entry_speed,
-                force_jumps=law.force_jumps,
-            )
+            label: GroupedContactLaw(self.joint, label, law.uses_entry_speed, law.force_jumps)
             for label, law in self.joint.laws().items()
         }
 
@@ -81,19 +75,27 @@ class GroupedContactJoint(AbstractContactJoint):
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
         """Return the friction forces, N in global axes; ``None`` without friction."""
 
-        def of(
-            joint: AbstractContactJoint, contact: Contact, normal_force: Scalar
-        ) -> Vector | None:
-            return joint.friction_force(name, contact, normal_force)
+        def of(joint: AbstractContactJoint, *given: PyTree) -> Vector | None:
+            return joint.friction_force(name, *given)
 
         return each(of, self.joint, contact, normal_force)
 
     def bristle_laws(self) -> dict[str, AbstractBristleFriction]:
         """Return the grouped bristle law by label, for the contacts that have bristles."""
-        return {
-            label: GroupedBristleLaw(joint=self.joint, label=label)
-            for label in self.joint.bristle_laws()
-        }
+        return {label: GroupedBristleLaw(self.joint, label) for label in self.joint.bristle_laws()}
+
+
+def _of_each_law(laws: str, name: str) -> PyTree:
+    """Return a method of a grouped law that calls the method `name` of each single law; the method
+    `laws` of a joint returns its laws by label."""
+
+    def method(self: "GroupedContactLaw | GroupedBristleLaw", *arguments: PyTree) -> PyTree:
+        def of(joint: AbstractContactJoint, *arguments: PyTree) -> PyTree:
+            return getattr(getattr(joint, laws)()[self.label], name)(*arguments)
+
+        return each(of, self.joint, *arguments)
+
+    return method
 
 
 class GroupedContactLaw(AbstractContactLaw):
@@ -108,29 +110,10 @@ class GroupedContactLaw(AbstractContactLaw):
     uses_entry_speed: bool = eqx.field(static=True)  # pyright: ignore
     force_jumps: bool = eqx.field(static=True)
 
-    def _each(self, method: str, *arguments: Gap | Scalar | None) -> Scalar:
-        """Return the results (N,) of the laws' method of a given name."""
-
-        def of(joint: AbstractContactJoint, *arguments: Gap | Scalar | None) -> Scalar:
-            return getattr(joint.laws()[self.label], method)(*arguments)
-
-        return each(of, self.joint, *arguments)
-
-    def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
-        """Return the normal forces, N."""
-        return self._each("force", gap, entry_speed)
-
-    def elastic_force(self, gap: Gap) -> Scalar:
-        """Return the elastic parts of the forces, N."""
-        return self._each("elastic_force", gap)
-
-    def stored_energy(self, gap: Gap) -> Scalar:
-        """Return the elastic energies, J."""
-        return self._each("stored_energy", gap)
-
-    def onset_offset(self) -> Scalar:
-        """Return the distances between the surfaces at which the forces begin, m."""
-        return self._each("onset_offset")
+    force = _of_each_law("laws", "force")
+    elastic_force = _of_each_law("laws", "elastic_force")
+    stored_energy = _of_each_law("laws", "stored_energy")
+    onset_offset = _of_each_law("laws", "onset_offset")
 
     def slope_jumps(self) -> bool:
         """Return whether the derivatives of the forces by the depth may jump at the onset."""
@@ -146,27 +129,11 @@ class GroupedBristleLaw(AbstractBristleFriction):
     joint: AbstractContactJoint
     label: str = eqx.field(static=True)
 
-    def _each(self, method: str, *arguments: Vector | Scalar) -> PyTree:
-        """Return the results (N,) of the laws' method of a given name."""
-
-        def of(joint: AbstractContactJoint, *arguments: Vector | Scalar) -> PyTree:
-            return getattr(joint.bristle_laws()[self.label], method)(*arguments)
-
-        return each(of, self.joint, *arguments)
-
-    def rate(self, deflection: Vector, slip: Vector) -> Vector:
-        """Return the rates of the deflections, m/s, for deflections, m, and slips, m/s."""
-        return self._each("rate", deflection, slip)
-
-    def ratio(self, deflection: Vector, rate: Vector, slip: Vector) -> Vector:
-        """Return the ratios of friction to normal force, for deflections, m, their rates, m/s, and
-        slips, m/s."""
-        return self._each("ratio", deflection, rate, slip)
-
-    def sliding_ratio(self, slip_speed: Scalar) -> Scalar:
-        """Return the ratios of friction to normal force in steady dry sliding at a speed in m/s."""
-        return self._each("sliding_ratio", slip_speed)
+    rate = _of_each_law("bristle_laws", "rate")
+    ratio = _of_each_law("bristle_laws", "ratio")
+    sliding_ratio = _of_each_law("bristle_laws", "sliding_ratio")
+    _full_deflections = _of_each_law("bristle_laws", "full_deflection")
 
     def full_deflection(self) -> Scalar:
         """Return the approximate deflections in steady sliding, m."""
-        return jnp.asarray(self._each("full_deflection"), float)
+        return jnp.asarray(self._full_deflections(), float)

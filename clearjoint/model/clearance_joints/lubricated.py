@@ -11,7 +11,7 @@ import optimistix
 from jaxtyping import Complex, Float, PyTree
 
 from ...compilation import Compiled
-from ...fields.checks import require, require_positive, require_shape
+from ...fields.checks import require_positive, require_shape
 from ...fields.conversion import on_device
 from ...fields.declarations import optional_quantity, quantity
 from ...fields.types import ArrayLike, Single
@@ -20,12 +20,9 @@ from ...math.smoothing import norm_and_direction, ramp
 from ...math.vectors import UNIT_Z, Scalar, Vector, unpack
 from ..bodies import NO_WRENCH, Wrench
 from ..contact.gap import Gap, Limit, caution_beyond
-from ..contact.laws import AbstractContactLaw
+from ..contact.laws import AbstractContactLaw, require_instance
 from ..films import AbstractFilm, FilmGap
-from ..joints.base import (
-    AbstractContactJoint,
-    Motions,
-)
+from ..joints.base import AbstractContactJoint, Motions
 from .clearance import ClearanceJoint
 from .journal_bases import SIDES, JournalBase
 
@@ -162,15 +159,9 @@ class LubricatedJoint(AbstractContactJoint):
     )
 
     def __check_init__(self):
-        for name, kind in (("dry", ClearanceJoint), ("film", AbstractFilm)):
-            value = getattr(self, name)
-            require(
-                isinstance(value, kind),
-                name,
-                type(value).__name__,
-                f"one of {kind.__name__}",
-                "pass the joint without its film, and then a film such as CaponeFilm(0.02)",
-            )
+        remedy = "pass the joint without its film, and then a film such as CaponeFilm(0.02)"
+        require_instance("dry", self.dry, ClearanceJoint, remedy=remedy)
+        require_instance("film", self.film, AbstractFilm, remedy=remedy)
 
     def _caution_together(self) -> None:
         for limit in self.film.limits(self.dry.bearing_radius, self.dry.journal_length):
@@ -202,15 +193,12 @@ class LubricatedJoint(AbstractContactJoint):
 
         Without a `transition` all laws are those of `dry`.
         """
-        walls, laws = self.dry.contact_labels(), self.dry.laws()
-        if self.transition is None:
-            return laws
-        return {
-            name: BlendedContactLaw(law, self.transition, law.uses_entry_speed)
-            if name in walls
-            else law
-            for name, law in laws.items()
-        }
+        laws = self.dry.laws()
+        if self.transition is not None:
+            for label in self.dry.contact_labels():
+                law = laws[label]
+                laws[label] = BlendedContactLaw(law, self.transition, law.uses_entry_speed)
+        return laws
 
     def film_wrenches(self, motions: Motions) -> dict[str, Wrench]:
         """Return the film's wrench on the bearing's and on the journal's body, by body name."""
@@ -322,12 +310,8 @@ class CarriedJournal(NamedTuple):
         """
         # The motion is that of a linear system whose variables are the offset and its rate.
         inverse_mass = jnp.eye(2) / mass
-        rates = jnp.block(
-            [
-                [jnp.zeros((2, 2)), jnp.eye(2)],
-                [-inverse_mass @ self.stiffness, -inverse_mass @ self.damping],
-            ]
-        )
+        by_offset, by_rate = -inverse_mass @ self.stiffness, -inverse_mass @ self.damping
+        rates = jnp.block([[jnp.zeros((2, 2)), jnp.eye(2)], [by_offset, by_rate]])
         return jnp.linalg.eigvals(rates)
 
 

@@ -54,13 +54,9 @@ class MasslessLink(AbstractConstraint):
 
     def __check_init__(self):
         require_distinct(self.bearing_body, self.journal_body)
-        require(
-            self.axial.shoulder_law() is None,
-            "axial",
-            type(self.axial).__name__,
-            "FreeAxially() or FixedAxially()",
-            "use a ClearanceJoint for shoulders, which are contacts",
-        )
+        fine, expected = self.axial.shoulder_law() is None, "FreeAxially() or FixedAxially()"
+        remedy = "use a ClearanceJoint for shoulders, which are contacts"
+        require(fine, "axial", type(self.axial).__name__, expected, remedy)
 
     def body_names(self) -> tuple[str, ...]:
         """Return the names of the bearing's body and the journal's body."""
@@ -85,7 +81,6 @@ class MasslessLink(AbstractConstraint):
         The value of a base's row is (e^2 - c^2)/(2 c), m, with its eccentricity e and the clearance
         c. That of "axial" is the distance of the centre from the bearing's middle plane, m.
         """
-        del t
         half = unit(self.journal_axis) * (0.5 * self.journal_length)
         ends = self.journal_point - half, self.journal_point + half
         rows = {base: self._distance(motions, end) for base, end in zip(BASES, ends, strict=True)}

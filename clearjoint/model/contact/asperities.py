@@ -16,7 +16,7 @@ from ...fields.types import Single
 from ...math.smoothing import positive_power
 from ...math.vectors import Scalar, square_root
 from .gap import Gap, Limit
-from .laws import AbstractContactLaw
+from .laws import AbstractContactLaw, require_instance
 
 REACH = 4.0
 """Distance of the mean planes over the roughness below which asperities touch."""
@@ -97,16 +97,8 @@ class GreenwoodTripp(AbstractConverting):
 
     def _scale(self) -> Scalar:
         """Return the pressure, Pa, where the distance is 3 sigma."""
-        return (
-            16.0
-            * math.sqrt(2.0)
-            * math.pi
-            / 15.0
-            * FIT
-            * self.density**2
-            * square_root(self.sharpness)
-            * self.modulus
-        )
+        factor = 16.0 * math.sqrt(2.0) * math.pi / 15.0 * FIT
+        return factor * self.density**2 * square_root(self.sharpness) * self.modulus
 
 
 class RoughCylinders(AbstractContactLaw):
@@ -156,10 +148,8 @@ class RoughCylinders(AbstractContactLaw):
         self.uses_entry_speed = bool(getattr(law, "uses_entry_speed", False))
 
     def __check_init__(self):
-        for name, kind in (("asperities", GreenwoodTripp), ("law", AbstractContactLaw)):
-            given = type(getattr(self, name)).__name__
-            fine = isinstance(getattr(self, name), kind)
-            require(fine, name, given, f"a {kind.__name__}", f"pass a {kind.__name__}")
+        require_instance("asperities", self.asperities, GreenwoodTripp)
+        require_instance("law", self.law, AbstractContactLaw)
         # The mean surfaces meet while asperities are already in contact. This is no event, so that
         # steps don't end there, and a jump of the force or its slope would be inside of a step.
         fine = not (self.law.force_jumps or self.law.slope_jumps())

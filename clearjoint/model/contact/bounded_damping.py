@@ -60,7 +60,6 @@ class ElastoGap(AbstractBoundedDampingLaw):
 
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
         """Return the normal force, N."""
-        del entry_speed
         elastic = self.elastic_force(gap)
         return elastic + jnp.clip(self.damping * gap.rate, -elastic, elastic)
 
@@ -91,7 +90,6 @@ class ImpactFunction(AbstractBoundedDampingLaw):
 
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
         """Return the normal force, N."""
-        del entry_speed
         ratio = jnp.clip(gap.depth / self.full_damping_depth, 0.0, 1.0)
         damping = self.damping * ratio**2 * (3.0 - 2.0 * ratio)
         return jnp.maximum(self.elastic_force(gap) + damping * gap.rate, 0.0)
@@ -131,7 +129,6 @@ class FloresKelvinVoigt(AbstractBoundedDampingLaw):
 
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
         """Return the normal force, N."""
-        del entry_speed
         loading = 0.5 * (1.0 + jnp.tanh(gap.rate / self.transition_speed))
         full = self.stiffness.force(gap, self.exponent)
         return full * (self.restitution + (1.0 - self.restitution) * loading)

@@ -7,6 +7,8 @@ normal force, so that friction starts and ends with the contact.
 """
 
 import abc
+import operator
+from typing import TypeAlias
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -17,7 +19,7 @@ from ...fields.declarations import quantity
 from ...fields.types import Single
 from ...math.smoothing import norm_and_direction
 from ...math.vectors import Scalar, Vector
-from .friction import require_breakaway
+from .friction import AbstractFriction, require_breakaway
 
 
 class AbstractBristleFriction(AbstractConverting):
@@ -92,7 +94,6 @@ class AbstractBristleFriction(AbstractConverting):
 
         With zero, a run counts all work of friction as dissipated. `deflection` is in m.
         """
-        del deflection
         return 0.0
 
     def force(self, normal_force: Scalar, slip: Vector) -> Vector:
@@ -105,6 +106,10 @@ class AbstractBristleFriction(AbstractConverting):
         """
         speed, direction = norm_and_direction(slip)
         return direction * (-normal_force * self.sliding_ratio(speed))
+
+
+FrictionLaw: TypeAlias = AbstractFriction | AbstractBristleFriction
+"""Law of the friction in a joint, without or with bristles."""
 
 
 class Dahl(AbstractBristleFriction):
@@ -136,12 +141,10 @@ class Dahl(AbstractBristleFriction):
 
     def ratio(self, deflection: Vector, rate: Vector, slip: Vector) -> Vector:
         """Return sigma0 z."""
-        del rate, slip
         return deflection * self.stiffness
 
     def sliding_ratio(self, slip_speed: Scalar) -> Scalar:
         """Return mu at every speed."""
-        del slip_speed
         return self.coefficient
 
     def stored_energy(self, deflection: Vector) -> Scalar:
@@ -263,13 +266,10 @@ class ElastoPlastic(AbstractDampedBristles):
 
     def _check_together(self) -> None:
         super()._check_together()
-        require_numbers(
-            lambda elastic, full: elastic < full,
-            "elastic_deflection",
-            (self.elastic_deflection, self.full_deflection()),
-            "below kinetic/stiffness = {1} m",
-            "give z_ba in m, half of that for example",
-        )
+        values = self.elastic_deflection, self.full_deflection()
+        expected = "below kinetic/stiffness = {1} m"
+        remedy = "give z_ba in m, half of that for example"
+        require_numbers(operator.lt, "elastic_deflection", values, expected, remedy)
 
     def rate(self, deflection: Vector, slip: Vector) -> Vector:
         """Return v - alpha(z, v) sigma0 |v| z/g(v), m/s."""

@@ -80,7 +80,6 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
     def deepest(self, gap: Gap) -> Scalar | None:
         """Return the largest penetration for which the formula is valid, m; ``None``, the default,
         for no limit."""
-        del gap
         return None
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
@@ -97,7 +96,6 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
         Near the largest valid penetration and beyond it, the force continues along its tangent.
         The exponent is not used.
         """
-        del exponent
         touches, depth = _positive(gap)
         straight = self._straight(gap)
         if straight is None:
@@ -111,7 +109,6 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
 
     def energy(self, gap: Gap, exponent: float) -> Scalar:
         """Return the integral of the force over the penetration, J; the exponent is not used."""
-        del exponent
         touches, depth = _positive(gap)
         straight = self._straight(gap)
         if straight is None:

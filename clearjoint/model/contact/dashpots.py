@@ -65,7 +65,6 @@ class AbstractDashpotLaw(AbstractPowerLaw):
 
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
         """Return the normal force, N."""
-        del entry_speed
         # Powers of zero have infinite derivatives: without contact a depth of one replaces it.
         closed = gap.depth > 0.0
         depth = jnp.where(closed, gap.depth, 1.0)
@@ -125,13 +124,9 @@ class AbstractTunedDashpotLaw(AbstractDashpotLaw):
     effective_mass: Single = quantity("kg", positive=True, remedy="give the mass that rebounds")
 
     def _check_together(self) -> None:
-        require(
-            isinstance(self.stiffness, AbstractStiffness),
-            "stiffness",
-            type(self.stiffness).__name__,
-            "a number or an AbstractStiffness",
-            "the damping of this law is computed from the stiffness K of a power law",
-        )
+        fine, given = isinstance(self.stiffness, AbstractStiffness), type(self.stiffness).__name__
+        remedy = "the damping of this law is computed from the stiffness K of a power law"
+        require(fine, "stiffness", given, "a number or an AbstractStiffness", remedy)
         require_rebound(self.restitution)
 
     def _root(self, gap: Gap) -> Scalar:
@@ -242,7 +237,6 @@ class AbstractGivenDashpotLaw(AbstractDashpotLaw):
 
     def damping(self, gap: Gap) -> Scalar:
         """Return the damping coefficient D, N s/m^(1+m)."""
-        del gap
         return self.damping_coefficient
 
 

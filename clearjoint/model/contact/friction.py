@@ -6,6 +6,7 @@ with a deflection of the surfaces, model sticking.
 """
 
 import abc
+import operator
 
 import jax
 import jax.numpy as jnp
@@ -156,13 +157,8 @@ class Ambrosio(AbstractFriction):
     upper_speed: Single = quantity("m/s", default=1e-3, shape=())
 
     def _check_together(self) -> None:
-        require_numbers(
-            lambda upper, lower: upper > lower,
-            "upper_speed",
-            (self.upper_speed, self.lower_speed),
-            "above lower_speed = {1}",
-            "give v1 > v0 in m/s",
-        )
+        speeds, remedy = (self.upper_speed, self.lower_speed), "give v1 > v0 in m/s"
+        require_numbers(operator.gt, "upper_speed", speeds, "above lower_speed = {1}", remedy)
 
     def ratio(self, slip_speed: Scalar) -> Scalar:
         """Return mu c_d(v), where c_d rises linearly from 0 to 1 between the two speeds."""
@@ -174,13 +170,8 @@ class Ambrosio(AbstractFriction):
 
 def require_breakaway(breakaway: Single, kinetic: Single) -> None:
     """Raise a ``ValueError`` if the breakaway coefficient is smaller than the kinetic one."""
-    require_numbers(
-        lambda slow, fast: slow >= fast,
-        "breakaway",
-        (breakaway, kinetic),
-        "at least kinetic = {1}",
-        "give mu_S >= mu_C",
-    )
+    expected, remedy = "at least kinetic = {1}", "give mu_S >= mu_C"
+    require_numbers(operator.ge, "breakaway", (breakaway, kinetic), expected, remedy)
 
 
 class AbstractFallingFriction(AbstractFriction):

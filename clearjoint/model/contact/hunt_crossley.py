@@ -80,13 +80,10 @@ class AbstractHertzianLaw(AbstractElasticLaw):
         require_exponent(self.exponent)
         if self.smoothing is not None:
             require_positive("smoothing", self.smoothing, "give a width in m, or None")
-            require(
-                isinstance(self.stiffness, AbstractStiffness),
-                "smoothing",
-                self.smoothing,
-                f"None with {type(self.stiffness).__name__}",
-                "it smooths a power of the penetration",
-            )
+            fine = isinstance(self.stiffness, AbstractStiffness)
+            expected = f"None with {type(self.stiffness).__name__}"
+            remedy = "it smooths a power of the penetration"
+            require(fine, "smoothing", self.smoothing, expected, remedy)
 
     def onset_offset(self) -> Scalar:
         """Return the distance of the surfaces at which the force begins, m: the smoothing width."""

@@ -59,13 +59,11 @@ class AbstractElasticity(AbstractConverting):
         If so, no correction for a kink is computed at the ends of a contact. `exponent` is n of a
         law K delta^n. The default is ``False``.
         """
-        del exponent
         return False
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
         """Return the quantities on which the validity of the elastic force depends, with their
         ranges; an empty tuple by default."""
-        del gap
         return ()
 
 
@@ -282,7 +280,6 @@ class AbstractContactLaw(AbstractConverting):
 
         A warning is issued for a value outside its range. The default is an empty tuple.
         """
-        del gap
         return ()
 
 
@@ -342,6 +339,22 @@ def require_rebound(restitution: Single) -> None:
     require_numbers(lambda number: number > 0.0, "restitution", (restitution,), expected, remedy)
 
 
+def require_instance(argument: str, value: object, *kinds: type, remedy: str = "") -> None:
+    """Check that a value is an object of one of the given classes.
+
+    **Arguments:** `remedy`: advice in the message; by default to call the class if the value is a
+    class, and otherwise to pass an object of this package or of a subclass.
+
+    **Raises:** `ValueError` that names the argument.
+    """
+    names = " or ".join(kind.__name__ for kind in kinds)
+    if isinstance(value, type):
+        remedy = f"call the class with its numbers, {value.__name__}(...)"
+    remedy = remedy or f"subclass {names} or pass one of clearjoint's"
+    article = "an" if names.startswith(tuple("AEIOU")) else "a"
+    require(isinstance(value, kinds), argument, value, f"{article} {names}", remedy)
+
+
 def require_flat_law(law: object, surfaces: str) -> None:
     """Check that a law can be used between flat surfaces: its stiffness must not depend on radii.
 
@@ -349,22 +362,12 @@ def require_flat_law(law: object, surfaces: str) -> None:
 
     **Raises:** `ValueError` if the value is no law, or its stiffness is computed from radii.
     """
-    require(
-        isinstance(law, AbstractContactLaw),
-        "law",
-        law,
-        "an AbstractContactLaw",
-        "pass a law such as HuntCrossley(0.5, 1e8)",
-    )
+    require_instance("law", law, AbstractContactLaw)
     # Other laws have no `stiffness`; whether they read the radii is not visible from outside.
     if isinstance(law, AbstractElasticLaw):
-        require(
-            isinstance(law.stiffness, GivenStiffness),
-            "law",
-            type(law.stiffness).__name__,
-            "a law with an explicit stiffness",
-            f"{surfaces} are flat, so pass a number in N/m^n as the law's stiffness",
-        )
+        fine, kind = isinstance(law.stiffness, GivenStiffness), type(law.stiffness).__name__
+        remedy = f"{surfaces} are flat, so pass a number in N/m^n as the law's stiffness"
+        require(fine, "law", kind, "a law with an explicit stiffness", remedy)
 
 
 def contact_normal_force(law: AbstractContactLaw, gap: Gap, entry_speed: Scalar | None) -> Scalar:

@@ -14,7 +14,7 @@ from jaxtyping import PyTree
 
 from ...fields.checks import require_axis, require_euler_parameters
 from ...fields.declarations import optional_quantity, quantity
-from ...fields.types import Quadruple, QuadrupleLike, Single, Triple, TripleLike
+from ...fields.types import Quadruple, Single, Triple
 from ...math.functions import wrapped
 from ...math.rotations import unit
 from ...math.smoothing import ramp
@@ -29,14 +29,8 @@ from ..joints.base import (
     Motions,
     Row,
 )
-from ..joints.constraint_rows import (
-    angle_about,
-    point_in_plane,
-    rate_of,
-    row_following,
-)
+from ..joints.constraint_rows import angle_about, point_in_plane, rate_of, row_following
 from .functions_of_time import (
-    AbstractFunctionOfTime,
     FunctionOfTime,
     SingleInTime,
     as_function_of_time,
@@ -250,7 +244,6 @@ class DriveTorque(AbstractDriveAboutAxis, AbstractDriveTorque):
 
     def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
         """Return the torque at the time `t`, s, in N m."""
-        del angle, speed
         return value_at(self.torque, t)
 
     def breakpoints(self) -> PyTree:
@@ -287,31 +280,19 @@ class PrescribedAngle(AbstractDriveAboutAxis, AbstractRotationDriver):
     invalid.
     """
 
-    function: AbstractFunctionOfTime = quantity("rad", converter=as_function_of_time)
+    function: FunctionOfTime = quantity("rad", converter=as_function_of_time)
     orientation: Quadruple = quantity("1", default=PARALLEL)
-
-    def __init__(
-        self,
-        first: str,
-        second: str,
-        axis: TripleLike,
-        function: FunctionOfTime,
-        orientation: QuadrupleLike = PARALLEL,
-    ):
-        self.first, self.second = first, second
-        self.axis, self.orientation = axis, orientation
-        self.function = as_function_of_time(function)
 
     def __check_init__(self):
         require_continuous(self.function)
 
     def angle(self, t: Scalar) -> Scalar:
         """Return the prescribed angle, rad, at the time `t`, s."""
-        return self.function(t)
+        return as_function_of_time(self.function)(t)
 
     def breakpoints(self) -> PyTree:
         """Return the breakpoints of the function, s."""
-        return self.function.breakpoints()
+        return breakpoints_of(self.function)
 
 
 class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
@@ -340,20 +321,7 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
     """
 
     axis: Triple = quantity("1", check=require_axis)
-    function: AbstractFunctionOfTime = quantity("m", converter=as_function_of_time)
-
-    def __init__(
-        self,
-        first: str,
-        second: str,
-        point_first: TripleLike,
-        point_second: TripleLike,
-        axis: TripleLike,
-        function: FunctionOfTime,
-    ):
-        self.first, self.second = first, second
-        self.point_first, self.point_second = point_first, point_second
-        self.axis, self.function = axis, as_function_of_time(function)
+    function: FunctionOfTime = quantity("m", converter=as_function_of_time)
 
     def __check_init__(self):
         require_continuous(self.function)
@@ -362,11 +330,11 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
         """Return the row "distance": the distance minus the prescribed distance, m."""
         points = self.point_first, unit(self.axis), self.point_second
         distance = point_in_plane(*self._between(motions), *points)
-        return {"distance": row_following(distance, self.function, t)}
+        return {"distance": row_following(distance, as_function_of_time(self.function), t)}
 
     def breakpoints(self) -> PyTree:
         """Return the breakpoints of the function, s."""
-        return self.function.breakpoints()
+        return breakpoints_of(self.function)
 
 
 ROUNDING = 0.02
@@ -409,28 +377,11 @@ class Motor(AbstractDriveAboutAxis, AbstractDriveTorque):
     is neither a number nor a function of time.
     """
 
-    target: AbstractFunctionOfTime = quantity("rad", converter=as_function_of_time)
+    target: FunctionOfTime = quantity("rad", converter=as_function_of_time)
     proportional: Single = quantity("N m/rad", shape=(), positive=True, zero=True, remedy=SI)
     derivative: Single = quantity("N m s/rad", shape=(), positive=True, zero=True, remedy=SI)
     torque_limit: Single | None = optional_quantity("N m", positive=True, remedy=SI)
     orientation: Quadruple = quantity("1", default=PARALLEL)
-
-    def __init__(
-        self,
-        first: str,
-        second: str,
-        axis: TripleLike,
-        target: FunctionOfTime,
-        proportional: Scalar,
-        derivative: Scalar,
-        torque_limit: Scalar | None = None,
-        orientation: QuadrupleLike = PARALLEL,
-    ):
-        self.first, self.second = first, second
-        self.axis, self.orientation = axis, orientation
-        self.target = as_function_of_time(target)
-        self.proportional, self.derivative = proportional, derivative
-        self.torque_limit = torque_limit
 
     def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
         """Return the control torque, N m, within the torque limit.
@@ -439,7 +390,7 @@ class Motor(AbstractDriveAboutAxis, AbstractDriveTorque):
         """
         # JAX differentiates floats only, not a time given as an integer.
         t = jnp.asarray(t, dtype=float)
-        target, target_speed = jax.jvp(self.target, (t,), (jnp.ones_like(t),))
+        target, target_speed = jax.jvp(as_function_of_time(self.target), (t,), (jnp.ones_like(t),))
         # Within half a revolution: `angle` is known only up to whole revolutions.
         error = wrapped(target - angle, 2.0 * math.pi)
         torque = self.proportional * error + self.derivative * (target_speed - speed)
@@ -452,4 +403,4 @@ class Motor(AbstractDriveAboutAxis, AbstractDriveTorque):
 
     def breakpoints(self) -> PyTree:
         """Return the breakpoints of the target, s."""
-        return self.target.breakpoints()
+        return breakpoints_of(self.target)

@@ -218,14 +218,14 @@ def require_table(times: ArrayLike, values: ArrayLike) -> None:
     require_finite("values", values)
 
 
-def require_continuous(function: AbstractFunctionOfTime) -> None:
+def require_continuous(function: FunctionOfTime) -> None:
     """Check that a function that prescribes an angle or a distance doesn't jump.
 
     **Raises:** `ValueError` if its class attribute `jumps` is true.
     """
     remedy = "use PiecewiseLinear(times, values) or Spline.through(times, values)"
-    kind = type(function).__name__
-    require(not function.jumps, "function", kind, "continuous, since bodies can't jump", remedy)
+    kind, jumps = type(function).__name__, as_function_of_time(function).jumps
+    require(not jumps, "function", kind, "continuous, since bodies can't jump", remedy)
 
 
 class PiecewiseConstant(AbstractTable):

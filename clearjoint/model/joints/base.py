@@ -159,7 +159,6 @@ class AbstractConstraint(AbstractElement):
         with the name `parent`, and replaces the constraint rows. Return ``None``, the default, if
         the relative motion has no such description: the joint's constraint rows are then kept.
         """
-        del parent
         return None
 
 
@@ -200,7 +199,6 @@ class AbstractForce(AbstractElement):
 
     def stored_energy(self, motions: Motions, t: Scalar) -> Scalar:
         """Return the element's potential energy in J, at time `t` in s; 0 by default."""
-        del motions, t
         return 0.0
 
     def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
@@ -345,7 +343,6 @@ class AbstractContactJoint(AbstractElement):
 
         The energy ledger of a run counts the whole power of these wrenches as dissipated.
         """
-        del motions
         return {}
 
     def deepest(self) -> dict[str, Scalar]:
@@ -364,7 +361,6 @@ class AbstractContactJoint(AbstractElement):
 
         **Arguments:** `name`: label of the contact. `depth`: penetration, m.
         """
-        del name, depth
         return ()
 
     def slid_out(self, motions: Motions) -> Scalar | None:
@@ -374,7 +370,6 @@ class AbstractContactJoint(AbstractElement):
         A run warns of positive values. ``None``, the default, stands for a joint whose second body
         can't slide out.
         """
-        del motions
         return None
 
     def centred_joint(self) -> AbstractConstraint | None:
@@ -394,7 +389,6 @@ class AbstractContactJoint(AbstractElement):
         **Arguments:** `load`: (3,) N, force of the second body on the first, in the first body's
         axes.
         """
-        del load
         return None
 
     def anchor(self) -> tuple[str, Vector, Vector] | None:
@@ -409,7 +403,6 @@ class AbstractContactJoint(AbstractElement):
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Return constraint rows in addition to the contacts, by label; empty by default."""
-        del motions, t
         return {}
 
 

@@ -145,10 +145,7 @@ def point_in_plane(
     relative = velocity - first.spin.cross(arm)
     spin = first.spin
     bias_first = axis.dot(spin.cross(spin.cross(arm))) + 2.0 * axis.dot(spin.cross(relative))
-    jacobian = {
-        names[0]: Wrench(-normal, axis.cross(arm)),
-        names[1]: along,
-    }
+    jacobian = {names[0]: Wrench(-normal, axis.cross(arm)), names[1]: along}
     return Row(axis.dot(arm - origin), jacobian, bias_second - bias_first)
 
 
@@ -289,12 +286,9 @@ def rows_from_residual(
     >>> print(f"{rows['x'].value:.1f} m")
     0.1 m
     """
-    poses, velocities = _as_arrays(
-        (
-            ((first.position, first.rotation), (second.position, second.rotation)),
-            ((first.velocity, first.spin), (second.velocity, second.spin)),
-        )
-    )
+    pair = first, second
+    poses = _as_arrays(tuple((motion.position, motion.rotation) for motion in pair))
+    velocities = _as_arrays(tuple((motion.velocity, motion.spin) for motion in pair))
 
     # The rates of the constraint equations, from the poses and velocities of both bodies.
     def rate(
@@ -312,14 +306,9 @@ def rows_from_residual(
     rows = {}
     for k, label in enumerate(labels):
         v = [column[k] for column in columns]
-        rows[label] = Row(
-            values[k],
-            {
-                names[0]: Wrench(Vector(*v[0:3]), Vector(*v[3:6])),
-                names[1]: Wrench(Vector(*v[6:9]), Vector(*v[9:12])),
-            },
-            biases[k],
-        )
+        vectors = [Vector(*v[j : j + 3]) for j in range(0, 12, 3)]
+        jacobian = {names[0]: Wrench(*vectors[:2]), names[1]: Wrench(*vectors[2:])}
+        rows[label] = Row(values[k], jacobian, biases[k])
     return rows
 
 
@@ -347,11 +336,6 @@ def scaled_row(row: Row, factor: Scalar) -> Row:
     return Row(multiply(row.value, factor), jacobian, bias, time_rate)
 
 
-def sum_of_rows(rows: Iterable[Row]) -> Row:
-    """Return the sum of rows: of their values, Jacobians, biases and time rates."""
-    return reduce(_sum, rows)
-
-
 def distance_row(components: Iterable[Row], length: Scalar, motions: Motions) -> Row:
     """Return the row that keeps a vector's length constant, such as that of a massless rod.
 
@@ -367,10 +351,8 @@ def distance_row(components: Iterable[Row], length: Scalar, motions: Motions) ->
     value, bias = -0.5 * length, 0.0
     jacobian = dict.fromkeys(names, NO_WRENCH)
     for row in components:
-        slope = row.value / length
-        rate: Scalar = 0.0
+        slope, rate = row.value / length, rate_of(row, motions)
         for name, wrench in row.jacobian.items():
-            rate = rate + motions[name].power(wrench)
             jacobian[name] = jacobian[name] + _scaled(wrench, slope)
         # The second derivative of x^2/(2 length) is (x'^2 + x x'')/length.
         value = value + 0.5 * slope * row.value
@@ -397,7 +379,8 @@ def _scaled(wrench: Wrench, factor: Scalar) -> Wrench:
     return Wrench(wrench.force * factor, wrench.moment * factor)
 
 
-def _sum(first: Row, second: Row) -> Row:
+def sum_of_rows(first: Row, second: Row) -> Row:
+    """Return the sum of two rows: of their values, Jacobians, biases and time rates."""
     jacobian = dict(first.jacobian)
     for name, wrench in second.jacobian.items():
         jacobian[name] = jacobian.get(name, NO_WRENCH) + wrench

@@ -108,7 +108,6 @@ class GearJoint(AbstractConstraint):
         The error is the first angle plus the second angle times the ratio of the teeth (minus it
         for an internal gear), less the offset.
         """
-        del t
         carrier, gears = motions[self.carrier], (self.first, self.second)
         axes = self.axis_first, self.axis_second
         orientations = self.orientation_first, self.orientation_second
@@ -118,7 +117,7 @@ class GearJoint(AbstractConstraint):
         )
         # External gears rotate in opposite senses: their angles, times their teeth, add up to zero.
         ratio = self.teeth_second / self.teeth_first
-        mesh = sum_of_rows((first, scaled_row(second, -ratio if self.internal else ratio)))
+        mesh = sum_of_rows(first, scaled_row(second, -ratio if self.internal else ratio))
         tooth = 2.0 * math.pi / self.teeth_first
         return {"mesh": replace(mesh, value=wrapped(mesh.value - self.offset, tooth))}
 
@@ -157,7 +156,6 @@ class ScrewMotion(AbstractTurning):
 
         It is a rotation about the axis and the advance along it.
         """
-        del position
         return (Twist(self.axis, self.axis * self.pitch),)
 
 
@@ -214,7 +212,6 @@ class ScrewJoint(AbstractAxisJoint):
         "offset 1" and "offset 2" are distances across the axis, m, "tilt 1" and "tilt 2" cosines
         that are zero for parallel axes, and "thread" is the error of the advance, m.
         """
-        del t
         cylindrical = self._point_on_line(motions, self.axis_first) | self._tilts(motions)
         return cylindrical | {"thread": self._thread(motions)}
 
@@ -225,7 +222,7 @@ class ScrewJoint(AbstractAxisJoint):
         """
         advance = self._in_plane(motions, unit(self.axis_first))
         by_angle = scaled_row(self.relative_angle(motions), self.lead * (-0.5 / math.pi))
-        row = sum_of_rows((advance, by_angle))
+        row = sum_of_rows(advance, by_angle)
         return replace(row, value=wrapped(row.value, self.lead))
 
     def motion_subspace(self, parent: str) -> ScrewMotion:
@@ -300,9 +297,8 @@ class UniversalMotion(AbstractMotionAtPoints):
         reference = composed(self._about_parent(first), self._reference())
         second = self._about_child(reference).encode(relative)
         along, _ = self._parents_arm(second.position)
-        return JointState(
-            (first, second.position), (relative.twist.angular.dot(along), *second.speeds)
-        )
+        rate = relative.twist.angular.dot(along)
+        return JointState((first, second.position), (rate, *second.speeds))
 
     def orientation(self, position: Angles) -> EulerParameters:
         """Return Euler parameters that transform components in the child's axes to the parent's."""
@@ -355,7 +351,6 @@ class UniversalJoint(AbstractPairJoint):
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Return three translations, m, and "cross", the cosine of the angle between the arms."""
-        del t
         arms = self._perpendicular(motions, unit(self.axis_first), unit(self.axis_second))
         return self._coincidence(motions) | {"cross": arms}
 

@@ -139,7 +139,6 @@ class SphericalJoint(AbstractPairJoint):
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Return the components of the vector from the second point to the first, m."""
-        del t
         return self._coincidence(motions)
 
     def motion_subspace(self, parent: str) -> Ball:
@@ -174,7 +173,6 @@ class RevoluteJoint(AbstractAxisJoint):
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Return three components of the vector between the two points, m, and two tilts, which are
         scalar products of unit vectors."""
-        del t
         return self._coincidence(motions) | self._tilts(motions)
 
     def motion_subspace(self, parent: str) -> Hinge:
@@ -210,7 +208,6 @@ class FixedJoint(AbstractPairJoint):
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Return three components of the vector between the two points, m, and three rotations,
         which are scalar products of unit vectors."""
-        del t
         return self._coincidence(motions) | self._same_orientation(motions, self.orientation)
 
     def motion_subspace(self, parent: str) -> Weld:
@@ -248,7 +245,6 @@ class InlineJoint(AbstractPairJoint):
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Return two components of the point's distance from the line, m."""
-        del t
         return self._point_on_line(motions, self.axis)
 
     def draw(self, pen: AbstractPen) -> None:
@@ -275,7 +271,6 @@ class CylindricalJoint(AbstractAxisJoint):
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Return two components of the second point's distance from the axis, m, and two tilts,
         which are scalar products of unit vectors."""
-        del t
         return self._point_on_line(motions, self.axis_first) | self._tilts(motions)
 
     def draw(self, pen: AbstractPen) -> None:
@@ -309,7 +304,6 @@ class PrismaticJoint(AbstractPairJoint):
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Return two components of the second point's distance from the axis, m, and three scalar
         products of unit vectors."""
-        del t
         rotations = self._same_orientation(motions, self.orientation)
         return self._point_on_line(motions, self.axis) | rotations
 
@@ -353,7 +347,6 @@ class DistanceJoint(AbstractPairJoint):
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Return the row "length": (d^2 - l^2)/(2 l), m, for the distance d of the points and the
         length l of the rod."""
-        del t
         apart = self._coincidence(motions).values()
         return {"length": distance_row(apart, self.length, motions)}
 

@@ -164,7 +164,6 @@ class AbstractMotionSubspace(eqx.Module):
     def displacement(self, position: PyTree) -> Vector:
         """Return the vector from the parent's point to the child's in the child's axes, m; zero by
         default."""
-        del position
         return ZERO
 
     def bias(self, state: JointState) -> Twist:
@@ -172,7 +171,6 @@ class AbstractMotionSubspace(eqx.Module):
 
         Its unit is rad/s^2 and m/s^2. It is zero, the default, if the columns are constant.
         """
-        del state
         return REST
 
     def twist(self, state: JointState) -> Twist:
@@ -202,17 +200,14 @@ class Weld(AbstractMotionAtPoints):
 
     def encode(self, relative: Relative) -> JointState:
         """Return an empty position and no speeds."""
-        del relative
         return JointState((), ())
 
     def orientation(self, position: PyTree) -> EulerParameters:
         """Return the constant `reference`."""
-        del position
         return self.reference
 
     def columns(self, position: PyTree) -> tuple[Twist, ...]:
         """Return no columns."""
-        del position
         return ()
 
 
@@ -271,7 +266,6 @@ class Hinge(AbstractTurning):
 
     def columns(self, position: Scalar) -> tuple[Twist, ...]:
         """Return a rotation about the axis at 1 rad/s."""
-        del position
         return (Twist(self.axis, ZERO),)
 
     def without_drift(self, position: Scalar) -> Scalar:
@@ -297,7 +291,6 @@ class Ball(AbstractMotionAtPoints):
 
     def columns(self, position: EulerParameters) -> tuple[Twist, ...]:
         """Return rotations about the child's axes at 1 rad/s."""
-        del position
         return tuple(Twist(axis, ZERO) for axis in (UNIT_X, UNIT_Y, UNIT_Z))
 
     def rates(self, state: JointState) -> EulerParameters:
@@ -335,7 +328,6 @@ class Slider(AbstractMotionAtPoints):
 
     def orientation(self, position: Scalar) -> EulerParameters:
         """Return the constant `reference`."""
-        del position
         return self.reference
 
     def displacement(self, position: Scalar) -> Vector:
@@ -344,7 +336,6 @@ class Slider(AbstractMotionAtPoints):
 
     def columns(self, position: Scalar) -> tuple[Twist, ...]:
         """Return a translation along the axis at 1 m/s."""
-        del position
         return (Twist(ZERO, self.axis),)
 
 

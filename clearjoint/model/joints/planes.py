@@ -8,14 +8,7 @@ from ...math.vectors import ZERO, EulerParameters, Matrix, Scalar, Vector
 from ..pen import AbstractPen
 from .base import Motions, Row
 from .ideal import AbstractAxisJoint, AbstractPairJoint
-from .motion_subspaces import (
-    AbstractMotionAtPoints,
-    Hinge,
-    JointState,
-    Relative,
-    Twist,
-    aligning,
-)
+from .motion_subspaces import AbstractMotionAtPoints, Hinge, JointState, Relative, Twist, aligning
 
 
 class PointInPlaneJoint(AbstractPairJoint):
@@ -42,7 +35,6 @@ class PointInPlaneJoint(AbstractPairJoint):
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Return one row: the height of the second body's point above the plane, m."""
-        del t
         return self._height(motions, self.normal)
 
     def draw(self, pen: AbstractPen) -> None:
@@ -77,7 +69,6 @@ class LineInPlaneJoint(AbstractPairJoint):
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Return the "height" of the point above the plane, m, and "tilt", the sine of the angle
         between the line and the plane."""
-        del t
         tilt = self._perpendicular(motions, unit(self.normal), unit(self.axis))
         return self._height(motions, self.normal) | {"tilt": tilt}
 
@@ -199,7 +190,6 @@ class PlanarJoint(AbstractAxisJoint):
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Return the "height" of the second point, m, and the cosines "tilt 1" and "tilt 2"."""
-        del t
         return self._height(motions, self.axis_first) | self._tilts(motions)
 
     def motion_subspace(self, parent: str) -> PlanarMotion:

@@ -4,12 +4,11 @@ from ...math.vectors import Scalar
 from ..bodies import Body, State, body_state
 from ..clearance_joints.axial import AbstractAxialPolicy
 from ..clearance_joints.clearance import ClearanceJoint
-from ..contact.bristles import AbstractBristleFriction
-from ..contact.friction import AbstractFriction
+from ..contact.bristles import FrictionLaw
 from ..contact.laws import AbstractContactLaw
 from ..joints.ideal import RevoluteJoint
 from ..scene import Scene
-from .common import steel_law
+from .common import ORIGIN, X_AXIS, Z_AXIS, steel_law
 
 
 def double_pendulum(
@@ -19,7 +18,7 @@ def double_pendulum(
     bearing_radius: Scalar = 10e-3,
     journal_length: Scalar = 20e-3,
     law: AbstractContactLaw | None = None,
-    friction: AbstractFriction | AbstractBristleFriction | None = None,
+    friction: FrictionLaw | None = None,
     axial: AbstractAxialPolicy | None = None,
 ) -> tuple[Scene, State]:
     """Return the double pendulum of Flores et al. 2006 and its state at rest.
@@ -53,12 +52,10 @@ def double_pendulum(
         "arm 2": Body(7.02, (0.0010, 0.5855, 0.5855)),
         "arm 3": Body(7.02, (0.5855, 0.5855, 0.0010)),
     }
-    elbow = RevoluteJoint(
-        "arm 2", "arm 3", (0.5, 0.0, 0.0), (0.0, 0.0, -0.5), (1.0, 0.0, 0.0), (1.0, 0.0, 0.0)
-    )
+    ends = (0.5, 0.0, 0.0), (0.0, 0.0, -0.5)
+    elbow = RevoluteJoint("arm 2", "arm 3", *ends, X_AXIS, X_AXIS)
     if clearance is None:
-        origin, near_end, axis = (0.0, 0.0, 0.0), (-0.5, 0.0, 0.0), (0.0, 0.0, 1.0)
-        shoulder = RevoluteJoint("ground", "arm 2", origin, near_end, axis, axis)
+        shoulder = RevoluteJoint("ground", "arm 2", ORIGIN, (-0.5, 0.0, 0.0), Z_AXIS, Z_AXIS)
     else:
         shoulder = ClearanceJoint(
             "ground",

@@ -12,8 +12,7 @@ from ...math.vectors import Scalar
 from ..bodies import GROUND, Body, BodyState, State, body_state
 from ..clearance_joints.ball_in_socket import BallInSocket
 from ..clearance_joints.clearance import ClearanceJoint
-from ..contact.bristles import AbstractBristleFriction
-from ..contact.friction import AbstractFriction
+from ..contact.bristles import FrictionLaw
 from ..contact.laws import AbstractContactLaw
 from ..joints.base import AbstractConstraint, AbstractForce
 from ..joints.ideal import InlineJoint, RevoluteJoint, SphericalJoint
@@ -47,7 +46,7 @@ def four_bar(
     bearing_radius: Scalar = 10e-3,
     journal_length: Scalar = 20e-3,
     law: AbstractContactLaw | None = None,
-    friction: AbstractFriction | AbstractBristleFriction | None = None,
+    friction: FrictionLaw | None = None,
     gravity: TripleLike | None = (0.0, -9.81, 0.0),
 ) -> tuple[Scene, State]:
     """Return a planar four-bar linkage with clearance at any of its pins, and its initial state.
@@ -148,20 +147,14 @@ def _state(lengths: tuple[float, ...], angle: float, speed: float) -> State:
     # their angular velocities w_c and w_r: tip velocity + w_c x along = w_r x arm.
     directions = np.stack([_perpendicular(along), -_perpendicular(arm)], axis=1)
     coupler_speed, rocker_speed = np.linalg.solve(directions, -tip_velocity)
-    return State(
-        {
-            "crank": _moving(tip, 0.5 * tip, speed, 0.5 * tip_velocity),
-            "coupler": _moving(
-                along,
-                0.5 * (tip + pin),
-                coupler_speed,
-                tip_velocity + 0.5 * coupler_speed * _perpendicular(along),
-            ),
-            "rocker": _moving(
-                arm, 0.5 * (foot + pin), rocker_speed, 0.5 * rocker_speed * _perpendicular(arm)
-            ),
-        }
-    )
+    coupler_velocity = tip_velocity + 0.5 * coupler_speed * _perpendicular(along)
+    rocker_velocity = 0.5 * rocker_speed * _perpendicular(arm)
+    states = {
+        "crank": _moving(tip, 0.5 * tip, speed, 0.5 * tip_velocity),
+        "coupler": _moving(along, 0.5 * (tip + pin), coupler_speed, coupler_velocity),
+        "rocker": _moving(arm, 0.5 * (foot + pin), rocker_speed, rocker_velocity),
+    }
+    return State(states)
 
 
 def _intersection(tip: np.ndarray, foot: np.ndarray, coupler: float, rocker: float) -> np.ndarray:
@@ -213,7 +206,7 @@ def spatial_four_bar(
     *,
     speed: Scalar = 0.0,
     law: AbstractContactLaw | None = None,
-    friction: AbstractFriction | AbstractBristleFriction | None = None,
+    friction: FrictionLaw | None = None,
 ) -> tuple[Scene, State]:
     """Return a spatial four-bar linkage with clearance between coupler and rocker, and its state.
 
@@ -260,16 +253,12 @@ def spatial_four_bar(
         )
     # With crank and rocker upright, their upper ends are at the same height.
     foot = (COUPLER, CRANK - ROCKER, 0.0)
+    lower, upper, bottom = ((0.0, y, 0.0) for y in (-0.5 * CRANK, 0.5 * CRANK, -0.5 * ROCKER))
+    start = (-0.5 * COUPLER, 0.0, 0.0)
     joints = {
-        "crank bearing": RevoluteJoint(
-            GROUND, "crank", ORIGIN, (0.0, -0.5 * CRANK, 0.0), X_AXIS, X_AXIS
-        ),
-        "rocker bearing": RevoluteJoint(
-            GROUND, "rocker", foot, (0.0, -0.5 * ROCKER, 0.0), Z_AXIS, Z_AXIS
-        ),
-        "crank ball": SphericalJoint(
-            "crank", "coupler", (0.0, 0.5 * CRANK, 0.0), (-0.5 * COUPLER, 0.0, 0.0)
-        ),
+        "crank bearing": RevoluteJoint(GROUND, "crank", ORIGIN, lower, X_AXIS, X_AXIS),
+        "rocker bearing": RevoluteJoint(GROUND, "rocker", foot, bottom, Z_AXIS, Z_AXIS),
+        "crank ball": SphericalJoint("crank", "coupler", upper, start),
         "tip": tip,
     }
     bodies = {
@@ -293,20 +282,13 @@ def _start(speed: Scalar) -> State:
     The crank is upright, so that its end moves along Z. The coupler rotates about the rocker's end,
     which is at rest.
     """
-    # Velocity of the crank's end, and spin of the coupler, for a speed of 1 rad/s.
-    upward = np.array([0.0, 0.0, CRANK])
-    return State(
-        {
-            "crank": body_state(
-                (0.0, 0.5 * CRANK, 0.0),
-                velocity=0.5 * upward * speed,
-                spin=np.array([1.0, 0.0, 0.0]) * speed,
-            ),
-            "coupler": body_state(
-                (0.5 * COUPLER, CRANK, 0.0),
-                velocity=0.5 * upward * speed,
-                spin=np.array([0.0, CRANK / COUPLER, 0.0]) * speed,
-            ),
-            "rocker": body_state((COUPLER, CRANK - 0.5 * ROCKER, 0.0)),
-        }
-    )
+    # The centres of both rods move at half the velocity of their common end.
+    velocity = 0.5 * np.array([0.0, 0.0, CRANK]) * speed
+    spin_crank = np.array([1.0, 0.0, 0.0]) * speed
+    spin_coupler = np.array([0.0, CRANK / COUPLER, 0.0]) * speed
+    states = {
+        "crank": body_state((0.0, 0.5 * CRANK, 0.0), velocity=velocity, spin=spin_crank),
+        "coupler": body_state((0.5 * COUPLER, CRANK, 0.0), velocity=velocity, spin=spin_coupler),
+        "rocker": body_state((COUPLER, CRANK - 0.5 * ROCKER, 0.0)),
+    }
+    return State(states)

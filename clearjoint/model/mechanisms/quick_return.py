@@ -5,11 +5,10 @@ import math
 import numpy as np
 
 from ...math.vectors import Scalar
-from ..bodies import GROUND, Body, State, body_state
+from ..bodies import GROUND, Body, BodyState, State, body_state
 from ..clearance_joints.between_walls import PinInSlot
-from ..contact.bristles import AbstractBristleFriction
+from ..contact.bristles import FrictionLaw
 from ..contact.damping_factors import HuntCrossley
-from ..contact.friction import AbstractFriction
 from ..contact.laws import AbstractContactLaw, GivenStiffness
 from ..drives.drivers import PrescribedRotation
 from ..joints.ideal import RevoluteJoint
@@ -32,7 +31,7 @@ def quick_return(
     speed: Scalar = 10.0,
     angle: float = 0.0,
     law: AbstractContactLaw | None = None,
-    friction: AbstractFriction | AbstractBristleFriction | None = None,
+    friction: FrictionLaw | None = None,
 ) -> tuple[Scene, State]:
     """Return a quick-return mechanism, as used in a shaper, and its initial state.
 
@@ -108,29 +107,14 @@ def _start(speed: Scalar, angle: float) -> State:
     lever_angle = math.atan2(across, height)
     ratio = CRANK * (CRANK + BASE * math.cos(angle)) / (across**2 + height**2)
 
-    # Unit vector at an angle from the vertical, and velocity of the middle of a rod whose other end
-    # is at rest, for its length, angle and angular velocity.
-    def along(angle: float) -> np.ndarray:
-        return np.array([-math.sin(angle), math.cos(angle), 0.0])
+    # State of a rod whose lower end is at rest in `foot`. Its angular velocity is `rate` times the
+    # crank's.
+    def rod(foot: np.ndarray, length: float, angle: float, rate: float) -> BodyState:
+        sine, cosine = math.sin(angle), math.cos(angle)
+        centre = foot + 0.5 * length * np.array([-sine, cosine, 0.0])
+        velocity = 0.5 * length * rate * np.array([-cosine, -sine, 0.0]) * speed
+        spin = np.array([0.0, 0.0, 1.0]) * (rate * speed)
+        return body_state(centre, turned_about_z(0.5 * math.pi + angle), velocity, spin)
 
-    def centre_velocity(length: float, angle: float, rate: float) -> np.ndarray:
-        return 0.5 * length * rate * np.array([-math.cos(angle), -math.sin(angle), 0.0])
-
-    axis = np.array([0.0, 0.0, 1.0])
-    foot = np.array([0.0, -BASE, 0.0])
-    return State(
-        {
-            "crank": body_state(
-                0.5 * CRANK * along(angle),
-                turned_about_z(0.5 * math.pi + angle),
-                centre_velocity(CRANK, angle, 1.0) * speed,
-                axis * speed,
-            ),
-            "lever": body_state(
-                foot + 0.5 * LEVER * along(lever_angle),
-                turned_about_z(0.5 * math.pi + lever_angle),
-                centre_velocity(LEVER, lever_angle, ratio) * speed,
-                axis * (ratio * speed),
-            ),
-        }
-    )
+    lever = rod(np.array([0.0, -BASE, 0.0]), LEVER, lever_angle, ratio)
+    return State({"crank": rod(np.zeros(3), CRANK, angle, 1.0), "lever": lever})

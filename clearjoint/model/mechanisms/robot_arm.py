@@ -15,10 +15,9 @@ from ..clearance_joints.backlash import Backlash
 from ..contact.damping_factors import ExactRestitution
 from ..contact.laws import AbstractContactLaw
 from ..drives.drivers import PrescribedRotation
-from ..joints.base import AbstractConstraint, AbstractContactJoint
 from ..joints.ideal import RevoluteJoint
 from ..scene import Scene
-from .common import ORIGIN, Z_AXIS
+from .common import ORIGIN, Z_AXIS, Joints
 
 Components: TypeAlias = Float[np.ndarray, "3"]
 """The components of a vector, (3,)."""
@@ -222,8 +221,6 @@ LUMPS = lumps()
 """Mass and inertia of each link."""
 IDENTITY = BASE.orientation
 """Euler parameters of parallel frames."""
-Joints = dict[str, AbstractConstraint | AbstractContactJoint]
-"""Joints of a scene by name."""
 
 
 def robot_arm(

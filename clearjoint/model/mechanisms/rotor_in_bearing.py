@@ -8,8 +8,7 @@ from ..bodies import GROUND, Body, State, body_state
 from ..clearance_joints.axial import FixedAxially
 from ..clearance_joints.clearance import ClearanceJoint
 from ..clearance_joints.lubricated import LubricatedJoint
-from ..contact.bristles import AbstractBristleFriction
-from ..contact.friction import AbstractFriction
+from ..contact.bristles import FrictionLaw
 from ..contact.laws import AbstractContactLaw
 from ..drives.drivers import PrescribedRotation
 from ..films import AbstractFilm
@@ -32,7 +31,7 @@ def rotor_in_bearing(
     journal_length: Scalar = 25e-3,
     restitution: Scalar = 0.5,
     law: AbstractContactLaw | None = None,
-    friction: AbstractFriction | AbstractBristleFriction | None = None,
+    friction: FrictionLaw | None = None,
     gravity: TripleLike | None = (0.0, -9.81, 0.0),
 ) -> tuple[Scene, State]:
     """Return a rigid rotor in one bearing, driven at constant speed about Z, and its initial state.
@@ -72,12 +71,10 @@ def rotor_in_bearing(
         axial=FixedAxially(),
     )
     # With a film, the lubricated joint replaces the dry one, whose contact it includes.
-    joints = {
-        "bearing": bearing
-        if film is None
-        else LubricatedJoint(bearing, film, TRANSITION * clearance),
-        "motor": PrescribedRotation(GROUND, "rotor", Z_AXIS, speed),
-    }
+    if film is not None:
+        bearing = LubricatedJoint(bearing, film, TRANSITION * clearance)
+    motor = PrescribedRotation(GROUND, "rotor", Z_AXIS, speed)
+    joints = {"bearing": bearing, "motor": motor}
     position, spin = np.array([*offset, 0.0]) * clearance, np.array([0.0, 0.0, 1.0]) * speed
     state = State({"rotor": body_state(position, spin=spin)})
     return Scene({"rotor": Body(mass, (0.061, 0.061, 0.1))}, joints, gravity=gravity), state

@@ -9,12 +9,12 @@ from ...math.vectors import Scalar
 from ..bodies import GROUND, Body, BodyState, State, body_state
 from ..clearance_joints.between_walls import SliderInGuide
 from ..clearance_joints.clearance import ClearanceJoint
-from ..contact.bristles import AbstractBristleFriction
+from ..contact.bristles import FrictionLaw
 from ..contact.damping_factors import ExactRestitution
-from ..contact.friction import AbstractFriction, RegularisedCoulomb
+from ..contact.friction import RegularisedCoulomb
 from ..contact.laws import AbstractContactLaw
 from ..drives.drivers import PrescribedRotation
-from ..joints.base import AbstractConstraint, AbstractContactJoint, AbstractForce
+from ..joints.base import AbstractConstraint, AbstractForce
 from ..joints.ideal import InlineJoint, PrismaticJoint, RevoluteJoint
 from ..joints.planes import LineInPlaneJoint, PointInPlaneJoint
 from ..scene import Scene
@@ -42,7 +42,7 @@ def slider_crank(
     bearing_radius: Scalar = 10e-3,
     journal_length: Scalar = 20e-3,
     law: AbstractContactLaw | None = None,
-    friction: AbstractFriction | AbstractBristleFriction | None = None,
+    friction: FrictionLaw | None = None,
     gravity: TripleLike | None = None,
 ) -> tuple[Scene, State]:
     """Return a slider-crank with clearance at the slider's pin, and its initial state.
@@ -160,7 +160,7 @@ def guided_slider_crank(
     pin_clearance: Scalar | None = None,
     *,
     law: AbstractContactLaw | None = None,
-    friction: AbstractFriction | AbstractBristleFriction | None = FRICTION,
+    friction: FrictionLaw | None = FRICTION,
     pin_law: AbstractContactLaw | None = None,
     speed: Scalar = 150.0,
 ) -> tuple[Scene, State]:
@@ -192,15 +192,11 @@ def guided_slider_crank(
     >>> list(scene.joints)
     ['crank bearing', 'crank pin', 'slider pin', 'guide']
     """
-    # Ends of a rod along its x axis, over its length. The first is that next to the slider.
-    near, far = 0.5, -0.5
-    joints: dict[str, AbstractConstraint | AbstractContactJoint] = {
-        "crank bearing": RevoluteJoint(
-            GROUND, "crank", ORIGIN, (far * CRANK, 0.0, 0.0), Z_AXIS, Z_AXIS
-        ),
-        "crank pin": RevoluteJoint(
-            "crank", "rod", (near * CRANK, 0.0, 0.0), (far * ROD, 0.0, 0.0), Z_AXIS, Z_AXIS
-        ),
+    foot, tip = (-0.5 * CRANK, 0.0, 0.0), (0.5 * CRANK, 0.0, 0.0)
+    big_end = (-0.5 * ROD, 0.0, 0.0)
+    joints: Joints = {
+        "crank bearing": RevoluteJoint(GROUND, "crank", ORIGIN, foot, Z_AXIS, Z_AXIS),
+        "crank pin": RevoluteJoint("crank", "rod", tip, big_end, Z_AXIS, Z_AXIS),
         "slider pin": _pin(pin_clearance, pin_law),
     }
     if pin_clearance is not None:
@@ -268,14 +264,10 @@ def _start(speed: Scalar) -> State:
     # Velocity of the crank's end, with which the rod rotates about the slider.
     tip = np.array([0.0, CRANK * speed, 0.0])
     axis = np.array([0.0, 0.0, 1.0])
-    return State(
-        {
-            "crank": body_state((0.5 * CRANK, 0.0, 0.0), velocity=0.5 * tip, spin=axis * speed),
-            "rod": body_state(
-                (CRANK + 0.5 * ROD, 0.0, 0.0),
-                velocity=0.5 * tip,
-                spin=axis * (-speed * CRANK / ROD),
-            ),
-            "slider": body_state((CRANK + ROD, 0.0, 0.0)),
-        }
-    )
+    middle, rod_spin = (CRANK + 0.5 * ROD, 0.0, 0.0), axis * (-speed * CRANK / ROD)
+    states = {
+        "crank": body_state((0.5 * CRANK, 0.0, 0.0), velocity=0.5 * tip, spin=axis * speed),
+        "rod": body_state(middle, velocity=0.5 * tip, spin=rod_spin),
+        "slider": body_state((CRANK + ROD, 0.0, 0.0)),
+    }
+    return State(states)
