@@ -65,15 +65,6 @@ class LaneMargins:
         )
         return LaneMargins(coordinates, margins, low, high, self.peak)
 
-    def gap(self) -> tuple[int, int] | None:
-        """Return the index of the last value before the first violation, and that of the violation.
-
-        The result is ``None`` if all values satisfy the limits; the first index is -1 if the first
-        value violates a limit.
-        """
-        violations = np.flatnonzero(~(self.margins >= 0.0))  # NaN is a violation too.
-        return (int(violations[0]) - 1, int(violations[0])) if len(violations) else None
-
     def doubtful(self) -> Bool[np.ndarray, " m"]:
         """Return for each interval between neighbouring values, (n - 1,), whether it may hide a
         violation.
@@ -81,8 +72,7 @@ class LaneMargins:
         An interval up to the first violation is doubtful if the smaller margin at its ends is below
         the largest change of the margin over the interval and its `NEIGHBOURS`.
         """
-        gap = self.gap()
-        count = len(self.coordinates) - 1 if gap is None else gap[1]
+        count = min(first_violation(self.margins), len(self.margins) - 1)
         ends = self.margins[: count + 1]
         # The infinite margin of a failed run or of a zero peak tells nothing about the rate at
         # which the margin changes.
@@ -105,6 +95,12 @@ class LaneMargins:
         known = ~np.isnan(self.margins)
         least = np.minimum.accumulate(np.where(known, self.high, np.inf))
         return bool(np.all(self.low[known][1:] <= least[known][:-1] + tolerance))
+
+
+def first_violation(margins: Float[np.ndarray, " n"]) -> int:
+    """Return the index of the first margin that is negative or NaN; n if there is none."""
+    # The appended entry is found if no other is.
+    return int(np.argmin(np.append(margins >= 0.0, False)))
 
 
 def lane_margins(

@@ -24,7 +24,7 @@ from ...simulation.step import presets
 from ...simulation.step.settings import Settings, settings_or
 from ...sweeps.axes import Axis
 from ...sweeps.sweep import sweep
-from .lanes import LaneMargins, as_reduction, lane_margins
+from .lanes import LaneMargins, as_reduction, first_violation, lane_margins
 
 QUANTITY = "quantity"
 """Name of a single quantity that the user passes without a name."""
@@ -223,20 +223,18 @@ class _Search:
         **Raises:** `ValueError` if the value at `low` violates a limit.
         """
         lanes = self.margins(np.linspace(low, high, self.lanes))
-        smallest, expected = self._value(low), "a value that satisfies the limits"
+        smallest, expected = self._values(lanes)[0], "a value that satisfies the limits"
         remedy = f"{lanes.peak}; decrease it, or raise the limit"
         require(bool(lanes.margins[0] >= 0.0), "between[0]", smallest, expected, remedy)
         # The first row is coarse: just below its first violation another one may lie between two
         # values.
-        if lanes.gap() is not None:
+        if first_violation(lanes.margins) < len(lanes.margins):
             lanes = self._refined(lanes, below=True)
         lanes = self._inspected(lanes)
-        if lanes.gap() is None:
-            return self._result(lanes, self._value(high), unit)
-        while self._widths(lanes)[_gap(lanes)[0]] > self.tolerance:
-            lanes = self._refined(lanes)
-        last, _ = _gap(lanes)
-        return self._result(lanes, self._value(lanes.coordinates[last]), unit)
+        if first_violation(lanes.margins) < len(lanes.margins):
+            while self._widths(lanes)[first_violation(lanes.margins) - 1] > self.tolerance:
+                lanes = self._refined(lanes)
+        return self._result(lanes, unit)
 
     def _refined(self, lanes: LaneMargins, below: bool = False) -> LaneMargins:
         """Return the margins with a row of values added just below the first violation.
@@ -244,7 +242,8 @@ class _Search:
         The row is between the last value before the first violation and the violation. With
         `below`, it begins `CLOSE` times their distance lower.
         """
-        last, violation = (lanes.coordinates[k] for k in _gap(lanes))
+        first = first_violation(lanes.margins)
+        last, violation = lanes.coordinates[first - 1 : first + 1]
         start = max(lanes.coordinates[0], last - CLOSE * (violation - last)) if below else last
         return lanes.with_others(self.margins(np.linspace(start, violation, self.lanes)))
 
@@ -270,13 +269,12 @@ class _Search:
             lanes = lanes.with_others(self.margins(np.concatenate(rows)))
         return lanes
 
-    def _result(self, lanes: LaneMargins, value: float, unit: str) -> LargestFeasible:
-        """Return the result of the search: `value`, in `unit`, and properties of all margins."""
-        # Without a violation, `first` is the last index, so that the spacing is over all values.
-        met = lanes.gap() is not None
+    def _result(self, lanes: LaneMargins, unit: str) -> LargestFeasible:
+        """Return the result of the search, with properties of all margins; `unit` is that of the
+        parameter."""
+        first, values = first_violation(lanes.margins), self._values(lanes)
+        met, value = first < len(values), values[first - 1]
         last_pass = int(np.flatnonzero(lanes.margins >= 0.0)[-1])
-        first = _gap(lanes)[1] if met else len(lanes.coordinates) - 1
-        values = [self._value(coordinate) for coordinate in lanes.coordinates]
         return LargestFeasible(
             value=value,
             unit=unit,
@@ -297,30 +295,20 @@ class _Search:
         violation is possible from the smallest value on, the interval begins there; if it is
         certain nowhere, the interval ends at the largest computed value.
         """
-        possible = np.flatnonzero(~(lanes.low >= 0.0))
-        certain = np.flatnonzero(~(lanes.high >= 0.0))
-        u = lanes.coordinates
-        low = u[max(int(possible[0]) - 1, 0)] if len(possible) else u[-1]
-        high = u[int(certain[0])] if len(certain) else u[-1]
-        return self._value(low), self._value(high)
+        possible, certain = first_violation(lanes.low), first_violation(lanes.high)
+        values = self._values(lanes)
+        return values[max(possible - 1, 0)], values[min(certain, len(values) - 1)]
 
     def _widths(self, lanes: LaneMargins) -> Float[np.ndarray, " m"]:
         """Return the distances (n - 1,) of neighbouring values, relative to the larger
         neighbour."""
-        values = np.array([self._value(float(coordinate)) for coordinate in lanes.coordinates])
+        values = np.array(self._values(lanes))
         sizes = np.maximum(np.maximum(abs(values[1:]), abs(values[:-1])), np.finfo(float).tiny)
         return np.abs(np.diff(values)) / sizes
 
-    def _value(self, coordinate: float) -> float:
-        """Return the parameter's value at a coordinate, without the rounding errors of scales."""
-        return as_shown(float(self.parameter.scale.value(coordinate)))
-
-
-def _gap(lanes: LaneMargins) -> tuple[int, int]:
-    """Return `LaneMargins.gap` where a violation is known to exist."""
-    gap = lanes.gap()
-    assert gap is not None
-    return gap
+    def _values(self, lanes: LaneMargins) -> list[float]:
+        """Return the value at each coordinate, without the rounding errors of scales, (n,)."""
+        return [as_shown(float(self.parameter.scale.value(u))) for u in lanes.coordinates]
 
 
 def _range_on_scale(parameter: Parameter, between: tuple[float, float]) -> tuple[float, float]:
