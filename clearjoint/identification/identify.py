@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from ..fields.cautions import PoorFitWarning, caution
-from ..fields.checks import require, require_count, require_positive
+from ..fields.checks import require, require_count, require_positive, require_type
 from ..information.horizon import FitHorizon
 from ..measurements.series import Measurements
 from ..model.bodies import State
@@ -458,8 +458,7 @@ def _check(
     require(len(measurements) > 0, "measurements", len(measurements), "not empty", remedy)
     remedy = 'pass cj.Measurements({"probe": cj.Series(...)})'
     for one in measurements:
-        kind, fine = type(one).__name__, isinstance(one, Measurements)
-        require(fine, "measurements", kind, "Measurements", remedy)
+        require_type("measurements", one, Measurements, "Measurements", remedy)
     first = measurements[0]
     first.check(scene)
     for k, one in enumerate(measurements):
@@ -474,13 +473,9 @@ def _check(
     check_start(start_time, times)
     ends = [start_time, *grow, times[-1]]
     rising = all(a < b for a, b in zip(ends, ends[1:], strict=False))
-    require(
-        rising,
-        "grow",
-        list(grow),
-        f"rising times between the start, {start_time} s, and the last sample, {ends[-1]} s",
-        "leave out the time of the last sample, which is added",
-    )
+    expected = f"rising times between the start, {start_time} s, and the last sample, {ends[-1]} s"
+    remedy = "leave out the time of the last sample, which is added"
+    require(rising, "grow", list(grow), expected, remedy)
     require_count("max_iterations", max_iterations, "allow one run")
     require_positive("tolerance", tolerance, "1e-3 standard deviations suffice")
     # An exploration by fewer points would hardly describe chi squared of several parameters.

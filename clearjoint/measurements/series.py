@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from ..fields.checks import as_number, concrete, named, require
+from ..fields.checks import as_number, concrete, require, require_types
 from ..fields.readable import AbstractReadable
 from ..fields.types import ArrayLike
 from ..model.scene import Scene
@@ -190,11 +190,9 @@ class Measurements(AbstractReadable):
 
     def __init__(self, series: Mapping[str, Series]):
         remedy = 'pass for example {"probe": cj.Series(...)}'
-        self.series = named("series", series, remedy)
+        require_types("series", series, Series, "a Series", remedy)
         require(len(series) > 0, "series", {}, "a dictionary with at least one Series", remedy)
-        for name, one in self.series.items():
-            kind = type(one).__name__
-            require(isinstance(one, Series), f"series[{name!r}]", kind, "a Series", remedy)
+        self.series = dict(series)
 
     def __getitem__(self, name: str) -> Series:
         return self.series[name]
@@ -213,13 +211,9 @@ class Measurements(AbstractReadable):
         parts = {name: series.between(start, end) for name, series in self.series.items()}
         inside = {name: series for name, series in parts.items() if series is not None}
         times = self.times()
-        require(
-            bool(inside),
-            "start, end",
-            (start, end),
-            "a window that contains samples",
-            f"choose it between {times[0]} and {times[-1]} s, where the end is excluded",
-        )
+        expected = "a window that contains samples"
+        remedy = f"choose it between {times[0]} and {times[-1]} s, where the end is excluded"
+        require(bool(inside), "start, end", (start, end), expected, remedy)
         return Measurements(inside)
 
     def check(self, scene: Scene) -> None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..fields.checks import require, require_names
+from ..fields.checks import require, require_types
 from ..model.bodies import State
 from ..model.scene import Scene
 from .paths import NumberPath, value_at
@@ -154,10 +154,7 @@ def check_parameters(parameters: Mapping[str, Parameter]) -> None:
 
     **Raises:** `ValueError` that names the wrong entry.
     """
-    require_names("parameters", parameters, PASS_PARAMETERS)
-    for name, parameter in parameters.items():
-        kind, fine = type(parameter).__name__, isinstance(parameter, Parameter)
-        require(fine, f"parameters[{name!r}]", kind, "a Parameter", PASS_PARAMETERS)
+    require_types("parameters", parameters, Parameter, "a Parameter", PASS_PARAMETERS)
 
 
 def step_limits(parameters: Mapping[str, Parameter]) -> np.ndarray:

@@ -10,7 +10,7 @@ from typing import ClassVar, Literal
 import equinox as eqx
 import numpy as np
 
-from ..fields.checks import as_number, require
+from ..fields.checks import as_number, errors_about, require
 from ..fields.suggestions import nearest
 from ..fields.types import ArrayLike
 from ..math.smoothing import norm_and_direction
@@ -91,10 +91,8 @@ def check_quantity(argument: str, function: object, scene: Scene) -> None:
     quantity, and lists the available names.
     """
     if isinstance(function, AbstractQuantity):
-        try:
+        with errors_about(argument):
             function.check(scene)
-        except ValueError as error:
-            raise ValueError(f"{argument}: {error}") from error
 
 
 def require_quantity(argument: str, function: object) -> None:

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..fields.checks import as_number, require, require_array_names, require_count
+from ..fields.checks import as_number, errors_about, require, require_array_names, require_count
 from ..fields.types import ArrayLike
 from ..math.vectors import pack
 from ..model.scene import Scene
@@ -215,13 +215,10 @@ def check_outputs(outputs: Mapping[str, Output], scene: Scene, ledger: bool) -> 
         remedy = "subclass AbstractReduction, or pass one of clearjoint's"
         require(isinstance(output, Output), f"outputs[{name!r}]", output, expected, remedy)
         check_reductions({name: output}, scene, ledger)
-        if isinstance(output, AbstractReduction):
-            continue
-        # The message of the error gets the name of the output, as for reductions.
-        try:
-            output.check(scene)
-        except ValueError as error:
-            raise ValueError(f"Output {name!r}: {error}") from error
+        if not isinstance(output, AbstractReduction):
+            # The message of the error gets the name of the output, as for reductions.
+            with errors_about(f"Output {name!r}"):
+                output.check(scene)
     # A lane has one list of times to save at.
     saves = [name for name, output in outputs.items() if isinstance(output, AnySaved)]
     remedy = "join their times"

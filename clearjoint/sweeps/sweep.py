@@ -16,7 +16,7 @@ from ..dynamics.constraint_report import dependent, start_rows_of_lanes
 from ..dynamics.coordinates import AbstractCoordinates
 from ..dynamics.journals import HOLD_IT, slid_out
 from ..fields.cautions import LeftBearingWarning, caution
-from ..fields.checks import require, require_array_names, require_count
+from ..fields.checks import require, require_array_names, require_count, require_types
 from ..fields.conversion import with_arrays
 from ..math.vectors import fold_constants
 from ..model.bodies import BodyState, State
@@ -143,7 +143,9 @@ def sweep(
     check_precision(False)  # `False`: single precision is not allowed
     scene, state = with_arrays((scene, state))
     outputs = with_saving({} if outputs is None else outputs, saving_or_nothing(save), scene)
-    _check_axes(axes)
+    remedy = 'pass for example {"clearance": cj.Axis(path, values)}'
+    require_array_names("axes", axes, remedy)
+    require_types("axes", axes, Axis, "an Axis", remedy)
     check_outputs(outputs, scene, settings.ledger)
     if threads is not None:
         require_count("threads", threads, "give a number of threads, or None")
@@ -177,15 +179,6 @@ def sweep(
     _warn_of_failures(results, lanes)
     _warn_of_journals_outside(results, lanes)
     return results
-
-
-def _check_axes(axes: Mapping[str, Axis]) -> None:
-    """Raise a `ValueError` unless `axes` is a dictionary of axes by name."""
-    remedy = 'pass for example {"clearance": cj.Axis(path, values)}'
-    require_array_names("axes", axes, remedy)
-    for name, axis in axes.items():
-        kind = type(axis).__name__
-        require(isinstance(axis, Axis), f"axes[{name!r}]", kind, "an Axis", remedy)
 
 
 def checked_starts(

@@ -13,6 +13,7 @@ from ...fields.checks import (
     require_count,
     require_positive,
     require_range,
+    require_type,
 )
 from ...fields.conversion import as_numbers
 from ...model.bodies import State
@@ -316,8 +317,7 @@ def _range_on_scale(parameter: Parameter, between: tuple[float, float]) -> tuple
 
     **Raises:** `ValueError` for a wrong `parameter` or `between`.
     """
-    kind = type(parameter).__name__
-    require(isinstance(parameter, Parameter), "parameter", kind, "a Parameter", PASS_PARAMETERS)
+    require_type("parameter", parameter, Parameter, "a Parameter", PASS_PARAMETERS)
     ends = np.asarray(as_numbers(between), dtype=float)
     rising = ends.shape == (2,) and bool(np.isfinite(ends).all()) and bool(ends[0] < ends[1])
     remedy = "pass (smallest, largest), in the unit of the parameter"

@@ -159,13 +159,10 @@ def _opened(path: Path) -> "tuple[zarr.Group, dict[str, Any]]":
             f"Argument `path` must name the store of a sweep, but {path} is not a store, or {file} "
             "is missing or damaged: pass another path, or delete this one."
         ) from error
-    require(
-        version == _VERSION,
-        "path",
-        str(path),
-        f"a store of format {_VERSION}, not {version} as written by other versions of clearjoint",
-        "read it with xarray.open_zarr, and sweep into another path",
-    )
+    other = f"not {version} as written by other versions of clearjoint"
+    expected = f"a store of format {_VERSION}, {other}"
+    remedy = "read it with xarray.open_zarr, and sweep into another path"
+    require(version == _VERSION, "path", str(path), expected, remedy)
     # The digest covers all metadata but itself, so it is taken out of `root` before the comparison.
     if attrs.pop(_DIGEST, None) != _digest(root):
         raise ValueError(
