@@ -12,11 +12,10 @@ from ..fields.checks import require, require_count
 from ..fields.conversion import with_arrays
 from ..model.bodies import State
 from ..model.scene import Scene
-from ..result_codes import RESULTS, result_number
 from ..simulation.step.settings import Settings
 from ..sweeps.outputs import Output
 from ..sweeps.sweep import SweepOptions, sweep
-from .ensemble import scalar_outputs
+from .ensemble import number_failed, scalar_outputs
 from .uncertain import Uncertain, axes_at, check_confidence, check_uncertain, unit_cube
 
 if TYPE_CHECKING:
@@ -100,18 +99,15 @@ def sobol_indices(
         start_time=start_time,
         **options,
     )
-    variables: dict[str, Labelled] = {}
-    for name, values in scalar_outputs(results).items():
+    variables = {"failed": number_failed(results)}
+    for name, (values, unit) in scalar_outputs(results).items():
         groups = values.reshape(count, p + 2)
-        unit = results[name].attrs.get("units", "1")
         # Only the first two points of a group are independent draws from the distributions.
         sample = groups[:, :2][np.isfinite(groups[:, :2])]
         variables[f"{name}_mean"] = Labelled((), sample.mean(), unit)
         variables[f"{name}_deviation"] = Labelled((), sample.std(ddof=1), unit)
         for order, numbers in _indices(groups, confidence, seed).items():
             variables[f"{name}_{order}"] = Labelled(("parameter",), numbers, "1")
-    failed = int((results["result"].values != result_number(RESULTS.successful)).sum())
-    variables["failed"] = Labelled((), failed, description="number of failed runs")
     labels = {"parameter": Labelled(("parameter",), texts(list(uncertain)))}
     notes = {"runs": count * (p + 2), "seed": seed, "confidence": confidence}
     return labelled_dataset("Sobol indices", variables, labels, tuple(notes.items()))
