@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import fields
 from functools import lru_cache, reduce
+from types import UnionType
 from typing import Any, TypeAlias, TypeVar
 
 import equinox as eqx
@@ -249,14 +250,16 @@ def require_count(argument: str, value: object, remedy: str) -> None:
     require(bool(whole), argument, value, "a whole number, positive", remedy)
 
 
-def require_type(argument: str, value: object, kind: type, expected: str, remedy: str) -> None:
+def require_type(
+    argument: str, value: object, kind: type | UnionType, expected: str, remedy: str
+) -> None:
     """Raise a ``ValueError`` unless a value is an instance of `kind`; the message names the value's
     class."""
     require(isinstance(value, kind), argument, type(value).__name__, expected, remedy)
 
 
 def require_types(
-    argument: str, given: Mapping[str, object], kind: type, expected: str, remedy: str
+    argument: str, given: Mapping[str, object], kind: type | UnionType, expected: str, remedy: str
 ) -> None:
     """Raise a ``ValueError`` unless a value is a dictionary of instances of `kind` by name, which
     `require_names` allows."""

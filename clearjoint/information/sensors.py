@@ -10,7 +10,7 @@ from ..fields.checks import as_number, require, require_types
 from ..fields.types import ArrayLike
 from ..measurements.series import Measurements, Series
 from ..model.scene import Scene
-from ..quantities.base import Quantity, check_quantity
+from ..quantities.base import Quantity, check_quantity, require_quantity
 from ..simulation.step.spans import check_strictly_rising
 
 
@@ -41,8 +41,9 @@ class Sensor:
 
     def __init__(self, channels: Quantity | Sequence[Quantity], times: ArrayLike, noise: ArrayLike):
         several = tuple(channels) if isinstance(channels, list | tuple) else (channels,)
-        fine, expected = len(several) > 0 and all(map(callable, several)), "functions of an Instant"
-        require(fine, "channels", several, expected, "pass one or several of cj.quantities")
+        require(len(several) > 0, "channels", (), "one or more", "pass one of cj.quantities")
+        for channel in several:
+            require_quantity("channels", channel)
         row = np.asarray(check_strictly_rising(times, "times"))
         deviation = np.asarray(as_number(noise, "noise"))
         fine, expected = deviation.shape in ((), row.shape), f"a number or of shape {row.shape}"

@@ -13,7 +13,7 @@ from ..fields.checks import as_number, concrete, require, require_types
 from ..fields.readable import AbstractReadable
 from ..fields.types import ArrayLike
 from ..model.scene import Scene
-from ..quantities.base import Quantity, check_quantity
+from ..quantities.base import Quantity, check_quantity, require_quantity
 from .units import to_si
 
 if TYPE_CHECKING:
@@ -64,8 +64,7 @@ class Series(AbstractReadable):
         unit: str | None = None,
         name: str | None = None,
     ):
-        expected = "a scalar function of an Instant"
-        require(callable(channel), "channel", channel, expected, "pass one of cj.quantities")
+        require_quantity("channel", channel)
         si = getattr(channel, "unit", None)
         unit = si if unit is None else unit
         expected = "given for a channel without a unit"

@@ -19,7 +19,7 @@ from ...fields.conversion import as_numbers
 from ...model.bodies import State
 from ...model.scene import Scene
 from ...parametrisation.parameter import PASS_PARAMETERS, Parameter
-from ...quantities.base import Quantity, check_quantity
+from ...quantities.base import Quantity, check_quantity, require_quantity
 from ...simulation.reductions.base import AbstractReduction
 from ...simulation.step import presets
 from ...simulation.step.settings import Settings, settings_or
@@ -359,9 +359,7 @@ def _check(
             require("" in units, f"quantity[{name!r}]", units, expected, remedy)
             one.check(scene)
         else:
-            expected = "a scalar function of an Instant, or a reduction"
-            remedy = 'pass for example cj.quantities.ContactForce("pin")'
-            require(callable(one), f"quantity[{name!r}]", one, expected, remedy)
+            require_quantity(f"quantity[{name!r}]", one)
             check_quantity(f"quantity[{name!r}]", one, scene)
     sizes = {name: len(axis.values) for name, axis in draws.items()}
     expected = "axes of equal length"
