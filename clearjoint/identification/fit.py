@@ -1,7 +1,7 @@
 """Result of a fit: estimates, uncertainty, tests of the residuals, and report."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -16,7 +16,7 @@ from ..information.horizon import FitHorizon
 from ..measurements.series import Measurements
 from ..model.bodies import State
 from ..model.scene import Scene
-from ..parametrisation.parameter import Parameter, step_limits
+from ..parametrisation.parameter import Parameter, step_limits, values_at
 from ..parametrisation.scales import Bounded
 from . import goodness_of_fit as statistics
 from . import likelihood
@@ -471,11 +471,3 @@ class Fit(AbstractTabular):
                 yield f"{ratio}: the noise is understated, or the model lacks an effect."
             elif self.p_value > 1.0 - statistics.UNLIKELY:
                 yield f"{ratio}: the noise is overstated."
-
-
-def values_at(
-    parameters: Mapping[str, Parameter], coordinates: Float[np.ndarray, " p"]
-) -> dict[str, float]:
-    """Return the value of each parameter by name at coordinates (p,)."""
-    pairs = zip(parameters.items(), coordinates, strict=True)
-    return {name: float(parameter.scale.value(u)) for (name, parameter), u in pairs}

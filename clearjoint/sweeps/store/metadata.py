@@ -10,8 +10,8 @@ import json
 import shutil
 import time
 import warnings
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -21,7 +21,7 @@ from ...fields.checks import require
 from ..layout import BY_LANE, LANE, Coordinate, Layout, Variable, dataset
 from .chunks import checked_files, chunk_file, opened, opened_group, read
 from .fingerprint import digest
-from .grid import ROOT, remove_grid, unfinished, write_grid
+from .grid import ROOT, move, remove_grid, unfinished, write_grid
 from .program import Identity
 
 if TYPE_CHECKING:
@@ -63,7 +63,8 @@ def create(path: Path, contents: Contents) -> None:
 
     **Arguments:** `contents`: layout and identity of the sweep.
     """
-    with _new_store(path, contents) as store:
+    with unfinished(path) as store:
+        _write(store / BY_LANE, contents)
         write_grid(store, dataset(contents.layout, contents.layout.pending()))
         try:
             store.rename(path)
@@ -80,18 +81,14 @@ def extend(path: Path, contents: Contents) -> None:
 
     **Arguments:** `contents`: contents of the extended store.
     """
-    with _new_store(path, contents) as store:
+    with unfinished(path) as store:
+        _write(store / BY_LANE, contents)
         files = [file.relative_to(store) for file in store.rglob("*") if file.is_file()]
         # The file `ROOT` lists the arrays and is replaced last: until then the store reads as
         # before, also if this process is killed.
         for file in sorted(files, key=lambda file: file == Path(BY_LANE, ROOT)):
-            _move(store / file, path / file)
+            move(store / file, path / file)
     remove_grid(path)
-
-
-def _move(file: Path, to: Path) -> None:
-    to.parent.mkdir(parents=True, exist_ok=True)
-    file.replace(to)
 
 
 def remove_abandoned(path: Path) -> None:
@@ -174,21 +171,6 @@ def _opened(path: Path) -> "tuple[zarr.Group, dict[str, Any]]":
 
 def _digest(root: Mapping[str, Any]) -> str:
     return digest(json.dumps(root, sort_keys=True))
-
-
-@contextmanager
-def _new_store(path: Path, contents: Contents) -> Iterator[Path]:
-    """Write a store without results beside a path, and yield its path.
-
-    Within the context the caller moves the store, or its files, to their place; the rest is removed
-    afterwards.
-    """
-    store = unfinished(path)
-    try:
-        _write(store / BY_LANE, contents)
-        yield store
-    finally:
-        shutil.rmtree(store, ignore_errors=True)
 
 
 def _write(path: Path, contents: Contents) -> None:
