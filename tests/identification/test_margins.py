@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.identification.limits.lanes import LaneMargins, first_violation, limit_margins
-from clearjoint.identification.limits.largest import _Search
+from clearjoint.identification.largest import LaneMargins, _Search, first_violation, limit_margins
 from clearjoint.quantities import ContactForce, Eccentricity
 
 MASS, GRAVITY, STIFFNESS = 7.0, 9.81, 1e8
