@@ -133,11 +133,7 @@ def conditions_of(check: Callable[[], None]) -> list[jax.Array]:
 
 
 def require(
-    condition: bool | np.bool_ | jax.Array,
-    argument: str,
-    value: object,
-    expected: str,
-    remedy: str,
+    condition: bool | np.bool_ | jax.Array, argument: str, value: object, expected: str, remedy: str
 ) -> None:
     """Check a condition on an argument.
 

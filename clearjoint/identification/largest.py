@@ -205,13 +205,7 @@ def largest_feasible(
     # A quantity without reduction is limited by its peak.
     outputs = {name: as_reduction(one, after) for name, one in quantities.items()}
     run = partial(
-        sweep,
-        scene,
-        state,
-        end_time,
-        settings=settings,
-        start_time=start_time,
-        progress=progress,
+        sweep, scene, state, end_time, settings=settings, start_time=start_time, progress=progress
     )
     margins = partial(lane_margins, run, parameter, outputs, limits, draws, quantile)
     search = _Search(margins, lanes, tolerance, parameter)

@@ -165,9 +165,7 @@ def variable_name(output: str, key: str) -> str:
     return f"{output}_{key}" if key else output
 
 
-def concatenated(
-    parts: Sequence[tuple[np.ndarray, LaneArrays]],
-) -> tuple[np.ndarray, LaneArrays]:
+def concatenated(parts: Sequence[tuple[np.ndarray, LaneArrays]]) -> tuple[np.ndarray, LaneArrays]:
     """Join several parts, each with the numbers of its lanes and their results, to one part."""
     lanes, results = zip(*parts, strict=True)
     joined = {name: np.concatenate([part[name] for part in results]) for name in results[0]}
