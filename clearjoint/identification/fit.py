@@ -285,19 +285,9 @@ class Fit(AbstractTabular):
         scatter = self._scatter if self.degrees_of_freedom > 0 else 0.0
         if not scatter > FAR and self.ending is not Ending.FAILED:
             return []
-        return list(
-            remedies(
-                self.measurements,
-                self.parameters,
-                self.predictions,
-                self.residuals,
-                self.searches,
-                self.best,
-                scatter,
-                bool(self.screened),
-                self.horizon,
-            )
-        )
+        data = self.measurements, self.parameters, self.predictions, self.residuals
+        search = self.searches, self.best, scatter, bool(self.screened), self.horizon
+        return list(remedies(*data, *search))
 
     def __str__(self) -> str:
         """Return the report as text: estimates, goodness of fit, correlations, searches, warnings

@@ -59,7 +59,6 @@ def statistics_derivatives(
     disturbance: float = DISTURBANCE,
     seed: int = 0,
     confidence: float = 0.95,
-    start_time: float = 0.0,
     **options: Unpack[SweepOptions],
 ) -> "xr.Dataset":
     """Estimate the derivatives of the outputs' means by nominal values, with confidence intervals.
@@ -70,7 +69,7 @@ def statistics_derivatives(
 
     **Arguments:**
 
-    - `scene`, `state`, `start_time`, `end_time` s, `outputs`, `settings`, and the options `path`,
+    - `scene`, `state`, `end_time` s, `outputs`, `settings`, and the options `start_time`, `path`,
       `executor`, `threads`, `chunk`, `progress`: as in `sweep`.
     - `uncertain`: the p parameters, `Uncertain` by name. All those with a `deviation` share the
       same runs; each one with a `half_width` or `between` takes `members` further runs.
@@ -107,17 +106,9 @@ def statistics_derivatives(
         name: one.axis(scene, state, draws[:, k]) for k, (name, one) in enumerate(uncertain.items())
     }
     along = _directions(scene, len(draws), members, seed)
-    results = sweep(
-        scene,
-        state,
-        end_time,
-        disturbed_axes(scene, state, axes, disturbance, along, start_time),
-        outputs,
-        settings,
-        zipped=True,
-        start_time=start_time,
-        **options,
-    )
+    start_time = options.get("start_time", 0.0)
+    lanes = disturbed_axes(scene, state, axes, disturbance, along, start_time)
+    results = sweep(scene, state, end_time, lanes, outputs, settings, zipped=True, **options)
     from scipy.special import ndtri
 
     # Half the width of an interval, in standard errors.

@@ -55,7 +55,6 @@ def ensemble(
     seed: int = 0,
     quantiles: tuple[float, ...] = (0.05, 0.5, 0.95),
     exponents: int = 0,
-    start_time: float = 0.0,
     **options: Unpack[SweepOptions],
 ) -> "xr.Dataset":
     """Repeat each run of a sweep from slightly different starts, and return statistics of outputs.
@@ -67,7 +66,7 @@ def ensemble(
 
     **Arguments:**
 
-    - `scene`, `state`, `start_time`, `end_time` s, `outputs`, `settings`, and the options `path`,
+    - `scene`, `state`, `end_time` s, `outputs`, `settings`, and the options `start_time`, `path`,
       `executor`, `threads`, `chunk`, `progress`: as in `sweep`. Statistics are computed of
       reductions and of other outputs with one number in each run.
     - `axes`: `Axis` by name; the points are all combinations of the values. By default there is one
@@ -112,7 +111,9 @@ def ensemble(
     axes = {} if axes is None else dict(axes)
     _check(axes, members, disturbance, quantiles, exponents)
     scene, state = with_arrays((scene, state))
-    points = _points(axes)
+    # The values of each axis at all combinations of values; those of the last axis change fastest.
+    grids = np.meshgrid(*(axis.values for axis in axes.values()), indexing="ij")
+    points = [grid.ravel() for grid in grids]
     count = len(points[0]) if points else 1
     # The members of a point are successive lanes; all points share the members' directions.
     repeated = {
@@ -120,18 +121,9 @@ def ensemble(
         for (name, axis), column in zip(axes.items(), points, strict=True)
     }
     along = np.tile(directions(scene, members, seed), (count, 1))
+    start_time = options.get("start_time", 0.0)
     lanes = disturbed_axes(scene, state, repeated, disturbance, along, start_time, members)
-    results = sweep(
-        scene,
-        state,
-        end_time,
-        lanes,
-        outputs,
-        settings,
-        zipped=True,
-        start_time=start_time,
-        **options,
-    )
+    results = sweep(scene, state, end_time, lanes, outputs, settings, zipped=True, **options)
     shape = tuple(len(axis.values) for axis in axes.values())
     labels = {
         name: (name, axis.values, {"units": axis.unit_in(scene, state)})
@@ -177,15 +169,6 @@ def _check(
     fine = isinstance(exponents, int) and (exponents == 0 or 2 <= exponents <= members)
     expected = f"0, or a whole number from 2 to members = {members}"
     require(fine, "exponents", exponents, expected, "a standard error needs two runs")
-
-
-def _points(axes: Mapping[str, Axis]) -> list[np.ndarray]:
-    """Return the values of each axis at all combinations of values, (points,) for each axis.
-
-    The values of the last axis change fastest.
-    """
-    grids = np.meshgrid(*(axis.values for axis in axes.values()), indexing="ij")
-    return [grid.ravel() for grid in grids]
 
 
 def failed_runs(results: "xr.Dataset") -> Bool[np.ndarray, " lanes"]:
@@ -304,22 +287,13 @@ def _lyapunov_exponent(
     """
     axes: dict[str, Axis] = disturbed_axes(scene, state, {}, size, along, start_time)
     times = np.linspace(start_time, end_time, TANGENT_TIMES + 1)[1:]
-    points = growth.points(scene)
-    rates = []
+    points, tangent = growth.points(scene), {growth.DISTURBANCE: growth.disturbance(scene)}
+    given, rates = (end_time, tangent, points, times, TANGENT_SETTINGS), []
     for k in range(len(along)):
         # The initial state of this member, with its disturbed velocities.
         start = with_values(scene, state, axes, {name: a.values[k] for name, a in axes.items()})[1]
         found = sensitivities(
-            scene,
-            start,
-            end_time,
-            {growth.DISTURBANCE: growth.disturbance(scene)},
-            points,
-            times,
-            TANGENT_SETTINGS,
-            start_time=start_time,
-            throw=False,
-            progress=progress,
+            scene, start, *given, start_time=start_time, throw=False, progress=progress
         )
         # The result of a failed run contains only the times before its failure.
         if len(found.times) == len(times):

@@ -38,7 +38,6 @@ def sobol_indices(
     count: int = 256,
     seed: int = 0,
     confidence: float = 0.95,
-    start_time: float = 0.0,
     **options: Unpack[SweepOptions],
 ) -> "xr.Dataset":
     """Compute which parameters cause the variance of outputs, by a sweep over their distributions.
@@ -51,7 +50,7 @@ def sobol_indices(
 
     **Arguments:**
 
-    - `scene`, `state`, `start_time`, `end_time` s, `outputs`, `settings`, and the options `path`,
+    - `scene`, `state`, `end_time` s, `outputs`, `settings`, and the options `start_time`, `path`,
       `executor`, `threads`, `chunk`, `progress`: as in `sweep`.
     - `uncertain`: p parameters, two or more, `Uncertain` by name.
     - `count`: n, a power of two; n (p + 2) runs are made.
@@ -88,17 +87,8 @@ def sobol_indices(
     require(count & (count - 1) == 0 and count > 1, "count", count, "a power of two", "round it up")
     check_confidence(confidence)
     scene, state = with_arrays((scene, state))
-    results = sweep(
-        scene,
-        state,
-        end_time,
-        axes_at(scene, state, uncertain, _groups(p, count, seed)),
-        outputs,
-        settings,
-        zipped=True,
-        start_time=start_time,
-        **options,
-    )
+    axes = axes_at(scene, state, uncertain, _groups(p, count, seed))
+    results = sweep(scene, state, end_time, axes, outputs, settings, zipped=True, **options)
     variables = {"failed": number_failed(results)}
     for name, (values, unit) in scalar_outputs(results).items():
         groups = values.reshape(count, p + 2)

@@ -56,6 +56,7 @@ class SweepOptions(TypedDict, total=False):
     """Keyword arguments that functions such as `sobol_indices`, which run a sweep themselves, pass
     on to `sweep`; see there."""
 
+    start_time: float
     path: str | PathLike | None
     executor: AbstractSubmitter | None
     threads: int | None
