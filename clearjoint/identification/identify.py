@@ -220,19 +220,8 @@ def identify_many(
     coarse_runs = runs_with(settings.looser(LOOSER)) if isinstance(starts, Screening) else runs
     ends = (*grow, float(times[-1]))
     units = {n: p.variation.unit_in(scene, state) for n, p in parameters.items()}
-    problem = _Problem(
-        runs,
-        coarse_runs,
-        parameters,
-        units,
-        rows,
-        starts,
-        ends,
-        tolerance,
-        max_iterations,
-        check_runs,
-        horizon,
-    )
+    limits = tolerance, max_iterations, check_runs
+    problem = _Problem(runs, coarse_runs, parameters, units, rows, starts, ends, *limits, horizon)
     fits: list[Fit] = []
     with iteration_callback(progress, parameters, len(measurements) * len(rows)) as on_iteration:
         for one in measurements:
@@ -422,12 +411,8 @@ def iteration_callback(
     if callable(progress):
         yield lambda _, iteration: progress(iteration)
         return
-    bar = ProgressBar(
-        desc="fit" if searches == 1 else f"{searches} fits",
-        unit=" runs",
-        leave=False,
-        disable=not progress,
-    )
+    name = "fit" if searches == 1 else f"{searches} fits"
+    bar = ProgressBar(desc=name, unit=" runs", leave=False, disable=not progress)
     with telling_of_compiling(bar):
 
         def show(count: int, iteration: Iteration) -> None:

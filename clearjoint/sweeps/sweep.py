@@ -225,20 +225,16 @@ def _common_values(
     **Raises:** `ValueError` if outputs need a dense output that the solver lacks.
     """
     saved = next((name for name, o in outputs.items() if isinstance(o, AnySaved)), "")
+    reductions = {name: o for name, o in outputs.items() if isinstance(o, AbstractReduction)}
     sections = {name: o for name, o in outputs.items() if isinstance(o, Section)}
     recorded = {name: o for name, o in outputs.items() if isinstance(o, AnySaved | Section)}
     tables = {name: o for name, o in outputs.items() if isinstance(o, ImpactTable)}
     # Crossings, saved times and peaks of impacts lie inside of steps.
     if recorded or tables:
         require_dense(scheme.method.solver)
-    plan = Plan(
-        scheme,
-        {name: o for name, o in outputs.items() if isinstance(o, AbstractReduction)},
-        {name: section.state_recorder for name, section in sections.items()},
-        bool(saved),
-        np.asarray(max_steps),
-        {name: ImpactRecorder(table.joint, table.window()) for name, table in tables.items()},
-    )
+    recorders = {name: section.state_recorder for name, section in sections.items()}
+    impacts = {name: ImpactRecorder(one.joint, one.window()) for name, one in tables.items()}
+    plan = Plan(scheme, reductions, recorders, bool(saved), np.asarray(max_steps), impacts)
     # A lane writes one log, a list of rows, for each contact of a table of impacts. Each section
     # has a log of its own, too, and each log has room for a limited number of rows.
     logs = {

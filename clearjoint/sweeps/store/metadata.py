@@ -113,26 +113,20 @@ def contents_of(path: Path) -> Contents:
     order = _values(path, group, own["sweep_order"])
     row_of = np.argsort(order)
     names, further, digests = (own[_OWN + part] for part in ("axes", "coordinates", "digests"))
-    axes = []
+    axes, zipped = [], own["sweep_zipped"]
     for dim, name in enumerate(names):
         axis = _labels(path, group, name)
         values = axis.values[row_of]
-        if not own["sweep_zipped"]:
+        if not zipped:
             # The store has the axis's value in every lane; `Layout` needs each value once.
             shape = own["sweep_shape"]
             values = np.moveaxis(values.reshape(shape), dim, -1).reshape(-1, shape[dim])[0]
         axes.append(axis._replace(values=values))
     # All arrays that are not labels are variables.
     labels = {*names, *further, *digests.values(), own["sweep_order"]}
-    layout = Layout(
-        tuple(axes),
-        own["sweep_chunk"],
-        {name: _variable(array) for name, array in group.arrays() if name not in labels},
-        tuple(_labels(path, group, name) for name in further),
-        attrs,
-        own["sweep_zipped"],
-        notes,
-    )
+    variables = {name: _variable(array) for name, array in group.arrays() if name not in labels}
+    chunk, coordinates = own["sweep_chunk"], tuple(_labels(path, group, n) for n in further)
+    layout = Layout(tuple(axes), chunk, variables, coordinates, attrs, zipped, notes)
     lanes = {name: _values(path, group, array)[row_of] for name, array in digests.items()}
     return Contents(layout, Identity(own["sweep_programs"], lanes), order, frozenset(own[ADDED]))
 
@@ -269,11 +263,5 @@ def _variable(array: "zarr.Array") -> Variable:
     attrs: dict[str, Any] = dict(array.attrs)
     unit, description = attrs.pop("units"), attrs.pop("long_name")
     metadata: Any = array.metadata
-    return Variable(
-        tuple(metadata.dimension_names[1:]),
-        array.shape[1:],
-        str(array.dtype),
-        unit,
-        description,
-        attrs,
-    )
+    dims, shape = tuple(metadata.dimension_names[1:]), array.shape[1:]
+    return Variable(dims, shape, str(array.dtype), unit, description, attrs)
