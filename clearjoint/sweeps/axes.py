@@ -229,9 +229,9 @@ def lanes_of(
         for k in range(scene_leaves, len(base))
     ]
     scene_structure, state_structure = map(jax.tree.structure, (scene, state))
-    of_scenes = (jax.tree.unflatten(scene_structure, leaves) for leaves in (varied, scenes))
-    of_states = jax.tree.unflatten(state_structure, states)
-    return Lanes(scene, state, *of_scenes, of_states, dict(sorted(bad.items())))
+    varied, scenes = (jax.tree.unflatten(scene_structure, leaves) for leaves in (varied, scenes))
+    states = jax.tree.unflatten(state_structure, states)
+    return Lanes(scene, state, varied, scenes, states, dict(sorted(bad.items())))
 
 
 Columns = dict[int, np.ndarray]
