@@ -109,7 +109,7 @@ from .fields.readable import without_modules as _without_modules
 from .identification.identify import FitInterrupted as FitInterrupted
 from .identification.identify import identify as identify
 from .identification.identify import identify_many as identify_many
-from .identification.limits.largest import largest_feasible as largest_feasible
+from .identification.largest import largest_feasible as largest_feasible
 from .identification.minimise import minimise as minimise
 from .identification.posterior.posterior import posterior as posterior
 from .identification.screening.screening import Screening as Screening

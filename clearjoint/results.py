@@ -2,9 +2,9 @@
 
 from .fields.readable import without_modules as _without_modules
 from .identification.fit import Fit as Fit
+from .identification.largest import LargestFeasible as LargestFeasible
 from .identification.levenberg_marquardt import Ending as Ending
 from .identification.levenberg_marquardt import Iteration as Iteration
-from .identification.limits.largest import LargestFeasible as LargestFeasible
 from .identification.minimise import Minimum as Minimum
 from .identification.posterior.result import Posterior as Posterior
 from .identification.screening.screening import Screened as Screened

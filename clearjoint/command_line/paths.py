@@ -41,7 +41,7 @@ class FoundPath:
 
     - `path`: function of the scene, or of the state, that returns the number.
     - `in_state`: whether the number belongs to the state instead of the scene.
-    - `unit`: SI unit of the number; of the first one if there are several.
+    - `unit`: SI unit of the number, or of all numbers if there are several.
     """
 
     path: WrittenPath
@@ -71,8 +71,8 @@ def find_path(
     **Arguments:** `texts`: a written path, or several; `location`: their location in the file, for
     messages.
 
-    **Raises:** `ValueError` for a name that does not exist, with the names that do, and for paths
-    of which some are in the scene and others in the state.
+    **Raises:** `ValueError` for a name that does not exist, with the names that do, for paths of
+    which some are in the scene and others in the state, and for numbers of different units.
     """
     with location.in_errors():
         paths = [keys_of(text) for text in ([texts] if isinstance(texts, str) else texts)]
@@ -90,7 +90,11 @@ def find_path(
     }
     for keys in paths:
         _require_known(keys, units, location)
-    return FoundPath(WrittenPath(tuple(paths)), is_state, units[paths[0]])
+    # A value is given in one unit, from which it could not be converted to several.
+    distinct = list(dict.fromkeys(units[keys] for keys in paths))
+    if len(distinct) > 1:
+        location.refuse(distinct, "paths of numbers with one unit", "write an entry for each unit")
+    return FoundPath(WrittenPath(tuple(paths)), is_state, distinct[0])
 
 
 def _require_known(keys: Keys, units: dict[tuple[str, ...], str], location: FileLocation) -> None:

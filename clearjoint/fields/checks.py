@@ -9,10 +9,12 @@ But while `conditions_of` calls it, the condition is collected, so that a compil
 evaluate it: that of a run, or of a sweep for the values of all its runs.
 """
 
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
+from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import fields
 from functools import lru_cache, reduce
+from types import UnionType
 from typing import Any, TypeAlias, TypeVar
 
 import equinox as eqx
@@ -131,11 +133,7 @@ def conditions_of(check: Callable[[], None]) -> list[jax.Array]:
 
 
 def require(
-    condition: bool | np.bool_ | jax.Array,
-    argument: str,
-    value: object,
-    expected: str,
-    remedy: str,
+    condition: bool | np.bool_ | jax.Array, argument: str, value: object, expected: str, remedy: str
 ) -> None:
     """Check a condition on an argument.
 
@@ -180,6 +178,15 @@ def require_numbers(
         require(condition(*known), argument, known[0], expected, remedy)
 
 
+@contextmanager
+def errors_about(subject: str) -> Iterator[None]:
+    """Return a context in which messages of `ValueError` begin with `subject` and a colon."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"{subject}: {error}") from error
+
+
 def _shown(value: object) -> str:
     """Return a value as text of about `LONGEST` characters at most, or its size if it is longer."""
     if isinstance(value, np.ndarray) and value.size > LONGEST:
@@ -206,15 +213,17 @@ def require_finite(argument: str, value: object) -> None:
 
     >>> extend.require_finite("times", [0.0, 1.0])  # raises for NaN
     """
+    remedy = "replace the NaN or infinite entries"
+    _require(lambda x: x.__array_namespace__().isfinite(x).all(), argument, value, "finite", remedy)
+
+
+def _require(
+    condition: Callable[[Any], bool], argument: str, value: object, expected: str, remedy: str
+) -> None:
+    """Check a condition on a value, a function of the value as an array, whose result may be
+    traced; the other arguments are those of `require`."""
     if (known := checkable(value)) is not None:
-        (numbers,) = known
-        require(
-            numbers.__array_namespace__().isfinite(numbers).all(),
-            argument,
-            numbers,
-            "finite",
-            "replace the NaN or infinite entries",
-        )
+        require(condition(known[0]), argument, known[0], expected, remedy)
 
 
 def require_positive(argument: str, value: ArrayLike, remedy: str, *, zero: bool = False) -> None:
@@ -227,10 +236,8 @@ def require_positive(argument: str, value: ArrayLike, remedy: str, *, zero: bool
     ValueError: Argument `radius` must be positive, but is -1.0: give it in m.
     """
     require_shape(argument, value, (), "pass a single number")
-    if (known := checkable(value)) is not None:
-        (number,) = known
-        expected = "zero or positive" if zero else "positive"
-        require(number >= 0 if zero else number > 0, argument, number, expected, remedy)
+    expected = "zero or positive" if zero else "positive"
+    _require(lambda x: x >= 0 if zero else x > 0, argument, value, expected, remedy)
 
 
 def require_count(argument: str, value: object, remedy: str) -> None:
@@ -239,10 +246,27 @@ def require_count(argument: str, value: object, remedy: str) -> None:
     require(bool(whole), argument, value, "a whole number, positive", remedy)
 
 
+def require_type(
+    argument: str, value: object, kind: type | UnionType, expected: str, remedy: str
+) -> None:
+    """Raise a ``ValueError`` unless a value is an instance of `kind`; the message names the value's
+    class."""
+    require(isinstance(value, kind), argument, type(value).__name__, expected, remedy)
+
+
+def require_types(
+    argument: str, given: Mapping[str, object], kind: type | UnionType, expected: str, remedy: str
+) -> None:
+    """Raise a ``ValueError`` unless a value is a dictionary of instances of `kind` by name, which
+    `require_names` allows."""
+    require_names(argument, given, remedy)
+    for name, value in given.items():
+        require_type(f"{argument}[{name!r}]", value, kind, expected, remedy)
+
+
 def require_names(argument: str, given: Mapping[str, T], remedy: str) -> None:
     """Raise a ``ValueError`` unless a value is a dictionary whose keys are non-empty strings."""
-    kind = type(given).__name__
-    require(isinstance(given, Mapping), argument, kind, "a dictionary by name", remedy)
+    require_type(argument, given, Mapping, "a dictionary by name", remedy)
     for name in given:
         fine = isinstance(name, str) and name != ""
         require(fine, argument, name, "named by non-empty strings", "name every element")
@@ -282,10 +306,8 @@ def require_range(argument: str, value: ArrayLike, lower: float, upper: float, r
     ValueError: Argument `restitution` must be in [0.0, 1.0], but is 1.5: give c.
     """
     require_shape(argument, value, (), "pass a single number")
-    if (known := checkable(value)) is not None:
-        (number,) = known
-        inside = (lower <= number) & (number <= upper)
-        require(inside, argument, number, f"in [{lower}, {upper}]", remedy)
+    expected = f"in [{lower}, {upper}]"
+    _require(lambda x: (lower <= x) & (x <= upper), argument, value, expected, remedy)
 
 
 def caution_unless(
@@ -341,31 +363,18 @@ def require_axis(argument: str, value: ArrayLike) -> None:
     ValueError: Argument `axis` must be a vector of non-zero length, but is ...
     """
     require_shape(argument, value, (3,), "pass three components")
-    if (known := checkable(value)) is not None:
-        (numbers,) = known
-        # A length below 1e-12 is the rounding error of a difference of two points.
-        require(
-            (numbers**2).sum() > 1e-24,
-            argument,
-            numbers,
-            "a vector of non-zero length",
-            "give a direction, for example (0, 0, 1)",
-        )
+    expected, remedy = "a vector of non-zero length", "give a direction, for example (0, 0, 1)"
+    # A length below 1e-12 is the rounding error of a difference of two points.
+    _require(lambda x: (x**2).sum() > 1e-24, argument, value, expected, remedy)
 
 
 def require_euler_parameters(argument: str, value: ArrayLike) -> None:
     """Raise a ``ValueError`` unless four Euler parameters, (4,), are finite and have unit norm."""
     require_shape(argument, value, (4,), "pass four Euler parameters, scalar part first")
-    if (known := checkable(value)) is not None:
-        (parameters,) = known
-        # The margin allows for parameters that are given with seven digits.
-        require(
-            abs((parameters**2).sum() ** 0.5 - 1.0) < 1e-6,
-            argument,
-            parameters,
-            "Euler parameters of unit norm, scalar part first",
-            "divide them by their norm",
-        )
+    expected = "Euler parameters of unit norm, scalar part first"
+    remedy = "divide them by their norm"
+    # The margin allows for parameters that are given with seven digits.
+    _require(lambda x: abs((x**2).sum() ** 0.5 - 1.0) < 1e-6, argument, value, expected, remedy)
 
 
 def recheck(tree: PyTree) -> None:

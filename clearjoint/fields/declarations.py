@@ -10,13 +10,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from .checks import (
-    as_number,
-    caution_outside,
-    require_positive,
-    require_range,
-    require_shape,
-)
+from .checks import as_number, caution_outside, require_positive, require_range, require_shape
 from .types import ArrayLike
 
 Check = Callable[[str, ArrayLike], None]

@@ -21,7 +21,7 @@ from ..parametrisation.parameter import Parameter, step_limits
 from . import goodness_of_fit as statistics
 from . import likelihood
 from .levenberg_marquardt import Ending, Iteration, Search, WindowSearch, search_with_damping
-from .posterior.posterior import drawn_posterior
+from .posterior.posterior import ImpossiblePointsError, TooManyRunsError, drawn_posterior
 from .posterior.result import Posterior
 from .residuals import Experiment, RunMisfit, Samples, parameter_covariance, run_misfit
 from .screening.misfit_curves import SideBySide
@@ -247,8 +247,8 @@ def _small_posterior(
     runs = REFINEMENT * number, MOST_RUNS * number
     try:
         found = drawn_posterior(lanes, parameters, units, box, uniform, points, 0, *runs)
-    except (ArithmeticError, ValueError):
-        # Too many runs, no possible point or a singular cloud: the fit keeps its other intervals.
+    except (TooManyRunsError, ImpossiblePointsError, np.linalg.LinAlgError):
+        # The last one is that of a singular cloud. The fit keeps its other intervals.
         return None
     # Warnings say that the box cuts the posterior off, or that points hardly moved. A cloud that
     # does not come near the lowest minimum has missed it.

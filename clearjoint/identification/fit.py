@@ -1,7 +1,7 @@
 """Result of a fit: estimates, uncertainty, tests of the residuals, and report."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -16,7 +16,7 @@ from ..information.horizon import FitHorizon
 from ..measurements.series import Measurements
 from ..model.bodies import State
 from ..model.scene import Scene
-from ..parametrisation.parameter import Parameter, step_limits
+from ..parametrisation.parameter import Parameter, step_limits, values_at
 from ..parametrisation.scales import Bounded
 from . import goodness_of_fit as statistics
 from . import likelihood
@@ -285,19 +285,9 @@ class Fit(AbstractTabular):
         scatter = self._scatter if self.degrees_of_freedom > 0 else 0.0
         if not scatter > FAR and self.ending is not Ending.FAILED:
             return []
-        return list(
-            remedies(
-                self.measurements,
-                self.parameters,
-                self.predictions,
-                self.residuals,
-                self.searches,
-                self.best,
-                scatter,
-                bool(self.screened),
-                self.horizon,
-            )
-        )
+        data = self.measurements, self.parameters, self.predictions, self.residuals
+        search = self.searches, self.best, scatter, bool(self.screened), self.horizon
+        return list(remedies(*data, *search))
 
     def __str__(self) -> str:
         """Return the report as text: estimates, goodness of fit, correlations, searches, warnings
@@ -471,11 +461,3 @@ class Fit(AbstractTabular):
                 yield f"{ratio}: the noise is understated, or the model lacks an effect."
             elif self.p_value > 1.0 - statistics.UNLIKELY:
                 yield f"{ratio}: the noise is overstated."
-
-
-def values_at(
-    parameters: Mapping[str, Parameter], coordinates: Float[np.ndarray, " p"]
-) -> dict[str, float]:
-    """Return the value of each parameter by name at coordinates (p,)."""
-    pairs = zip(parameters.items(), coordinates, strict=True)
-    return {name: float(parameter.scale.value(u)) for (name, parameter), u in pairs}

@@ -8,18 +8,18 @@ from functools import partial
 import numpy as np
 
 from ..fields.cautions import PoorFitWarning, caution
-from ..fields.checks import require, require_count, require_positive
+from ..fields.checks import require, require_count, require_positive, require_type
 from ..information.horizon import FitHorizon
 from ..measurements.series import Measurements
 from ..model.bodies import State
 from ..model.scene import Scene
-from ..parametrisation.parameter import Parameter, step_limits
+from ..parametrisation.parameter import Parameter, step_limits, values_at
 from ..result_codes import RESULTS
 from ..simulation.run.progress_bars import ProgressBar, telling_of_compiling
 from ..simulation.step import presets
 from ..simulation.step.settings import Settings, settings_or
 from .checking import check
-from .fit import Fit, values_at
+from .fit import Fit
 from .levenberg_marquardt import (
     Ending,
     Iteration,
@@ -220,19 +220,8 @@ def identify_many(
     coarse_runs = runs_with(settings.looser(LOOSER)) if isinstance(starts, Screening) else runs
     ends = (*grow, float(times[-1]))
     units = {n: p.variation.unit_in(scene, state) for n, p in parameters.items()}
-    problem = _Problem(
-        runs,
-        coarse_runs,
-        parameters,
-        units,
-        rows,
-        starts,
-        ends,
-        tolerance,
-        max_iterations,
-        check_runs,
-        horizon,
-    )
+    limits = tolerance, max_iterations, check_runs
+    problem = _Problem(runs, coarse_runs, parameters, units, rows, starts, ends, *limits, horizon)
     fits: list[Fit] = []
     with iteration_callback(progress, parameters, len(measurements) * len(rows)) as on_iteration:
         for one in measurements:
@@ -422,12 +411,8 @@ def iteration_callback(
     if callable(progress):
         yield lambda _, iteration: progress(iteration)
         return
-    bar = ProgressBar(
-        desc="fit" if searches == 1 else f"{searches} fits",
-        unit=" runs",
-        leave=False,
-        disable=not progress,
-    )
+    name = "fit" if searches == 1 else f"{searches} fits"
+    bar = ProgressBar(desc=name, unit=" runs", leave=False, disable=not progress)
     with telling_of_compiling(bar):
 
         def show(count: int, iteration: Iteration) -> None:
@@ -458,8 +443,7 @@ def _check(
     require(len(measurements) > 0, "measurements", len(measurements), "not empty", remedy)
     remedy = 'pass cj.Measurements({"probe": cj.Series(...)})'
     for one in measurements:
-        kind, fine = type(one).__name__, isinstance(one, Measurements)
-        require(fine, "measurements", kind, "Measurements", remedy)
+        require_type("measurements", one, Measurements, "Measurements", remedy)
     first = measurements[0]
     first.check(scene)
     for k, one in enumerate(measurements):
@@ -474,13 +458,9 @@ def _check(
     check_start(start_time, times)
     ends = [start_time, *grow, times[-1]]
     rising = all(a < b for a, b in zip(ends, ends[1:], strict=False))
-    require(
-        rising,
-        "grow",
-        list(grow),
-        f"rising times between the start, {start_time} s, and the last sample, {ends[-1]} s",
-        "leave out the time of the last sample, which is added",
-    )
+    expected = f"rising times between the start, {start_time} s, and the last sample, {ends[-1]} s"
+    remedy = "leave out the time of the last sample, which is added"
+    require(rising, "grow", list(grow), expected, remedy)
     require_count("max_iterations", max_iterations, "allow one run")
     require_positive("tolerance", tolerance, "1e-3 standard deviations suffice")
     # An exploration by fewer points would hardly describe chi squared of several parameters.

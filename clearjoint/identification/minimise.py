@@ -13,7 +13,7 @@ from ..fields.checks import require, require_count
 from ..fields.types import ArrayLike
 from ..model.bodies import State
 from ..model.scene import Scene
-from ..parametrisation.parameter import Parameter, coordinates_of
+from ..parametrisation.parameter import Parameter, coordinates_of, values_at
 from ..quantities.base import Quantity
 from ..result_codes import RESULTS
 from ..simulation.step.settings import Settings
@@ -124,6 +124,5 @@ def minimise(
     expected = "parameters for which the first run succeeds"
     require(bool(history), "parameters", RESULTS[result], expected, remedy)
     coordinates = np.asarray(best)
-    pairs = zip(parameters.items(), coordinates, strict=True)
-    estimates = {name: float(parameter.scale.value(u)) for (name, parameter), u in pairs}
+    estimates = values_at(parameters, coordinates)
     return Minimum(estimates, coordinates, min(history), np.array(history), result)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
@@ -249,9 +250,8 @@ def _shorter_records(
     edges = np.linspace(times.min(), times.max(), PIECES + 1)
     start, end = float(edges[0]), float(measurements.times()[-1])
     # The run fits the data up to the first piece of the record with large residuals.
-    pieces = ((times >= low) & (times <= high) for low, high in zip(edges, edges[1:], strict=False))
-    bad = (k for k, inside in enumerate(pieces) if _rms(rows[inside]) > FAR)
-    until = float(edges[next(bad, PIECES)])
+    pieces = ((low, (times >= low) & (times <= high)) for low, high in pairwise(edges))
+    until = float(next((low for low, inside in pieces if _rms(rows[inside]) > FAR), edges[-1]))
     # With large residuals from the first piece on, no part of the record fits.
     if until == start:
         length = (end - start) / PIECES

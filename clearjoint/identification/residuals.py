@@ -98,17 +98,9 @@ class Experiment(eqx.Module):
 
         **Arguments:** `times`: (N,) s, at which every output is evaluated, whatever its delay.
         """
-        return sampled_compiled(
-            self.scheme,
-            self.family.at(coordinates),
-            self.outputs,
-            times,
-            self.start_time,
-            end_time,
-            self.first_step,
-            self.max_steps,
-            NOTHING_ELSE,
-        )
+        span, limits = (self.start_time, end_time), (self.first_step, self.max_steps)
+        problem = self.scheme, self.family.at(coordinates), self.outputs, times
+        return sampled_compiled(*problem, *span, *limits, NOTHING_ELSE)
 
     def delay(self, number: int, coordinates: jax.Array) -> jax.Array:
         """Return the value of a delay, s, (...), at coordinates (..., p).
@@ -399,16 +391,10 @@ def run_misfit(
     the last of them; `coordinates`: (p,) of the parameters.
     """
     run = runs.run(coordinates, end_time)
-    values, jacobian = _weighted(runs, run, data)
-    return RunMisfit(
-        np.array(coordinates, float),
-        np.asarray(values),
-        np.asarray(jacobian),
-        np.stack([np.asarray(run.values[name]) for name in runs.names]),
-        run.result,
-        float(run.time),
-        int(run.attempts),
-    )
+    residuals, jacobian = map(np.asarray, _weighted(runs, run, data))
+    predicted = np.stack([np.asarray(run.values[name]) for name in runs.names])
+    ended, at = (run.result, float(run.time), int(run.attempts)), np.array(coordinates, float)
+    return RunMisfit(at, residuals, jacobian, predicted, *ended)
 
 
 @Compiled

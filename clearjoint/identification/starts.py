@@ -6,7 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from ..fields.checks import as_number, recheck, require, require_count, require_positive
+from ..fields.checks import (
+    as_number,
+    errors_about,
+    recheck,
+    require,
+    require_count,
+    require_positive,
+    require_type,
+)
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter
@@ -103,8 +111,8 @@ def start_coordinates(
     require(len(guesses) > 0, "guess", guesses, "at least one start", "leave it out")
     rows = []
     for one in guesses:
-        kind, remedy = type(one).__name__, "pass {parameter: value}, or a list of these"
-        require(isinstance(one, Mapping), "guess", kind, "values by name", remedy)
+        remedy = "pass {parameter: value}, or a list of these"
+        require_type("guess", one, Mapping, "values by name", remedy)
         _require_known("guess", one, names)
         rows.append([_coordinate(scene, state, p, one, name) for name, p in parameters.items()])
     guessed = np.array(rows)
@@ -119,19 +127,17 @@ def _coordinate(scene: Scene, state: State, parameter: Parameter, guess: Guess, 
 
     **Raises:** `ValueError`, with the name, for a value that the scale or the scene doesn't allow.
     """
-    try:
-        if name in guess:
-            value = np.asarray(as_number(guess[name], f"guess[{name!r}]"))
-            coordinate = parameter.scale.coordinate(value)
-            # A delay is no number of the scene, so there is nothing to check.
-            if not isinstance(parameter.variation, SeriesDelay):
-                setter = parameter.variation.setter(scene, state, value.item())
-                changed, _ = setter(scene, state, value.item())
-                recheck(changed)  # Raises the errors of constructors here, not in a run.
-            return coordinate
-        return parameter.coordinate_in(scene, state)
-    except ValueError as error:
-        raise ValueError(f"Parameter {name!r}: {error}") from error
+    with errors_about(f"Parameter {name!r}"):
+        if name not in guess:
+            return parameter.coordinate_in(scene, state)
+        value = np.asarray(as_number(guess[name], f"guess[{name!r}]"))
+        coordinate = parameter.scale.coordinate(value)
+        # A delay is no number of the scene, so there is nothing to check.
+        if not isinstance(parameter.variation, SeriesDelay):
+            setter = parameter.variation.setter(scene, state, value.item())
+            changed, _ = setter(scene, state, value.item())
+            recheck(changed)  # Raises the errors of constructors here, not in a run.
+        return coordinate
 
 
 def _require_known(argument: str, by_name: Mapping[str, float], names: Sequence[str]) -> None:

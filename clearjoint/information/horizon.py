@@ -25,13 +25,13 @@ from jaxtyping import Bool, Float
 from ..fields.checks import require, require_positive
 from ..model.bodies import State
 from ..model.scene import Scene
-from ..parametrisation.parameter import Parameter, coordinates_of
+from ..parametrisation.parameter import Parameter, coordinates_of, values_at
 from ..simulation.run.sensitivities import Sensitivities, sensitivities
 from ..simulation.step import presets
 from ..simulation.step.settings import Settings, settings_or
 from . import error_growth as growth
 from .analysis import Identifiability, identifiability_from
-from .sensors import Sensors, as_sensors, outputs_of, times_of
+from .sensors import Sensor, Sensors, as_sensors, outputs_of, times_of
 from .text_tables import aligned, number
 
 LOOSER = 10.0
@@ -236,12 +236,7 @@ def fit_horizon(
     inf
     """
     tight = settings_or(settings, presets.derivatives)
-    names, keys = sorted(parameters), sorted(uncertainty)
-    require(names == keys, "uncertainty", keys, f"one for each of {names}", "name all of them")
-    for name in parameters:
-        remedy = "give the possible error of the guess"
-        require_positive(f"uncertainty[{name!r}]", uncertainty[name], remedy)
-    spread = np.array([float(uncertainty[name]) for name in parameters])
+    spread = _checked_spread(uncertainty, parameters)
     by_name, truth = as_sensors(sensors, scene), coordinates_of(scene, state, parameters)
     times, points, contacts = times_of(by_name), growth.points(scene), growth.penetrations(scene)
     outputs = outputs_of(by_name) | points | contacts
@@ -262,21 +257,16 @@ def fit_horizon(
         where it failed.
         """
         # Only the parameters' values change, which are arguments of the compiled program.
+        values = values_at(parameters, coordinates)
         perturbed = {
-            name: Parameter(p.variation, p.scale, value=float(p.scale.value(u)))
-            for (name, p), u in zip(parameters.items(), coordinates, strict=True)
+            name: Parameter(one.variation, one.scale, value=values[name])
+            for name, one in parameters.items()
         }
         given = perturbed | disturbance, outputs, times, settings
         end = float(times[-1])
         return sensitivities(scene, state, end, *given, start_time=start_time, throw=throw)
 
-    # Weights (T,) of each output, by name: the inverse of the noise, and zero without a sample.
-    weights: dict[str, np.ndarray] = {}
-    for name, sensor in by_name.items():
-        weight = np.zeros(len(times))
-        weight[np.searchsorted(times, sensor.times)] = 1.0 / sensor.noise
-        weights |= dict.fromkeys(outputs_of({name: sensor}), weight)
-    true_run = run_at(truth, tight)
+    true_run, weights = run_at(truth, tight), _weights(by_name, times)
     errors = _errors(true_run, run_at(truth, tight.looser(LOOSER)), weights, len(truth))
     sizes = growth.sizes(true_run.derivatives, points)
     # Differences grow exponentially only through impacts, so the rate is fitted from the first
@@ -296,6 +286,32 @@ def fit_horizon(
         tuple(guesses),
         identifiability_from(true_run, dict(parameters), truth, by_name, tight),
     )
+
+
+def _checked_spread(
+    uncertainty: Mapping[str, float], parameters: Mapping[str, Parameter]
+) -> Float[np.ndarray, " p"]:
+    """Return the uncertainty of each parameter's coordinate, (p,).
+
+    **Raises:** `ValueError` unless there is one positive number for each parameter.
+    """
+    names, keys = sorted(parameters), sorted(uncertainty)
+    require(names == keys, "uncertainty", keys, f"one for each of {names}", "name all of them")
+    for name in parameters:
+        remedy = "give the possible error of the guess"
+        require_positive(f"uncertainty[{name!r}]", uncertainty[name], remedy)
+    return np.array([float(uncertainty[name]) for name in parameters])
+
+
+def _weights(sensors: Mapping[str, Sensor], times: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the weights of each output by name at times (T,): the inverse of the noise at the
+    times of its samples, and zero at other times."""
+    weights: dict[str, np.ndarray] = {}
+    for name, sensor in sensors.items():
+        weight = np.zeros(len(times))
+        weight[np.searchsorted(times, sensor.times)] = 1.0 / sensor.noise
+        weights |= dict.fromkeys(outputs_of({name: sensor}), weight)
+    return weights
 
 
 def _errors(
@@ -360,48 +376,50 @@ def _wrong_guess(
     - `weights`: weights (T,) of the outputs by name, the inverse of the noise.
     """
     times = true_run.times
-    true_values = {name: true_run.values[name] * weight for name, weight in weights.items()}
-    blocked = np.zeros(len(times), bool)
+    true_values, blocked = _weighted(true_run.values, weights), np.zeros(len(times), bool)
     # A record is blocked if the misfit rises at any of the points between the truth and the guess.
     for fraction in np.linspace(0.0, 1.0, PATH_POINTS + 1)[1:]:
         run = run_at(truth + fraction * offset)
-        n = len(run.times)  # Fewer than those of the true run if this run failed.
-        values = {name: run.values[name] * weight[:n] for name, weight in weights.items()}
-        along = {
-            name: (run.derivatives[name][:, : len(offset)] @ offset) * weight[:n]
-            for name, weight in weights.items()
-        }
-        blocked |= blocked_records(true_values, values, along, len(times))
+        along = {name: run.derivatives[name][:, : len(offset)] @ offset for name in weights}
+        values, slopes = _weighted(run.values, weights), _weighted(along, weights)
+        blocked |= blocked_records(true_values, values, slopes)
     return WrongGuess(offset, blocked, _first(times, blocked))
 
 
+def _weighted(
+    rows: Mapping[str, np.ndarray], weights: Mapping[str, np.ndarray]
+) -> Float[np.ndarray, "S n"]:
+    """Return the rows of the S weighted outputs, (S, n), in units of the noise.
+
+    Rows with n < T numbers are those of a run that failed early.
+    """
+    return np.stack([rows[name] * weight[: len(rows[name])] for name, weight in weights.items()])
+
+
 def blocked_records(
-    truth: Mapping[str, np.ndarray],
-    values: Mapping[str, np.ndarray],
-    slopes: Mapping[str, np.ndarray],
-    count: int,
-) -> Bool[np.ndarray, " count"]:
-    """Return for which records the misfit rises towards the truth at a point of a path, (count,).
+    truth: Float[np.ndarray, "S T"],
+    values: Float[np.ndarray, "S n"],
+    slopes: Float[np.ndarray, "S n"],
+) -> Bool[np.ndarray, " T"]:
+    """Return for which records the misfit rises towards the truth at a point of a path, (T,).
 
     Such a rise may block a fit. Entry k is for the record up to the time of sample k + 1. A misfit
     below the noise doesn't block a fit. Neither does one that is constant along the path: before
     the first impact, the run doesn't depend on the clearance, but in a longer record it does.
 
-    **Arguments:** values and derivatives by name of the output, in units of its noise, zero at
-    times without a sample:
+    **Arguments:** values and derivatives of S outputs, in units of their noise, zero at times
+    without a sample:
 
-    - `truth`: (count,) values at the truth.
-    - `values`: (n,) values at the point. If the run failed early, n < count, and longer records are
+    - `truth`: (S, T) values at the truth.
+    - `values`: (S, n) values at the point. If the run failed early, n < T, and longer records are
       blocked.
-    - `slopes`: (n,) derivatives of `values` along the path, away from the truth.
-    - `count`: number of times in the whole record.
+    - `slopes`: (S, n) derivatives of `values` along the path, away from the truth.
     """
-    n = min(len(row) for row in values.values())
-    residuals = np.stack([values[name][:n] - truth[name][:n] for name in truth])
-    along = np.stack([slopes[name][:n] for name in truth])
-    slope = np.cumsum((residuals * along).sum(axis=0))
-    misfit, size = (np.cumsum((part**2).sum(axis=0)) for part in (residuals, along))
-    is_blocked = np.ones(count, bool)
+    n = values.shape[1]
+    residuals = values - truth[:, :n]
+    slope = np.cumsum((residuals * slopes).sum(axis=0))
+    misfit, size = (np.cumsum((part**2).sum(axis=0)) for part in (residuals, slopes))
+    is_blocked = np.ones(truth.shape[1], bool)
     # A negative slope means that the misfit rises towards the truth. Divided by the norms, the
     # slope is the cosine of an angle, so that the limit does not depend on the size of the misfit.
     # A misfit up to 1 is within the noise.

@@ -2,34 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from jaxtyping import Float
 
-from ..fields.checks import as_number, require, require_names
+from ..fields.checks import as_number, require, require_types
 from ..fields.types import ArrayLike
+from ..measurements.series import Measurements, Series
 from ..model.scene import Scene
-from ..quantities.base import Quantity, check_quantity
-
-
-class SampledChannel(Protocol):
-    """Interface of objects with a channel, times and noise, such as a measured `Series`."""
-
-    @property
-    def channel(self) -> Quantity:
-        """The measured quantity: a scalar function of an `Instant`, the motion at one time."""
-        ...
-
-    @property
-    def times(self) -> ArrayLike:
-        """Times of the samples, (N,) s, strictly rising."""
-        ...
-
-    @property
-    def noise(self) -> ArrayLike:
-        """Standard deviation of the samples in the channel's SI unit, a number or (N,)."""
-        ...
+from ..quantities.base import Quantity, check_quantity, require_quantity
+from ..simulation.step.spans import check_strictly_rising
 
 
 @dataclass(frozen=True)
@@ -58,44 +40,23 @@ class Sensor:
     noise: Float[np.ndarray, " N"]
 
     def __init__(self, channels: Quantity | Sequence[Quantity], times: ArrayLike, noise: ArrayLike):
-        several = isinstance(channels, list | tuple)
-        object.__setattr__(self, "channels", tuple(channels) if several else (channels,))
-        object.__setattr__(self, "times", np.asarray(as_number(times, "times", "s")))
+        several = tuple(channels) if isinstance(channels, list | tuple) else (channels,)
+        require(len(several) > 0, "channels", (), "one or more", "pass one of cj.quantities")
+        for channel in several:
+            require_quantity("channels", channel)
+        row = np.asarray(check_strictly_rising(times, "times"))
         deviation = np.asarray(as_number(noise, "noise"))
-        _check(self.channels, self.times, deviation)
-        object.__setattr__(self, "noise", deviation * np.ones(len(self.times)))
+        fine, expected = deviation.shape in ((), row.shape), f"a number or of shape {row.shape}"
+        require(fine, "noise", deviation.shape, expected, "pass one for each time")
+        fine = bool((np.isfinite(deviation) & (deviation > 0.0)).all())
+        remedy = "give the standard deviation of the samples"
+        require(fine, "noise", deviation, "finite and positive", remedy)
+        object.__setattr__(self, "channels", several)
+        object.__setattr__(self, "times", row)
+        object.__setattr__(self, "noise", deviation * np.ones(len(row)))
 
 
-def _check(channels: tuple[Quantity, ...], times: np.ndarray, noise: np.ndarray) -> None:
-    """Check the arguments of a `Sensor`.
-
-    **Raises:** `ValueError` that names the wrong argument.
-    """
-    functions = len(channels) > 0 and all(callable(channel) for channel in channels)
-    expected = "scalar functions of an Instant"
-    require(functions, "channels", channels, expected, "pass one or several of cj.quantities")
-    finite = times.ndim == 1 and times.size > 0 and bool(np.isfinite(times).all())
-    rises = finite and bool((np.diff(times) > 0.0).all())
-    expected = "a rising row of finite times, none of them twice"
-    require(rises, "times", times, expected, "sort them, for example by numpy.unique")
-    shaped = noise.shape in ((), times.shape)
-    expected = f"a number or of shape {times.shape}"
-    require(shaped, "noise", noise.shape, expected, "pass one for each time")
-    positive = bool((np.isfinite(noise) & (noise > 0.0)).all())
-    remedy = "give the standard deviation of the samples"
-    require(positive, "noise", noise, "finite and positive", remedy)
-
-
-class SeriesByName(Protocol):
-    """Interface of objects with sampled channels by name, such as `Measurements`."""
-
-    @property
-    def series(self) -> Mapping[str, SampledChannel]:
-        """Sampled channels by name."""
-        ...
-
-
-Sensors = Mapping[str, Sensor | SampledChannel] | SeriesByName
+Sensors = Mapping[str, Sensor | Series] | Measurements
 """Sensors or measured series by name, or `Measurements`; a series is a sensor with one channel."""
 
 
@@ -107,20 +68,18 @@ def as_sensors(sensors: Sensors, scene: Scene) -> dict[str, Sensor]:
     **Raises:** `ValueError` for other types, an empty dictionary, names that are not non-empty
     texts, and for a channel of an element that the scene lacks.
     """
-    by_name = sensors if isinstance(sensors, Mapping) else getattr(sensors, "series", {})
+    by_name = sensors.series if isinstance(sensors, Measurements) else sensors
     remedy = 'pass for example {"probe": cj.Sensor(channel, times, noise)}'
     filled = isinstance(by_name, Mapping) and len(by_name) > 0
     require(filled, "sensors", sensors, "a dictionary with at least one sensor", remedy)
-    require_names("sensors", by_name, remedy)
-    sensor_by_name = {}
-    for name, one in by_name.items():
-        is_series = all(hasattr(one, part) for part in ("channel", "times", "noise"))
-        fine = isinstance(one, Sensor) or is_series
-        require(fine, f"sensors[{name!r}]", type(one).__name__, "a Sensor or a Series", remedy)
-        sensor = one if isinstance(one, Sensor) else Sensor(one.channel, one.times, one.noise)
+    require_types("sensors", by_name, Sensor | Series, "a Sensor or a Series", remedy)
+    sensor_by_name = {
+        name: one if isinstance(one, Sensor) else Sensor(one.channel, one.times, one.noise)
+        for name, one in by_name.items()
+    }
+    for name, sensor in sensor_by_name.items():
         for channel in sensor.channels:
             check_quantity(f"Sensor {name!r}", channel, scene)
-        sensor_by_name[name] = sensor
     return sensor_by_name
 
 

@@ -4,15 +4,14 @@ Error messages count rows of data from 1, without the header, blank lines and co
 """
 
 import warnings
-from collections.abc import Callable, Hashable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 
-from ..fields.checks import require, require_names
+from ..fields.checks import errors_about, require, require_types
 from ..fields.types import ArrayLike
 from ..model.drives.functions_of_time import PiecewiseConstant, PiecewiseLinear
 from ..quantities.base import Quantity
@@ -25,6 +24,7 @@ if TYPE_CHECKING:
 
 TableOfTime = TypeVar("TableOfTime", bound=PiecewiseLinear | PiecewiseConstant)
 Missing = Literal["refuse", "drop"]
+PASS_CHANNEL = "pass cj.Channel(quantity, noise=...)"
 _FIRST_LINE = {
     "header": None,
     "nrows": 1,
@@ -101,14 +101,6 @@ class _Column:
                 f"Row {k + 1} of {self.label} must be {expected}, but is {value!r}: {remedy}."
             )
 
-    @contextmanager
-    def in_errors(self) -> Iterator[None]:
-        """Return a context in which messages of `ValueError` begin with the column's label."""
-        try:
-            yield
-        except ValueError as error:
-            raise ValueError(f"In {self.label}: {error}") from error
-
 
 def read_csv(
     path: str | Path,
@@ -153,12 +145,13 @@ def read_csv(
     >>> cj.read_csv("rig.csv", {"probe x": probe}).series["probe x"].times  # s
     array([0.   , 0.001])
     """
+    require_types("channels", channels, Channel, "a Channel", PASS_CHANNEL)
     # The second argument of `column` is the argument that error messages name.
     column = _columns_of(path, options)
     times = _times(column(time, "time"), time_unit)
     series = {
         name: _series(name, channel, column(name, "channels"), times, noise, missing)
-        for name, channel in _valid(channels)
+        for name, channel in channels.items()
     }
     return Measurements(series)
 
@@ -206,7 +199,7 @@ def function_from_csv(
     rows = column_named(column, "column")
     values = rows.numbers()
     rows.require_each(np.isfinite(values), "a finite number", "correct it, or leave the row out")
-    with rows.in_errors():
+    with errors_about(f"In {rows.label}"):
         factor, _ = to_si(rows.unit or unit, unit)
     return kind(times, values * factor)
 
@@ -263,6 +256,8 @@ def from_xarray(
     """
     import pandas as pd
 
+    require_types("channels", channels, Channel, "a Channel", PASS_CHANNEL)
+
     def column(name: Hashable) -> _Column:
         array = dataset[name]
         label = f"variable {name!r} of the dataset"
@@ -270,7 +265,7 @@ def from_xarray(
 
     # Each variable may have a time coordinate of its own, so times are read for each of them.
     series = {}
-    for name, channel in _valid(channels):
+    for name, channel in channels.items():
         variables = [str(variable) for variable in dataset.data_vars]
         _require_listed("channels", name, variables, "variables of the dataset")
         dims = dataset[name].dims
@@ -311,20 +306,6 @@ def _read(path: str | Path, options: dict[str, Any]) -> "pd.DataFrame":
             ) from error
 
 
-def _valid(channels: Mapping[str, Channel]) -> Iterator[tuple[str, Channel]]:
-    """Yield the pairs (name, channel) of `channels`, after a check that each channel is a `Channel`
-    and each name a text.
-
-    **Raises:** `ValueError` otherwise.
-    """
-    remedy = "pass cj.Channel(quantity, noise=...)"
-    require_names("channels", channels, remedy)
-    for name, channel in channels.items():
-        kind = type(channel).__name__
-        require(isinstance(channel, Channel), f"channels[{name!r}]", kind, "a Channel", remedy)
-        yield name, channel
-
-
 def _split(header: Hashable) -> tuple[str, str | None]:
     """Return the name and the unit of a header such as "x [mm]"; without brackets, the unit is
     ``None``."""
@@ -349,7 +330,7 @@ def _times(column: _Column, unit: str) -> np.ndarray:
     column.require_each(np.isfinite(times), "a finite number", "complete the times")
     rising = np.append(True, np.diff(times) > 0.0)
     column.require_each(rising, "later than the row before", "sort the rows, merge repeated times")
-    with column.in_errors():
+    with errors_about(f"In {column.label}"):
         return times * to_si(column.unit or unit, "s")[0]
 
 
@@ -396,5 +377,5 @@ def _series(
     remedy = "omit the channel's unit, or correct the table"
     expected = f"the channel's {channel.unit!r}"
     require(channel.unit in (None, unit), f"unit of {column.label}", unit, expected, remedy)
-    with column.in_errors():
+    with errors_about(f"In {column.label}"):
         return Series(channel.quantity, times[valid], values[valid], deviation, unit, name)

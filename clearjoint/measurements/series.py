@@ -9,11 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from ..fields.checks import as_number, concrete, named, require
+from ..fields.checks import as_number, concrete, require, require_types
 from ..fields.readable import AbstractReadable
 from ..fields.types import ArrayLike
 from ..model.scene import Scene
-from ..quantities.base import Quantity, check_quantity
+from ..quantities.base import Quantity, check_quantity, require_quantity
 from .units import to_si
 
 if TYPE_CHECKING:
@@ -64,8 +64,7 @@ class Series(AbstractReadable):
         unit: str | None = None,
         name: str | None = None,
     ):
-        expected = "a scalar function of an Instant"
-        require(callable(channel), "channel", channel, expected, "pass one of cj.quantities")
+        require_quantity("channel", channel)
         si = getattr(channel, "unit", None)
         unit = si if unit is None else unit
         expected = "given for a channel without a unit"
@@ -190,11 +189,9 @@ class Measurements(AbstractReadable):
 
     def __init__(self, series: Mapping[str, Series]):
         remedy = 'pass for example {"probe": cj.Series(...)}'
-        self.series = named("series", series, remedy)
+        require_types("series", series, Series, "a Series", remedy)
         require(len(series) > 0, "series", {}, "a dictionary with at least one Series", remedy)
-        for name, one in self.series.items():
-            kind = type(one).__name__
-            require(isinstance(one, Series), f"series[{name!r}]", kind, "a Series", remedy)
+        self.series = dict(series)
 
     def __getitem__(self, name: str) -> Series:
         return self.series[name]
@@ -213,13 +210,9 @@ class Measurements(AbstractReadable):
         parts = {name: series.between(start, end) for name, series in self.series.items()}
         inside = {name: series for name, series in parts.items() if series is not None}
         times = self.times()
-        require(
-            bool(inside),
-            "start, end",
-            (start, end),
-            "a window that contains samples",
-            f"choose it between {times[0]} and {times[-1]} s, where the end is excluded",
-        )
+        expected = "a window that contains samples"
+        remedy = f"choose it between {times[0]} and {times[-1]} s, where the end is excluded"
+        require(bool(inside), "start, end", (start, end), expected, remedy)
         return Measurements(inside)
 
     def check(self, scene: Scene) -> None:

@@ -4,8 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
-from ..fields.checks import require, require_names
+from ..fields.checks import require, require_types
 from ..model.bodies import State
 from ..model.scene import Scene
 from .paths import NumberPath, value_at
@@ -154,10 +155,7 @@ def check_parameters(parameters: Mapping[str, Parameter]) -> None:
 
     **Raises:** `ValueError` that names the wrong entry.
     """
-    require_names("parameters", parameters, PASS_PARAMETERS)
-    for name, parameter in parameters.items():
-        kind, fine = type(parameter).__name__, isinstance(parameter, Parameter)
-        require(fine, f"parameters[{name!r}]", kind, "a Parameter", PASS_PARAMETERS)
+    require_types("parameters", parameters, Parameter, "a Parameter", PASS_PARAMETERS)
 
 
 def step_limits(parameters: Mapping[str, Parameter]) -> np.ndarray:
@@ -166,6 +164,14 @@ def step_limits(parameters: Mapping[str, Parameter]) -> np.ndarray:
     The limit is `AbstractScale.max_step`; it may be infinite.
     """
     return np.array([parameter.scale.max_step for parameter in parameters.values()])
+
+
+def values_at(
+    parameters: Mapping[str, Parameter], coordinates: Float[np.ndarray, " p"]
+) -> dict[str, float]:
+    """Return the value of each parameter by name at coordinates (p,)."""
+    pairs = zip(parameters.items(), coordinates, strict=True)
+    return {name: float(parameter.scale.value(u)) for (name, parameter), u in pairs}
 
 
 def coordinates_of(scene: Scene, state: State, parameters: Mapping[str, Parameter]) -> np.ndarray:

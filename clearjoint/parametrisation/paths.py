@@ -66,13 +66,11 @@ def numbers_at(tree: PyTree, path: NumberPath) -> list[Number]:
         # The path computes with a location, which supports no arithmetic. The check below refuses
         # everything that is not a location, and shows this error.
         numbers = [error]
-    require(
-        bool(numbers) and all(isinstance(number, Number) for number in numbers),
-        "path",
-        [n if isinstance(n, Number | Exception) else type(n).__name__ for n in numbers],
-        "a function that returns numbers stored in the tree, not values computed from them",
-        "see parameters(tree) for all numbers, e.g. lambda s: s.joints['pin'].clearance",
-    )
+    fine = bool(numbers) and all(isinstance(number, Number) for number in numbers)
+    given = [n if isinstance(n, Number | Exception) else type(n).__name__ for n in numbers]
+    expected = "a function that returns numbers stored in the tree, not values computed from them"
+    remedy = "see parameters(tree) for all numbers, e.g. lambda s: s.joints['pin'].clearance"
+    require(fine, "path", given, expected, remedy)
     return numbers
 
 
@@ -140,13 +138,8 @@ def require_fits(leaves: list[PyTree], numbers: list[Number], value: Leaf) -> No
     """
     for number in numbers:
         shape = _shape(leaves[number.leaf], number.component)
-        require(
-            np.shape(value) == shape,
-            "value",
-            value,
-            f"of shape {shape}, as the number it replaces",
-            "pass one value of that shape",
-        )
+        expected = f"of shape {shape}, as the number it replaces"
+        require(np.shape(value) == shape, "value", value, expected, "pass one value of that shape")
 
 
 def value_at(tree: PyTree, path: NumberPath) -> Leaf:

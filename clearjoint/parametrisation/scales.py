@@ -174,9 +174,8 @@ class Bounded(AbstractScale):
     def __post_init__(self) -> None:
         for name in ("low", "high"):
             require_shape(name, getattr(self, name), (), "pass a single number")
-        require(
-            self.low < self.high, "high", self.high, f"above low = {self.low}", "swap the bounds"
-        )
+        above = f"above low = {self.low}"
+        require(self.low < self.high, "high", self.high, above, "swap the bounds")
 
     def value(self, coordinate: Scalar) -> Scalar:
         """Return low + (high - low)/(1 + exp(-coordinate))."""

@@ -10,13 +10,7 @@ import equinox as eqx
 import numpy as np
 
 from ..fields.cautions import quiet
-from ..fields.checks import (
-    as_number,
-    require,
-    require_axis,
-    require_point,
-    require_positive,
-)
+from ..fields.checks import as_number, require, require_axis, require_point, require_positive
 from ..fields.suggestions import nearest
 from ..fields.types import TripleLike
 from ..math.rotations import unit

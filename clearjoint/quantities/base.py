@@ -5,12 +5,12 @@ A quantity is a scalar function of an instant of a run, such as the signal of a 
 
 import abc
 from collections.abc import Callable, Collection
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, TypeVar, get_args
 
 import equinox as eqx
 import numpy as np
 
-from ..fields.checks import as_number, require
+from ..fields.checks import as_number, errors_about, require
 from ..fields.suggestions import nearest
 from ..fields.types import ArrayLike
 from ..math.smoothing import norm_and_direction
@@ -18,6 +18,7 @@ from ..math.vectors import Scalar, Vector
 from ..model.scene import Scene
 from .instant import Instant
 
+T = TypeVar("T")
 Component = Literal["x", "y", "z"]
 """Name of a vector component.
 
@@ -91,10 +92,8 @@ def check_quantity(argument: str, function: object, scene: Scene) -> None:
     quantity, and lists the available names.
     """
     if isinstance(function, AbstractQuantity):
-        try:
+        with errors_about(argument):
             function.check(scene)
-        except ValueError as error:
-            raise ValueError(f"{argument}: {error}") from error
 
 
 def require_quantity(argument: str, function: object) -> None:
@@ -120,46 +119,35 @@ def require_known(argument: str, name: str, known: Collection[str]) -> None:
         require(False, argument, name, expected, remedy)
 
 
-def require_choice(argument: str, value: str | None, allowed: tuple[str | None, ...]) -> None:
-    """Check that a value is one of those allowed.
+def one_of(argument: str, *allowed: T) -> Callable[[T], T]:
+    """Return a converter for a field: a function that returns an allowed value unchanged, and
+    raises a ``ValueError`` with the name `argument` for any other."""
 
-    **Raises:** `ValueError` that begins with `argument` and lists the allowed values.
-    """
-    require(value in allowed, argument, value, f"one of {allowed}", "pass one of these")
+    def checked(value: T) -> T:
+        require(value in allowed, argument, value, f"one of {allowed}", "pass one of these")
+        return value
 
-
-def as_component(value: Component) -> Component:
-    """Return a component unchanged, or raise a ``ValueError`` unless it is "x", "y" or "z"."""
-    require_choice("component", value, ("x", "y", "z"))
-    return value
+    return checked
 
 
-def component_or_none(value: Component | None) -> Component | None:
-    """Return a component unchanged, or raise a ``ValueError`` unless it is "x", "y", "z" or
-    ``None``."""
-    require_choice("component", value, ("x", "y", "z", None))
-    return value
+as_component: Callable[[Component], Component] = one_of("component", *get_args(Component))
+component_or_none: Callable[[Component | None], Component | None] = one_of(
+    "component", *get_args(Component), None
+)
+as_axes: Callable[[Axes], Axes] = one_of("axes", *get_args(Axes))
+Numbers = tuple[float, ...]
+"""Type of static fields with numbers. Unlike an array, a tuple compares and hashes by value."""
 
 
-def as_axes(value: Axes) -> Axes:
-    """Return the name of axes unchanged, or raise a ``ValueError`` unless it is "global" or
-    "body"."""
-    require_choice("axes", value, ("global", "body"))
-    return value
-
-
-def numbers(values: ArrayLike) -> tuple[float, ...]:
+def numbers(values: ArrayLike) -> Numbers:
     """Return numbers, (N,), as a tuple; a single number gives a tuple of one.
-
-    Static fields of quantities need it, because a tuple compares and hashes by value, unlike an
-    array.
 
     **Raises:** `ValueError` if the values are not numbers.
     """
     return tuple(np.atleast_1d(as_number(values)).tolist())
 
 
-def optional_numbers(values: ArrayLike | None) -> tuple[float, ...] | None:
+def optional_numbers(values: ArrayLike | None) -> Numbers | None:
     """Return numbers, (N,), as a tuple as `numbers` does, or ``None`` unchanged."""
     return None if values is None else numbers(values)
 

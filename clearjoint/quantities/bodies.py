@@ -17,6 +17,7 @@ from .base import (
     AbstractQuantity,
     Axes,
     Component,
+    Numbers,
     as_axes,
     as_component,
     component_or_magnitude,
@@ -111,7 +112,7 @@ class Acceleration(AbstractBodyQuantity):
 class AbstractPointQuantity(AbstractBodyQuantity):
     """Base class of quantities of a point of a body; `point` is (3,) m in body axes."""
 
-    point: tuple[float, ...] = eqx.field(static=True, converter=numbers)
+    point: Numbers = eqx.field(static=True, converter=numbers)
 
     def __check_init__(self):
         require_point("point", self.point)
@@ -282,13 +283,9 @@ class Angle(AbstractBodyQuantity):
     ('rad', True)
     """
 
-    about: tuple[float, ...] = eqx.field(static=True, converter=numbers)
-    reference: tuple[float, ...] | None = eqx.field(
-        default=None, static=True, converter=optional_numbers
-    )
-    axis: tuple[float, ...] | None = eqx.field(
-        default=None, static=True, converter=optional_numbers
-    )
+    about: Numbers = eqx.field(static=True, converter=numbers)
+    reference: Numbers | None = eqx.field(default=None, static=True, converter=optional_numbers)
+    axis: Numbers | None = eqx.field(default=None, static=True, converter=optional_numbers)
     unit: ClassVar[str | None] = "rad"
     period: ClassVar[float | None] = 2.0 * math.pi
 
@@ -337,12 +334,10 @@ class Distance(AbstractQuantity):
     """
 
     first: str = eqx.field(static=True)
-    point_first: tuple[float, ...] = eqx.field(static=True, converter=numbers)
+    point_first: Numbers = eqx.field(static=True, converter=numbers)
     second: str = eqx.field(static=True)
-    point_second: tuple[float, ...] = eqx.field(static=True, converter=numbers)
-    along: tuple[float, ...] | None = eqx.field(
-        default=None, static=True, converter=optional_numbers
-    )
+    point_second: Numbers = eqx.field(static=True, converter=numbers)
+    along: Numbers | None = eqx.field(default=None, static=True, converter=optional_numbers)
     unit: ClassVar[str | None] = "m"
 
     def __check_init__(self):

@@ -67,25 +67,16 @@ class Instant:
         inside: "Callable[[Scalar], Instant] | None" = None,
     ):
         self.time, self.work = system.clock(own_time), work
-        self._own_time = own_time
-        self._system, self._entry_speeds, self._variables = system, entry_speeds, variables
-        self._bristles = bristles
-        self._inside = inside
+        self._system, self._own_time, self._variables = system, own_time, variables
+        self._entry_speeds, self._bristles, self._inside = entry_speeds, bristles, inside
+        self._parts = system, own_time, variables, entry_speeds, work, bristles
 
     def tree_flatten(self) -> tuple[tuple[PyTree, ...], None]:
         """Return the parts of the instant that JAX may trace, and ``None`` as no part is static.
 
         JAX calls this method.
         """
-        parts = (
-            self._system,
-            self._own_time,
-            self._variables,
-            self._entry_speeds,
-            self.work,
-            self._bristles,
-        )
-        return parts, None
+        return self._parts, None
 
     @classmethod
     def tree_unflatten(cls, _: None, parts: tuple[PyTree, ...]) -> "Instant":

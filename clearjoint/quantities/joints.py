@@ -5,7 +5,7 @@ ends.
 """
 
 import math
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from typing import ClassVar, Protocol, runtime_checkable
 
 import equinox as eqx
@@ -26,7 +26,7 @@ from .base import (
     as_component,
     component_or_magnitude,
     component_or_none,
-    require_choice,
+    one_of,
     require_known,
 )
 from .instant import Instant
@@ -203,9 +203,7 @@ class BristleDeflection(AbstractContactQuantity):
         return norm_and_direction(now.bristles[self.joint][self.contact])[0]
 
 
-def _base(name: str | None) -> str | None:
-    require_choice("base", name, (*BASES, None))
-    return name
+_base: Callable[[str | None], str | None] = one_of("base", *BASES, None)
 
 
 class AbstractJournalQuantity(AbstractJointQuantity):

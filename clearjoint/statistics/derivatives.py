@@ -25,11 +25,10 @@ from ..fields.checks import require, require_count, require_positive
 from ..fields.conversion import with_arrays
 from ..model.bodies import State
 from ..model.scene import Scene
-from ..result_codes import RESULTS, result_number
 from ..simulation.step.settings import Settings
 from ..sweeps.outputs import Output
 from ..sweeps.sweep import SweepOptions, sweep
-from .ensemble import DISTURBANCE, scalar_outputs
+from .ensemble import DISTURBANCE, number_failed, scalar_outputs
 from .starts import directions, disturbed_axes
 from .uncertain import Uncertain, check_confidence, check_uncertain
 
@@ -60,7 +59,6 @@ def statistics_derivatives(
     disturbance: float = DISTURBANCE,
     seed: int = 0,
     confidence: float = 0.95,
-    start_time: float = 0.0,
     **options: Unpack[SweepOptions],
 ) -> "xr.Dataset":
     """Estimate the derivatives of the outputs' means by nominal values, with confidence intervals.
@@ -71,7 +69,7 @@ def statistics_derivatives(
 
     **Arguments:**
 
-    - `scene`, `state`, `start_time`, `end_time` s, `outputs`, `settings`, and the options `path`,
+    - `scene`, `state`, `end_time` s, `outputs`, `settings`, and the options `start_time`, `path`,
       `executor`, `threads`, `chunk`, `progress`: as in `sweep`.
     - `uncertain`: the p parameters, `Uncertain` by name. All those with a `deviation` share the
       same runs; each one with a `half_width` or `between` takes `members` further runs.
@@ -108,17 +106,9 @@ def statistics_derivatives(
         name: one.axis(scene, state, draws[:, k]) for k, (name, one) in enumerate(uncertain.items())
     }
     along = _directions(scene, len(draws), members, seed)
-    results = sweep(
-        scene,
-        state,
-        end_time,
-        disturbed_axes(scene, state, axes, disturbance, along, start_time),
-        outputs,
-        settings,
-        zipped=True,
-        start_time=start_time,
-        **options,
-    )
+    start_time = options.get("start_time", 0.0)
+    lanes = disturbed_axes(scene, state, axes, disturbance, along, start_time)
+    results = sweep(scene, state, end_time, lanes, outputs, settings, zipped=True, **options)
     from scipy.special import ndtri
 
     # Half the width of an interval, in standard errors.
@@ -126,22 +116,17 @@ def statistics_derivatives(
     # One unit of each standardised coordinate, in the coordinate of the parameter's scale.
     sizes = np.array([one.centre_and_size(scene, state)[1] for one in uncertain.values()])
     normal = np.array([one.is_normal for one in uncertain.values()])
-    variables: dict[str, Labelled] = {}
-    for name, values in scalar_outputs(results).items():
-        unit = results[name].attrs.get("units", "1")
+    variables = {"failed": number_failed(results)}
+    for name, (values, unit) in scalar_outputs(results).items():
         found = estimate(draws, values, members, normal)
         scaled = Estimates(found.derivatives / sizes, found.errors / sizes)
         # Only the first runs are independent draws from the distributions, whose mean is wanted.
         sample = values[:members][np.isfinite(values[:members])]
         variables |= _labelled(name, unit, sample, scaled, factor)
-    failed = int((results["result"].values != result_number(RESULTS.successful)).sum())
-    variables["failed"] = Labelled((), failed, description="number of failed runs")
+    coordinates = [one.parameter.scale.label(name) for name, one in uncertain.items()]
     labels = {
         "parameter": Labelled(("parameter",), texts(list(uncertain))),
-        "coordinate": Labelled(
-            ("parameter",),
-            texts([one.parameter.scale.label(name) for name, one in uncertain.items()]),
-        ),
+        "coordinate": Labelled(("parameter",), texts(coordinates)),
     }
     notes = {"runs": len(draws), "seed": seed, "confidence": confidence}
     notes["disturbance"] = f"{disturbance:g} m/s"
@@ -249,17 +234,14 @@ def estimate(
     require(successful >= needed, "members", members, expected, "run more, or find the failure")
     slopes, slope_errors = _regression(draws[:members][usable], values[:members][usable], normal)
     derivatives[normal], errors[normal] = slopes[normal], slope_errors[normal]
-    first = members
-    for k in np.flatnonzero(~normal):
-        # As many runs as independent draws; one less if their number is odd, because they are
-        # pairs.
-        pairs = values[first : first + 2 * (members // 2)].reshape(-1, 2)
+    # Each uniform parameter has as many runs as there are independent draws, in pairs.
+    blocks = values[members:].reshape(-1, members // 2, 2)
+    for k, pairs in zip(np.flatnonzero(~normal), blocks, strict=True):
         # The ends of the distribution are at 1 and -1, a distance of 2.
         halves = 0.5 * (pairs[:, 0] - pairs[:, 1])
         halves = halves[np.isfinite(halves)]
         require(len(halves) > 1, "members", len(halves), "2 pairs of runs or more", "run more")
         derivatives[k], errors[k] = halves.mean(), halves.std(ddof=1) / np.sqrt(len(halves))
-        first += 2 * (members // 2)
     return Estimates(derivatives, errors)
 
 

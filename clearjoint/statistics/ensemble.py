@@ -2,22 +2,26 @@
 
 import warnings
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from typing_extensions import Unpack
 
-from ..fields.checks import require, require_count, require_positive
+from ..export.labelled import Labelled
+from ..fields.checks import require, require_count, require_positive, require_types
 from ..fields.conversion import with_arrays
+from ..information import error_growth as growth
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..result_codes import RESULTS, result_number
+from ..simulation.run.sensitivities import sensitivities
+from ..simulation.step import presets
 from ..simulation.step.settings import Settings
 from ..sweeps.axes import Axis
 from ..sweeps.outputs import Output
 from ..sweeps.sweep import SweepOptions, sweep
-from .lyapunov import exponents_from
 from .starts import directions, disturbed_axes, with_values
 
 if TYPE_CHECKING:
@@ -26,6 +30,12 @@ if TYPE_CHECKING:
 DISTURBANCE = 1e-9
 """Default size of the disturbance of the initial velocities, m/s: far below the resolution of
 measurements, and far above rounding errors."""
+TANGENT_SETTINGS = replace(presets.derivatives, derivative_tolerance=1e9)
+"""Settings of the runs with a tangent. With so large a tolerance the tangent does not control the
+length of steps. A growth rate needs few correct digits of the tangent, and control by an ever
+larger tangent would make steps ever shorter, until runs reach their step limit."""
+TANGENT_TIMES = 256
+"""Number of times, evenly spaced over the run, at which the size of the tangent is computed."""
 MEMBER, QUANTILE = "member", "quantile"
 """Names of the dimensions that results have besides the axes."""
 NOT_OUTPUTS = ("result", "time_reached", "attempts", "accepted")
@@ -45,7 +55,6 @@ def ensemble(
     seed: int = 0,
     quantiles: tuple[float, ...] = (0.05, 0.5, 0.95),
     exponents: int = 0,
-    start_time: float = 0.0,
     **options: Unpack[SweepOptions],
 ) -> "xr.Dataset":
     """Repeat each run of a sweep from slightly different starts, and return statistics of outputs.
@@ -57,7 +66,7 @@ def ensemble(
 
     **Arguments:**
 
-    - `scene`, `state`, `start_time`, `end_time` s, `outputs`, `settings`, and the options `path`,
+    - `scene`, `state`, `end_time` s, `outputs`, `settings`, and the options `start_time`, `path`,
       `executor`, `threads`, `chunk`, `progress`: as in `sweep`. Statistics are computed of
       reductions and of other outputs with one number in each run.
     - `axes`: `Axis` by name; the points are all combinations of the values. By default there is one
@@ -102,7 +111,9 @@ def ensemble(
     axes = {} if axes is None else dict(axes)
     _check(axes, members, disturbance, quantiles, exponents)
     scene, state = with_arrays((scene, state))
-    points = _points(axes)
+    # The values of each axis at all combinations of values; those of the last axis change fastest.
+    grids = np.meshgrid(*(axis.values for axis in axes.values()), indexing="ij")
+    points = [grid.ravel() for grid in grids]
     count = len(points[0]) if points else 1
     # The members of a point are successive lanes; all points share the members' directions.
     repeated = {
@@ -110,18 +121,9 @@ def ensemble(
         for (name, axis), column in zip(axes.items(), points, strict=True)
     }
     along = np.tile(directions(scene, members, seed), (count, 1))
+    start_time = options.get("start_time", 0.0)
     lanes = disturbed_axes(scene, state, repeated, disturbance, along, start_time, members)
-    results = sweep(
-        scene,
-        state,
-        end_time,
-        lanes,
-        outputs,
-        settings,
-        zipped=True,
-        start_time=start_time,
-        **options,
-    )
+    results = sweep(scene, state, end_time, lanes, outputs, settings, zipped=True, **options)
     shape = tuple(len(axis.values) for axis in axes.values())
     labels = {
         name: (name, axis.values, {"units": axis.unit_in(scene, state)})
@@ -130,18 +132,17 @@ def ensemble(
     notes = {"members": members, "disturbance": f"{disturbance:g} m/s", "seed": seed}
     statistics = _statistics(results, labels, (*shape, members), quantiles)
     if exponents:
-        growth = np.empty((count, 2))
+        rates = np.empty((count, 2))
         for k in range(count):
             values = {name: column[k] for name, column in zip(axes, points, strict=True)}
             # Scene and initial state at this point, without disturbance.
             at = with_values(scene, state, axes, values)
             end = end_time(at[0]) if callable(end_time) else end_time
-            growth[k] = exponents_from(
-                *at, end, disturbance, along[:exponents], start_time, options.get("progress", True)
-            )
-        for column, name in enumerate(("lyapunov_exponent", "lyapunov_exponent_standard_error")):
-            variable = tuple(axes), growth[:, column].reshape(shape), {"units": "1/s"}
-            statistics[name] = variable
+            given = end, disturbance, along[:exponents], start_time, options.get("progress", True)
+            rates[k] = _lyapunov_exponent(*at, *given)
+        for column, name in zip(rates.T, ("", "_standard_error"), strict=True):
+            variable = tuple(axes), column.reshape(shape), {"units": "1/s"}
+            statistics[f"lyapunov_exponent{name}"] = variable
     return statistics.assign_attrs({**results.attrs, **notes})
 
 
@@ -156,10 +157,9 @@ def _check(
 
     **Raises:** `ValueError` that names the wrong argument.
     """
-    for name, axis in axes.items():
-        kind, fine = type(axis).__name__, isinstance(axis, Axis) and name not in (MEMBER, QUANTILE)
-        expected = f'an Axis, and not named "{MEMBER}" or "{QUANTILE}"'
-        require(fine, f"axes[{name!r}]", kind, expected, "pass {name: cj.Axis(path, values)}")
+    require_types("axes", axes, Axis, "an Axis", "pass {name: cj.Axis(path, values)}")
+    taken, expected = sorted({MEMBER, QUANTILE} & set(axes)), f"not named {MEMBER} or {QUANTILE}"
+    require(not taken, "axes", taken, expected, "rename the axis")
     require_count("members", members, "give a number of runs at each point")
     require(members > 1, "members", members, "2 or more", "statistics need several runs")
     require_positive("disturbance", disturbance, "give it in m/s")
@@ -171,25 +171,30 @@ def _check(
     require(fine, "exponents", exponents, expected, "a standard error needs two runs")
 
 
-def _points(axes: Mapping[str, Axis]) -> list[np.ndarray]:
-    """Return the values of each axis at all combinations of values, (points,) for each axis.
-
-    The values of the last axis change fastest.
-    """
-    grids = np.meshgrid(*(axis.values for axis in axes.values()), indexing="ij")
-    return [grid.ravel() for grid in grids]
+def failed_runs(results: "xr.Dataset") -> Bool[np.ndarray, " lanes"]:
+    """Return whether each run of a zipped sweep failed, (lanes,)."""
+    return results["result"].values != result_number(RESULTS.successful)
 
 
-def scalar_outputs(results: "xr.Dataset") -> dict[str, np.ndarray]:
-    """Return the outputs with one number in each lane, (lanes,), by name; NaN for failed lanes.
+def number_failed(results: "xr.Dataset") -> Labelled:
+    """Return the number of failed runs of a zipped sweep, as a variable of a dataset."""
+    return Labelled((), int(failed_runs(results).sum()), description="number of failed runs")
+
+
+def scalar_outputs(results: "xr.Dataset") -> dict[str, tuple[np.ndarray, str]]:
+    """Return the outputs with one number in each lane by name, each as a pair of its values,
+    (lanes,), NaN for failed lanes, and its unit.
 
     Other outputs, such as tables of impacts, are left out.
 
     **Arguments:** `results`: of a zipped sweep.
     """
-    failed = results["result"].values != result_number(RESULTS.successful)
+    failed = failed_runs(results)
     return {
-        str(name): np.where(failed, np.nan, variable.values.astype(float))
+        str(name): (
+            np.where(failed, np.nan, variable.values.astype(float)),
+            variable.attrs.get("units", "1"),
+        )
         for name, variable in results.data_vars.items()
         if variable.dims == ("lane",) and name not in NOT_OUTPUTS
     }
@@ -214,10 +219,9 @@ def _statistics(
 
     levels = np.asarray(quantiles, float)
     found = xr.Dataset(coords={**labels, QUANTILE: levels})
-    failed = results["result"].values.reshape(shape) != result_number(RESULTS.successful)
-    found["failed"] = tuple(labels), failed.sum(axis=-1), {"long_name": "number of failed runs"}
-    for name, values in scalar_outputs(results).items():
-        unit = {"units": results[name].attrs.get("units", "1")}
+    failed = failed_runs(results).reshape(shape).sum(axis=-1)
+    found["failed"] = tuple(labels), failed, {"long_name": "number of failed runs"}
+    for name, (values, unit) in scalar_outputs(results).items():
         runs = xr.DataArray(values.reshape(shape), dims=(*labels, MEMBER))
         deviation = runs.std(MEMBER, ddof=1)
         with warnings.catch_warnings():
@@ -225,13 +229,16 @@ def _statistics(
             warnings.simplefilter("ignore", RuntimeWarning)
             quantile = runs.quantile(levels, MEMBER).transpose(..., QUANTILE)
             errors = _quantile_errors(runs.values, levels)
-        found[name] = runs.assign_attrs(unit)
-        found[f"{name}_mean"] = runs.mean(MEMBER).assign_attrs(unit)
-        found[f"{name}_deviation"] = deviation.assign_attrs(unit)
-        error = deviation / np.sqrt(runs.count(MEMBER))
-        found[f"{name}_standard_error"] = error.assign_attrs(unit)
-        found[f"{name}_quantile"] = quantile.assign_attrs(unit)
-        found[f"{name}_quantile_standard_error"] = (*labels, QUANTILE), errors, unit
+        variables = {
+            "": runs,
+            "_mean": runs.mean(MEMBER),
+            "_deviation": deviation,
+            "_standard_error": deviation / np.sqrt(runs.count(MEMBER)),
+            "_quantile": quantile,
+            "_quantile_standard_error": quantile.copy(data=errors),
+        }
+        for part, variable in variables.items():
+            found[f"{name}{part}"] = variable.assign_attrs(units=unit)
     return found
 
 
@@ -253,3 +260,45 @@ def _quantile_errors(
             ends = np.clip([levels - aside, levels + aside], 0.0, 1.0)
             errors[point] = 0.5 * np.diff(np.quantile(usable, ends), axis=0)[0]
     return errors
+
+
+def _lyapunov_exponent(
+    scene: Scene,
+    state: State,
+    end_time: float,
+    size: float,
+    along: Float[np.ndarray, "members v"],
+    start_time: float,
+    progress: bool,
+) -> tuple[float, float]:
+    """Return the largest Lyapunov exponent, 1/s, and its standard error over several starts.
+
+    Each start takes one run with a tangent: the derivative of the motion by a perturbation of the
+    initial velocity. Its size is a root mean square displacement of points of the bodies. The
+    exponent of a start is the slope of the logarithm of this size over the second half of the run;
+    in the first half the tangent turns to the direction of fastest growth. Runs that fail before
+    the end are left out. If fewer than two remain, both numbers are NaN.
+
+    **Arguments:**
+
+    - `start_time`, `end_time`: s.
+    - `size`, m/s, and `along`: disturbances of the starts, as in `disturbed_velocities`.
+    - `progress`: whether to show a bar for each run.
+    """
+    axes: dict[str, Axis] = disturbed_axes(scene, state, {}, size, along, start_time)
+    times = np.linspace(start_time, end_time, TANGENT_TIMES + 1)[1:]
+    points, tangent = growth.points(scene), {growth.DISTURBANCE: growth.disturbance(scene)}
+    given, rates = (end_time, tangent, points, times, TANGENT_SETTINGS), []
+    for k in range(len(along)):
+        # The initial state of this member, with its disturbed velocities.
+        start = with_values(scene, state, axes, {name: a.values[k] for name, a in axes.items()})[1]
+        found = sensitivities(
+            scene, start, *given, start_time=start_time, throw=False, progress=progress
+        )
+        # The result of a failed run contains only the times before its failure.
+        if len(found.times) == len(times):
+            sizes = growth.sizes(found.derivatives, points)[:, 0]
+            rates.append(growth.rate(times, sizes, 0.5 * (start_time + end_time)))
+    if len(rates) < 2:
+        return float("nan"), float("nan")
+    return float(np.mean(rates)), float(np.std(rates, ddof=1) / np.sqrt(len(rates)))

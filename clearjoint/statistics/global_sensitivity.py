@@ -12,11 +12,10 @@ from ..fields.checks import require, require_count
 from ..fields.conversion import with_arrays
 from ..model.bodies import State
 from ..model.scene import Scene
-from ..result_codes import RESULTS, result_number
 from ..simulation.step.settings import Settings
 from ..sweeps.outputs import Output
 from ..sweeps.sweep import SweepOptions, sweep
-from .ensemble import scalar_outputs
+from .ensemble import number_failed, scalar_outputs
 from .uncertain import Uncertain, axes_at, check_confidence, check_uncertain, unit_cube
 
 if TYPE_CHECKING:
@@ -39,7 +38,6 @@ def sobol_indices(
     count: int = 256,
     seed: int = 0,
     confidence: float = 0.95,
-    start_time: float = 0.0,
     **options: Unpack[SweepOptions],
 ) -> "xr.Dataset":
     """Compute which parameters cause the variance of outputs, by a sweep over their distributions.
@@ -52,7 +50,7 @@ def sobol_indices(
 
     **Arguments:**
 
-    - `scene`, `state`, `start_time`, `end_time` s, `outputs`, `settings`, and the options `path`,
+    - `scene`, `state`, `end_time` s, `outputs`, `settings`, and the options `start_time`, `path`,
       `executor`, `threads`, `chunk`, `progress`: as in `sweep`.
     - `uncertain`: p parameters, two or more, `Uncertain` by name.
     - `count`: n, a power of two; n (p + 2) runs are made.
@@ -89,29 +87,17 @@ def sobol_indices(
     require(count & (count - 1) == 0 and count > 1, "count", count, "a power of two", "round it up")
     check_confidence(confidence)
     scene, state = with_arrays((scene, state))
-    results = sweep(
-        scene,
-        state,
-        end_time,
-        axes_at(scene, state, uncertain, _groups(p, count, seed)),
-        outputs,
-        settings,
-        zipped=True,
-        start_time=start_time,
-        **options,
-    )
-    variables: dict[str, Labelled] = {}
-    for name, values in scalar_outputs(results).items():
+    axes = axes_at(scene, state, uncertain, _groups(p, count, seed))
+    results = sweep(scene, state, end_time, axes, outputs, settings, zipped=True, **options)
+    variables = {"failed": number_failed(results)}
+    for name, (values, unit) in scalar_outputs(results).items():
         groups = values.reshape(count, p + 2)
-        unit = results[name].attrs.get("units", "1")
         # Only the first two points of a group are independent draws from the distributions.
         sample = groups[:, :2][np.isfinite(groups[:, :2])]
         variables[f"{name}_mean"] = Labelled((), sample.mean(), unit)
         variables[f"{name}_deviation"] = Labelled((), sample.std(ddof=1), unit)
         for order, numbers in _indices(groups, confidence, seed).items():
             variables[f"{name}_{order}"] = Labelled(("parameter",), numbers, "1")
-    failed = int((results["result"].values != result_number(RESULTS.successful)).sum())
-    variables["failed"] = Labelled((), failed, description="number of failed runs")
     labels = {"parameter": Labelled(("parameter",), texts(list(uncertain)))}
     notes = {"runs": count * (p + 2), "seed": seed, "confidence": confidence}
     return labelled_dataset("Sobol indices", variables, labels, tuple(notes.items()))

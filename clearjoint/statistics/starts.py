@@ -62,9 +62,8 @@ def disturbed_velocities(
         _, singular, rows = np.linalg.svd(jacobian)
     rank = int(np.sum(singular > RANK_TOLERANCE * singular.max(initial=0.0)))
     free = rows[rank:] if jacobian.size else np.eye(len(lengths))
-    require(
-        len(free) > 0, "scene", "no free velocity", "one that can move", "remove a joint or driver"
-    )
+    given, remedy = "no free velocity", "remove a joint or driver"
+    require(len(free) > 0, "scene", given, "one that can move", remedy)
     # The rows of `free` are orthonormal, so that the expected square of a projected direction is
     # their number. With this factor, the mean over the bodies is the square of `size`.
     added = size * np.sqrt(len(radii) / len(free)) * (along @ free.T) @ free

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from ..fields.checks import require, require_count, require_names, require_positive
+from ..fields.checks import require, require_count, require_positive, require_types
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter
@@ -123,11 +123,8 @@ def check_uncertain(uncertain: Mapping[str, Uncertain]) -> None:
 
     **Raises:** `ValueError` that names the wrong entry.
     """
-    require_names("uncertain", uncertain, PASS_UNCERTAIN)
+    require_types("uncertain", uncertain, Uncertain, "an Uncertain", PASS_UNCERTAIN)
     require(len(uncertain) > 0, "uncertain", {}, "not empty", PASS_UNCERTAIN)
-    for name, one in uncertain.items():
-        kind, fine = type(one).__name__, isinstance(one, Uncertain)
-        require(fine, f"uncertain[{name!r}]", kind, "an Uncertain", PASS_UNCERTAIN)
 
 
 def check_confidence(confidence: float) -> None:

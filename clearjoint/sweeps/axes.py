@@ -164,24 +164,16 @@ class Lanes:
         """
         count = len(jax.tree.leaves(self.states)[0])
 
-        def in_all(base: PyTree, in_lanes: np.ndarray | None) -> PyTree:
-            # A leaf that differs between lanes is an array already, and one that is no number
-            # stays.
-            if in_lanes is not None or not eqx.is_array_like(base):
-                return base if in_lanes is None else in_lanes
-            return np.broadcast_to(base, (count, *np.shape(base)))
+        def in_all(leaf: PyTree) -> PyTree:
+            is_number = eqx.is_array_like(leaf)
+            return np.broadcast_to(leaf, (count, *np.shape(leaf))) if is_number else leaf
 
-        return jax.tree.map(in_all, tree, varied)
+        return eqx.combine(varied, jax.tree.map(in_all, tree))
 
     def of(self, lane: int) -> tuple[Scene, State]:
         """Return the scene and the initial state of the lane with the given number."""
-        scene = jax.tree.map(
-            lambda base, in_lanes: base if in_lanes is None else in_lanes[lane],
-            self.scene,
-            self.scenes,
-            is_leaf=lambda node: node is None,
-        )
-        return scene, jax.tree.map(lambda leaf: leaf[lane], self.states)
+        varied, state = jax.tree.map(lambda leaf: leaf[lane], (self.scenes, self.states))
+        return eqx.combine(varied, self.scene), state
 
 
 def lanes_of(
@@ -237,14 +229,9 @@ def lanes_of(
         for k in range(scene_leaves, len(base))
     ]
     scene_structure, state_structure = map(jax.tree.structure, (scene, state))
-    return Lanes(
-        scene,
-        state,
-        jax.tree.unflatten(scene_structure, varied),
-        jax.tree.unflatten(scene_structure, scenes),
-        jax.tree.unflatten(state_structure, states),
-        dict(sorted(bad.items())),
-    )
+    varied, scenes = (jax.tree.unflatten(scene_structure, leaves) for leaves in (varied, scenes))
+    states = jax.tree.unflatten(state_structure, states)
+    return Lanes(scene, state, varied, scenes, states, dict(sorted(bad.items())))
 
 
 Columns = dict[int, np.ndarray]

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..fields.checks import as_number, require, require_array_names, require_count
+from ..fields.checks import errors_about, require, require_array_names, require_count
 from ..fields.types import ArrayLike
 from ..math.vectors import pack
 from ..model.scene import Scene
@@ -19,6 +19,7 @@ from ..simulation.reductions.base import AbstractReduction, Instants, Window, ch
 from ..simulation.results.state_tables import STATE_PARTS
 from ..simulation.run.saving import Saving
 from ..simulation.run.sections import Channels, Section, check_channels, check_quantities
+from ..simulation.step.spans import check_strictly_rising
 
 SAVED = "saved"
 """Prefix of the variables with saved states, such as "saved_position", the positions of all
@@ -68,12 +69,9 @@ class Saved:
         strictly.
         """
         chosen = np.asarray(self.times(scene) if callable(self.times) else self.times)
-        times = chosen if chosen.dtype.kind == "f" else np.asarray(as_number(chosen, "times", "s"))
-        fine = times.ndim == 1 and times.size > 0 and bool(np.isfinite(times).all())
-        rises = fine and bool((np.diff(times) > 0).all())
-        expected = "a rising row of finite times, none of them twice"
-        require(rises, "times", times, expected, "sort them, for example by numpy.unique")
-        return times
+        times = np.asarray(check_strictly_rising(chosen, "times"))
+        # Single precision is kept, because later checks allow for its rounding errors.
+        return chosen if chosen.dtype.kind == "f" else times
 
 
 @dataclass(frozen=True)
@@ -215,13 +213,10 @@ def check_outputs(outputs: Mapping[str, Output], scene: Scene, ledger: bool) -> 
         remedy = "subclass AbstractReduction, or pass one of clearjoint's"
         require(isinstance(output, Output), f"outputs[{name!r}]", output, expected, remedy)
         check_reductions({name: output}, scene, ledger)
-        if isinstance(output, AbstractReduction):
-            continue
-        # The message of the error gets the name of the output, as for reductions.
-        try:
-            output.check(scene)
-        except ValueError as error:
-            raise ValueError(f"Output {name!r}: {error}") from error
+        if not isinstance(output, AbstractReduction):
+            # The message of the error gets the name of the output, as for reductions.
+            with errors_about(f"Output {name!r}"):
+                output.check(scene)
     # A lane has one list of times to save at.
     saves = [name for name, output in outputs.items() if isinstance(output, AnySaved)]
     remedy = "join their times"

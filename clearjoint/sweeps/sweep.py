@@ -16,7 +16,7 @@ from ..dynamics.constraint_report import dependent, start_rows_of_lanes
 from ..dynamics.coordinates import AbstractCoordinates
 from ..dynamics.journals import HOLD_IT, slid_out
 from ..fields.cautions import LeftBearingWarning, caution
-from ..fields.checks import require, require_array_names, require_count
+from ..fields.checks import require, require_array_names, require_count, require_types
 from ..fields.conversion import with_arrays
 from ..math.vectors import fold_constants
 from ..model.bodies import BodyState, State
@@ -56,6 +56,7 @@ class SweepOptions(TypedDict, total=False):
     """Keyword arguments that functions such as `sobol_indices`, which run a sweep themselves, pass
     on to `sweep`; see there."""
 
+    start_time: float
     path: str | PathLike | None
     executor: AbstractSubmitter | None
     threads: int | None
@@ -143,7 +144,9 @@ def sweep(
     check_precision(False)  # `False`: single precision is not allowed
     scene, state = with_arrays((scene, state))
     outputs = with_saving({} if outputs is None else outputs, saving_or_nothing(save), scene)
-    _check_axes(axes)
+    remedy = 'pass for example {"clearance": cj.Axis(path, values)}'
+    require_array_names("axes", axes, remedy)
+    require_types("axes", axes, Axis, "an Axis", remedy)
     check_outputs(outputs, scene, settings.ledger)
     if threads is not None:
         require_count("threads", threads, "give a number of threads, or None")
@@ -177,15 +180,6 @@ def sweep(
     _warn_of_failures(results, lanes)
     _warn_of_journals_outside(results, lanes)
     return results
-
-
-def _check_axes(axes: Mapping[str, Axis]) -> None:
-    """Raise a `ValueError` unless `axes` is a dictionary of axes by name."""
-    remedy = 'pass for example {"clearance": cj.Axis(path, values)}'
-    require_array_names("axes", axes, remedy)
-    for name, axis in axes.items():
-        kind = type(axis).__name__
-        require(isinstance(axis, Axis), f"axes[{name!r}]", kind, "an Axis", remedy)
 
 
 def checked_starts(
@@ -231,20 +225,16 @@ def _common_values(
     **Raises:** `ValueError` if outputs need a dense output that the solver lacks.
     """
     saved = next((name for name, o in outputs.items() if isinstance(o, AnySaved)), "")
+    reductions = {name: o for name, o in outputs.items() if isinstance(o, AbstractReduction)}
     sections = {name: o for name, o in outputs.items() if isinstance(o, Section)}
     recorded = {name: o for name, o in outputs.items() if isinstance(o, AnySaved | Section)}
     tables = {name: o for name, o in outputs.items() if isinstance(o, ImpactTable)}
     # Crossings, saved times and peaks of impacts lie inside of steps.
     if recorded or tables:
         require_dense(scheme.method.solver)
-    plan = Plan(
-        scheme,
-        {name: o for name, o in outputs.items() if isinstance(o, AbstractReduction)},
-        {name: section.state_recorder for name, section in sections.items()},
-        bool(saved),
-        np.asarray(max_steps),
-        {name: ImpactRecorder(table.joint, table.window()) for name, table in tables.items()},
-    )
+    recorders = {name: section.state_recorder for name, section in sections.items()}
+    impacts = {name: ImpactRecorder(one.joint, one.window()) for name, one in tables.items()}
+    plan = Plan(scheme, reductions, recorders, bool(saved), np.asarray(max_steps), impacts)
     # A lane writes one log, a list of rows, for each contact of a table of impacts. Each section
     # has a log of its own, too, and each log has room for a limited number of rows.
     logs = {

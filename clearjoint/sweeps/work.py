@@ -104,16 +104,10 @@ class Work:
             name: {**columns, "count": counts} for name, (columns, counts) in ended.logs.items()
         }
         # Each contact of an impact table has a log of its own; they are stacked to one table.
-        tabled = {log for contacts in self.common.tables.values() for log in contacts}
-        others = {name: log for name, log in logs.items() if name not in tabled}
-        tables = {
-            name: {
-                key: np.stack([logs[contact][key] for contact in contacts], axis=1)
-                for key in logs[contacts[0]]
-            }
-            for name, contacts in self.common.tables.items()
-        }
-        return others | tables
+        for name, contacts in self.common.tables.items():
+            parts = [logs.pop(contact) for contact in contacts]
+            logs[name] = {key: np.stack([part[key] for part in parts], axis=1) for key in parts[0]}
+        return logs
 
 
 @dataclass(frozen=True)
@@ -171,11 +165,8 @@ def variable_name(output: str, key: str) -> str:
     return f"{output}_{key}" if key else output
 
 
-def concatenated(
-    parts: Sequence[tuple[np.ndarray, LaneArrays]],
-) -> tuple[np.ndarray, LaneArrays]:
+def concatenated(parts: Sequence[tuple[np.ndarray, LaneArrays]]) -> tuple[np.ndarray, LaneArrays]:
     """Join several parts, each with the numbers of its lanes and their results, to one part."""
-    results = {
-        name: np.concatenate([results[name] for _, results in parts]) for name in parts[0][1]
-    }
-    return np.concatenate([lanes for lanes, _ in parts]), results
+    lanes, results = zip(*parts, strict=True)
+    joined = {name: np.concatenate([part[name] for part in results]) for name in results[0]}
+    return np.concatenate(lanes), joined

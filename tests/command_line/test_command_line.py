@@ -142,6 +142,14 @@ def test_every_number_has_a_written_path(folder):
             assert found.path(scene) is value and found.unit == unit
 
 
+def test_numbers_with_one_value_have_one_unit():
+    scene, state = dropped_rod()
+    location, texts = FileLocation("here"), ["joints.pin.clearance", "joints.pin.journal_length"]
+    assert find_path(texts, scene, state, location).unit == "m"
+    with pytest.raises(ValueError, match="found .'m', 'kg'., expected paths of numbers with one"):
+        find_path([*texts, "bodies.rod.mass"], scene, state, location)
+
+
 @pytest.mark.parametrize(
     ("text", "keys"),
     [

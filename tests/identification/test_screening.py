@@ -194,6 +194,27 @@ def test_an_interruption_in_the_posterior_keeps_the_fit(rough, monkeypatch):
     assert fit.check is None and fit.posterior is None and fit.chi_squared < 220.0
 
 
+def raising(error):
+    def fail(*_):
+        raise error
+
+    return fail
+
+
+def test_a_singular_cloud_has_no_posterior(rough, monkeypatch):
+    singular = np.linalg.LinAlgError("Matrix is not positive definite")
+    monkeypatch.setattr(checking, "drawn_posterior", raising(singular))
+    with pytest.warns(cj.PoorFitWarning, match="Standard errors are not valid"):
+        fit = cj.identify(SCENE, STATE, rough, PARAMETERS, progress=False, check_runs=50)
+    assert fit.posterior is None and fit.check is not None
+
+
+def test_other_errors_of_the_posterior_are_not_hidden(rough, monkeypatch):
+    monkeypatch.setattr(checking, "drawn_posterior", raising(ValueError("a defect")))
+    with pytest.raises(ValueError, match="a defect"):
+        cj.identify(SCENE, STATE, rough, PARAMETERS, progress=False, check_runs=50)
+
+
 def test_a_valid_covariance_is_confirmed_by_few_runs(data, monkeypatch):
     monkeypatch.setattr(checking, "drawn_posterior", None)  # An additional run would fail.
     fit = cj.identify(SCENE, STATE, data, PARAMETERS, progress=False)

@@ -118,10 +118,9 @@ def test_ways_of_an_oscillation():
 
     w = true + off
     here = blocked_records(
-        {"x": 1e3 * np.sin(true * times)},
-        {"x": 1e3 * np.sin(w * times)},
-        {"x": 1e3 * off * times * np.cos(w * times)},
-        len(times),
+        1e3 * np.sin(true * times)[None],
+        1e3 * np.sin(w * times)[None],
+        1e3 * off * times[None] * np.cos(w * times),
     )
     step = 1e-6
     slopes = (misfits(w + step) - misfits(w - step)) / (2.0 * step)
@@ -132,8 +131,8 @@ def test_ways_of_an_oscillation():
 
 def test_a_run_that_fails_closes_the_way():
     times = np.linspace(0.1, 1.0, 10)
-    short = {"x": 1.1 * times[:4]}
-    closed = blocked_records({"x": times}, short, {"x": 0.1 * times[:4]}, 10)
+    short = 1.1 * times[None, :4]
+    closed = blocked_records(times[None], short, 0.1 * times[None, :4])
     assert closed.tolist() == [False] * 4 + [True] * 6
 
 

@@ -134,15 +134,9 @@ def test_weights_that_matter_are_named_though_they_are_small():
 @pytest.mark.slow
 def test_measured_series_serve_as_sensors(report):
     """By their channel, times and noise, whatever their values."""
-
-    class Series:
-        channel, times, noise = Position("ball", "y"), TIMES, np.full(100, 0.02)
-
-    class Measurements:
-        series = {"height": Series()}  # noqa: RUF012
-
+    height = cj.Series(Position("ball", "y"), TIMES, np.zeros(100), noise=0.02)
     parameters = {"v": launch(cj.Linear(2.0)), "g": gravity(), "mass": mass()}
-    found = cj.identifiability(*thrown(), parameters, Measurements())
+    found = cj.identifiability(*thrown(), parameters, cj.Measurements({"height": height}))
     np.testing.assert_allclose(found.deviations, report.of("height").deviations)
 
 

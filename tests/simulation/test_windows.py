@@ -201,6 +201,7 @@ def test_without_a_window_the_program_has_none():
         (lambda: cj.Quantiles(wave, "m", [1.0, 1.0]), "`edges`.*rising"),
         (lambda: cj.Quantiles(wave, "m", [1.0]), "`edges`.*rising"),
         (lambda: cj.Quantiles(wave, "m", [1.0, 2.0], 95), "`levels`.*0.95 for 95 %"),
+        (lambda: cj.Quantiles(wave, "m", [1.0, 2.0], (0.5, 0.5000001)), "`levels`.*six digits"),
     ],
 )
 def test_invalid_windows_and_edges_are_refused(make, message):

@@ -123,7 +123,7 @@ def test_killed_while_it_is_extended_the_store_reads_as_before_or_after(path, st
     before = open_sweep(path)
     left = [steps]
 
-    def move(*files, move=metadata._move):
+    def move(*files, move=metadata.move):
         if not left[0]:
             raise KeyboardInterrupt
         left[0] -= 1
@@ -131,7 +131,7 @@ def test_killed_while_it_is_extended_the_store_reads_as_before_or_after(path, st
 
     wanted = {**FURTHER["in both, in any order"], **ENERGY}
     with monkeypatch.context() as patched:
-        patched.setattr(metadata, "_move", move)
+        patched.setattr(metadata, "move", move)
         try:
             opened(path, layout(**wanted))
         except KeyboardInterrupt:

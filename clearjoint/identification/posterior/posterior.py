@@ -146,8 +146,8 @@ def drawn_posterior(
     - `on_step`: function that is called after each step with the time, s, up to which the record is
       in the likelihood, and the number of runs so far.
 
-    **Raises:** `ValueError` if all points are impossible; `TooManyRunsError` if more than
-    `most_runs` runs are needed.
+    **Raises:** `ImpossiblePointsError`, a `ValueError`, if all points are impossible;
+    `TooManyRunsError` if more than `most_runs` runs are needed.
     """
     begun = time.perf_counter()
     lanes = _Lanes(side_by_side, most_runs)
@@ -162,7 +162,7 @@ def drawn_posterior(
         if refinement:
             drawn = refined(target, drawn, refinement, generator)
     except FloatingPointError as error:  # All weights are zero.
-        raise ValueError(
+        raise ImpossiblePointsError(
             f"All {number} points are impossible ({lanes.failed} of {lanes.runs} runs failed, "
             "the prior of the others is zero). Centre `guess` on values with which the scene "
             "runs, or change `spread` or `log_prior`."
@@ -186,6 +186,10 @@ def drawn_posterior(
         seed,
         time.perf_counter() - begun,
     )
+
+
+class ImpossiblePointsError(ValueError):
+    """Error of `drawn_posterior` if no point has a likelihood and a prior above zero."""
 
 
 class TooManyRunsError(ArithmeticError):

@@ -263,8 +263,9 @@ class Quantiles(AbstractQuantityReduction):
       run covers no part of the window.
 
     **Raises:** `ValueError` for edges that are not finite, do not increase, or are fewer than two;
-    if there is no level, or one that is not above 0 and below 1; if `quantity` is not a function,
-    if `after` or `until` is not a single number, or if `until` is not later than `after`.
+    if there is no level, one that is not above 0 and below 1, or two that are equal in six digits;
+    if `quantity` is not a function, if `after` or `until` is not a single number, or if `until` is
+    not later than `after`.
     """
 
     edges: tuple[float, ...] = eqx.field(static=True, converter=numbers)
@@ -278,6 +279,9 @@ class Quantiles(AbstractQuantityReduction):
         levels = np.asarray(as_number(self.levels))
         parts = len(levels) > 0 and bool(((levels > 0) & (levels < 1)).all())
         require(parts, "levels", self.levels, "between 0 and 1", "give 0.95 for 95 %")
+        # The results are named after the levels, so that equal ones would hide each other.
+        distinct = len(self.units()) == len(levels)
+        require(distinct, "levels", self.levels, "different in six digits", "remove repeated ones")
 
     def start(self, now: Instant) -> QuantilesTally:
         """Return the tally at the start of the run, with durations of zero."""

@@ -4,14 +4,12 @@ state."""
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from ...fields.checks import concrete, require, require_array_names
 from ...fields.types import ArrayLike
 from ...math.vectors import Scalar
 from ...model.scene import Scene
 from ..reductions.base import AbstractReduction, check_reductions
-from ..step.spans import check_rising, checked_times
+from ..step.spans import check_strictly_rising, checked_times
 from ..step.types import Numbers
 from .sections import Section, SectionRecorder
 
@@ -55,10 +53,7 @@ class Saving:
             value = getattr(self, name)
             require(isinstance(value, bool), name, value, "True or False", "pass a bool")
         if self.times is not None and concrete(self.times) is not None:
-            # `check_rising` allows repeated times, whose states would be the same.
-            steps = np.diff(check_rising(self.times, "times"))
-            remedy = "remove repeated times, for example with numpy.unique"
-            require(bool((steps > 0).all()), "times", self.times, "without repetition", remedy)
+            check_strictly_rising(self.times, "times")
         for argument, kind, expected, example in (
             ("sections", Section, "a Section", '{"top": cj.Section(crossing, channels, count)}'),
             ("outputs", AbstractReduction, "a reduction", '{"hits": cj.ImpactCount("pin")}'),

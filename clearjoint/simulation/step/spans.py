@@ -80,6 +80,14 @@ def check_rising(times: ArrayLike, argument: str) -> Column:
     return row
 
 
+def check_strictly_rising(times: ArrayLike, argument: str) -> Column:
+    """Check known times as `check_rising` does, and refuse repeated times too."""
+    row = check_rising(times, argument)
+    remedy = "remove repeated times, for example with numpy.unique"
+    require(bool((np.diff(row) > 0).all()), argument, times, "without repetition", remedy)
+    return row
+
+
 def rounding(start: Scalar, end: Scalar, times: ArrayLike) -> Scalar:
     """Return by how much, s, `times` may be outside of a run from `start` to `end` because of
     rounding errors alone.

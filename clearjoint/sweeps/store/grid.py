@@ -9,6 +9,8 @@ Since the grid is only a copy, no result is lost if writing it fails.
 import shutil
 import uuid
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,10 +25,24 @@ ROOT = "zarr.json"
 """File with the metadata of a Zarr group, which lists its arrays."""
 
 
-def unfinished(path: Path) -> Path:
-    """Return a new path beside that of a store, for a store or grid that is being written and is
-    moved to its place when it is complete."""
-    return path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
+@contextmanager
+def unfinished(path: Path) -> Iterator[Path]:
+    """Yield a new path beside that of a store, for a store or grid that is being written.
+
+    Within the context the caller writes it, and moves it or its files to their place when it is
+    complete; the rest is removed afterwards.
+    """
+    new = path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
+    try:
+        yield new
+    finally:
+        shutil.rmtree(new, ignore_errors=True)
+
+
+def move(file: Path, to: Path) -> None:
+    """Move a file, also to a folder that does not exist yet."""
+    to.parent.mkdir(parents=True, exist_ok=True)
+    file.replace(to)
 
 
 def write_grid(path: Path, results: "xr.Dataset") -> None:
@@ -41,8 +57,7 @@ def write_grid(path: Path, results: "xr.Dataset") -> None:
     from zarr.codecs import Crc32cCodec, ZstdCodec
 
     codecs = {"compressors": (ZstdCodec(), Crc32cCodec())}
-    new = unfinished(path)
-    try:
+    with unfinished(path) as new:
         with warnings.catch_warnings():
             # Zarr warns that version 3 of its format doesn't specify texts and consolidated
             # metadata yet.
@@ -67,10 +82,7 @@ def write_grid(path: Path, results: "xr.Dataset") -> None:
         # The key is smallest for other arrays, since `False` is less than `True`, then for result
         # codes, and largest for `ROOT`.
         for file in sorted(files, key=lambda file: (file == Path(ROOT), file.parts[0] == RESULT)):
-            (path / file).parent.mkdir(parents=True, exist_ok=True)
-            (new / file).replace(path / file)
-    finally:
-        shutil.rmtree(new, ignore_errors=True)
+            move(new / file, path / file)
 
 
 def remove_grid(path: Path) -> None:

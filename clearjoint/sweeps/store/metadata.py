@@ -10,8 +10,8 @@ import json
 import shutil
 import time
 import warnings
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -21,7 +21,7 @@ from ...fields.checks import require
 from ..layout import BY_LANE, LANE, Coordinate, Layout, Variable, dataset
 from .chunks import checked_files, chunk_file, opened, opened_group, read
 from .fingerprint import digest
-from .grid import ROOT, remove_grid, unfinished, write_grid
+from .grid import ROOT, move, remove_grid, unfinished, write_grid
 from .program import Identity
 
 if TYPE_CHECKING:
@@ -63,7 +63,8 @@ def create(path: Path, contents: Contents) -> None:
 
     **Arguments:** `contents`: layout and identity of the sweep.
     """
-    with _new_store(path, contents) as store:
+    with unfinished(path) as store:
+        _write(store / BY_LANE, contents)
         write_grid(store, dataset(contents.layout, contents.layout.pending()))
         try:
             store.rename(path)
@@ -80,18 +81,14 @@ def extend(path: Path, contents: Contents) -> None:
 
     **Arguments:** `contents`: contents of the extended store.
     """
-    with _new_store(path, contents) as store:
+    with unfinished(path) as store:
+        _write(store / BY_LANE, contents)
         files = [file.relative_to(store) for file in store.rglob("*") if file.is_file()]
         # The file `ROOT` lists the arrays and is replaced last: until then the store reads as
         # before, also if this process is killed.
         for file in sorted(files, key=lambda file: file == Path(BY_LANE, ROOT)):
-            _move(store / file, path / file)
+            move(store / file, path / file)
     remove_grid(path)
-
-
-def _move(file: Path, to: Path) -> None:
-    to.parent.mkdir(parents=True, exist_ok=True)
-    file.replace(to)
 
 
 def remove_abandoned(path: Path) -> None:
@@ -116,26 +113,20 @@ def contents_of(path: Path) -> Contents:
     order = _values(path, group, own["sweep_order"])
     row_of = np.argsort(order)
     names, further, digests = (own[_OWN + part] for part in ("axes", "coordinates", "digests"))
-    axes = []
+    axes, zipped = [], own["sweep_zipped"]
     for dim, name in enumerate(names):
         axis = _labels(path, group, name)
         values = axis.values[row_of]
-        if not own["sweep_zipped"]:
+        if not zipped:
             # The store has the axis's value in every lane; `Layout` needs each value once.
             shape = own["sweep_shape"]
             values = np.moveaxis(values.reshape(shape), dim, -1).reshape(-1, shape[dim])[0]
         axes.append(axis._replace(values=values))
     # All arrays that are not labels are variables.
     labels = {*names, *further, *digests.values(), own["sweep_order"]}
-    layout = Layout(
-        tuple(axes),
-        own["sweep_chunk"],
-        {name: _variable(array) for name, array in group.arrays() if name not in labels},
-        tuple(_labels(path, group, name) for name in further),
-        attrs,
-        own["sweep_zipped"],
-        notes,
-    )
+    variables = {name: _variable(array) for name, array in group.arrays() if name not in labels}
+    chunk, coordinates = own["sweep_chunk"], tuple(_labels(path, group, n) for n in further)
+    layout = Layout(tuple(axes), chunk, variables, coordinates, attrs, zipped, notes)
     lanes = {name: _values(path, group, array)[row_of] for name, array in digests.items()}
     return Contents(layout, Identity(own["sweep_programs"], lanes), order, frozenset(own[ADDED]))
 
@@ -159,13 +150,10 @@ def _opened(path: Path) -> "tuple[zarr.Group, dict[str, Any]]":
             f"Argument `path` must name the store of a sweep, but {path} is not a store, or {file} "
             "is missing or damaged: pass another path, or delete this one."
         ) from error
-    require(
-        version == _VERSION,
-        "path",
-        str(path),
-        f"a store of format {_VERSION}, not {version} as written by other versions of clearjoint",
-        "read it with xarray.open_zarr, and sweep into another path",
-    )
+    other = f"not {version} as written by other versions of clearjoint"
+    expected = f"a store of format {_VERSION}, {other}"
+    remedy = "read it with xarray.open_zarr, and sweep into another path"
+    require(version == _VERSION, "path", str(path), expected, remedy)
     # The digest covers all metadata but itself, so it is taken out of `root` before the comparison.
     if attrs.pop(_DIGEST, None) != _digest(root):
         raise ValueError(
@@ -177,21 +165,6 @@ def _opened(path: Path) -> "tuple[zarr.Group, dict[str, Any]]":
 
 def _digest(root: Mapping[str, Any]) -> str:
     return digest(json.dumps(root, sort_keys=True))
-
-
-@contextmanager
-def _new_store(path: Path, contents: Contents) -> Iterator[Path]:
-    """Write a store without results beside a path, and yield its path.
-
-    Within the context the caller moves the store, or its files, to their place; the rest is removed
-    afterwards.
-    """
-    store = unfinished(path)
-    try:
-        _write(store / BY_LANE, contents)
-        yield store
-    finally:
-        shutil.rmtree(store, ignore_errors=True)
 
 
 def _write(path: Path, contents: Contents) -> None:
@@ -290,11 +263,5 @@ def _variable(array: "zarr.Array") -> Variable:
     attrs: dict[str, Any] = dict(array.attrs)
     unit, description = attrs.pop("units"), attrs.pop("long_name")
     metadata: Any = array.metadata
-    return Variable(
-        tuple(metadata.dimension_names[1:]),
-        array.shape[1:],
-        str(array.dtype),
-        unit,
-        description,
-        attrs,
-    )
+    dims, shape = tuple(metadata.dimension_names[1:]), array.shape[1:]
+    return Variable(dims, shape, str(array.dtype), unit, description, attrs)

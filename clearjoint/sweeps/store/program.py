@@ -11,7 +11,8 @@ program, and the numbers of solver, controller and outputs are constants.
 import hashlib
 from collections import defaultdict, deque
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
@@ -85,79 +86,116 @@ def programs(
 
     **Raises:** `ValueError` for a scene or an output that calls back into Python.
     """
-    # The run itself is traced without outputs, so that its digest does not depend on them.
     numbers, rest = eqx.partition(folded_scene, eqx.is_array_like)
-    without_outputs = Plan(plan.scheme, {}, {}, False, plan.max_steps)
-    with_impacts = Plan(plan.scheme, {}, {}, False, plan.max_steps, plan.impacts)
+    traced, time = _Traced(plan, channels, rest), jnp.asarray(start_time, dtype=float)
+    # The run itself is traced without outputs, so that its digest does not depend on them. A run
+    # begins a lane and then repeats one step: these two programs determine it.
+    start = numbers, state, time, 1.0
+    begun = fingerprints(lambda *start: {RUN: traced.begin(traced.run_plan, *start)}, *start)
+    lane: Lane = begun.shapes[RUN]
+    stepped = fingerprints(traced.step, numbers, lane, 1.0)
+    run = {RUN: digest(begun.digests[RUN], stepped.digests[RUN])}
+    # Outputs depend on a lane only through this snapshot, so that their digests don't change if
+    # another part of the step does.
+    row = Snapshot(lane.run.step.t, lane.run.step.y, lane.run.step.entry_speeds)
+    tallies = jax.eval_shape(traced.tallies, numbers, row)
+    outputs = fingerprints(traced.outputs, numbers, row, row, tallies)
+    if not plan.impacts:
+        return run | outputs.digests
+    # Records of impacts change the lane, so that they are traced in a lane of their own: a table
+    # that is added must not change the digest of the run.
+    with_impacts = jax.eval_shape(partial(traced.begin, traced.impacts_plan), *start)
+    tables = fingerprints(traced.impact_tables, numbers, with_impacts, 1.0)
+    return run | outputs.digests | tables.digests
 
-    # Functions to trace, whose arguments are the numbers of the scene. Times are in s.
-    def scene_of(numbers: PyTree) -> Scene:
-        return unpack(eqx.combine(numbers, rest))
 
-    def begin(plan: Plan, numbers: PyTree, state: State, time: Scalar, length: Scalar) -> Lane:
+@dataclass(frozen=True)
+class _Traced:
+    """Functions that are traced for a store. Their argument `numbers` has the numbers of the scene,
+    and times are in s.
+
+    - `plan`, `channels`: as in `programs`.
+    - `rest`: the folded scene without its numbers.
+    """
+
+    plan: Plan
+    channels: dict[str, dict[str, Quantity]]
+    rest: ConstantFolded
+
+    def scene(self, numbers: PyTree) -> Scene:
+        """Return the scene with these numbers."""
+        return unpack(eqx.combine(numbers, self.rest))
+
+    @property
+    def run_plan(self) -> Plan:
+        """The plan without outputs."""
+        return Plan(self.plan.scheme, {}, {}, False, self.plan.max_steps)
+
+    @property
+    def impacts_plan(self) -> Plan:
+        """The plan with only the recorders of impacts."""
+        return replace(self.run_plan, impacts=self.plan.impacts)
+
+    def begin(
+        self, plan: Plan, numbers: PyTree, state: State, time: Scalar, length: Scalar
+    ) -> Lane:
         """Return the lane before its first step, which has the given length."""
         request = _request(time + length, length)
-        return begin_lane(plan, scene_of(numbers), state, time, request)
+        return begin_lane(plan, self.scene(numbers), state, time, request)
 
-    def step(numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
+    def step(self, numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
         """Return the lane after one step, and the outcome of a run that ends before this step."""
-        scene = scene_of(numbers)
-        after = step_lane(without_outputs, scene, lane, _request(end_time, end_time))
-        return {RUN: (after, outcome(without_outputs, scene, lane, end_time))}
+        plan, scene = self.run_plan, self.scene(numbers)
+        after = step_lane(plan, scene, lane, _request(end_time, end_time))
+        return {RUN: (after, outcome(plan, scene, lane, end_time))}
 
-    def impact_tables(numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
+    def impact_tables(self, numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
         """Return the impacts recorded after one step, by variable of the impact tables."""
         if not lane.run.records[IMPACTS]:
             return {}
         request = replace(_request(end_time, end_time), wanted=dict.fromkeys(lane.buffers(), 1))
-        after = step_lane(with_impacts, scene_of(numbers), lane, request)
+        after = step_lane(self.impacts_plan, self.scene(numbers), lane, request)
         return {
             variable_name(name, key): record
             for name, record in after.run.records[IMPACTS].items()
             for key in (*IMPACT_UNITS, "count")
         }
 
-    def instant(numbers: PyTree, row: Snapshot, inside: Snapshot) -> Instant:
+    def instant(self, numbers: PyTree, row: Snapshot, inside: Snapshot) -> Instant:
         """Return the instant of a snapshot.
 
         A quantity may evaluate the dense output at a fraction of the step. The values there are the
         fraction times the snapshot `inside`, so that the fraction appears in the traced program.
         """
-        system = plan.scheme.system(scene_of(numbers))
+        system = self.plan.scheme.system(self.scene(numbers))
 
         def at(fraction: Scalar) -> Instant:
             return jax.tree.map(lambda leaf: fraction * leaf, inside).instant(system)
 
         return row.instant(system, at)
 
-    def tallies_of(numbers: PyTree, row: Snapshot) -> dict[str, PyTree]:
+    def tallies(self, numbers: PyTree, row: Snapshot) -> dict[str, PyTree]:
         """Return, by name, the values that the reductions accumulate, at the start of the run."""
-        now = instant(numbers, row, row)
-        return {
-            name: jax.tree.map(jnp.asarray, reduction.start(now))
-            for name, reduction in plan.reductions.items()
-        }
+        now = self.instant(numbers, row, row)
+        starts = {name: reduction.start(now) for name, reduction in self.plan.reductions.items()}
+        return jax.tree.map(jnp.asarray, starts)
 
-    def read(
-        numbers: PyTree, row: Snapshot, inside: Snapshot, tallies: dict[str, PyTree]
+    def outputs(
+        self, numbers: PyTree, row: Snapshot, inside: Snapshot, tallies: dict[str, PyTree]
     ) -> dict[str, PyTree]:
         """Return for each variable all values that its output computes at the end of a step, so
         that its digest depends on all of the output's code.
 
-        `row` and `inside` are those of `instant`; `tallies` has the structure that `tallies_of`
-        returns.
+        `row` and `inside` are those of `instant`; `tallies` has the structure that the function
+        `tallies` returns.
         """
-        now, computed = instant(numbers, row, inside), {}
-        for name, reduction in plan.reductions.items():
+        now, computed = self.instant(numbers, row, inside), {}
+        for name, one in self.plan.reductions.items():
             tally = tallies[name]
-            parts = (
-                reduction.start(now),
-                reduction.update(tally, now),
-                reduction.results(tally, now),
-            )
-            computed |= {variable_name(name, key): parts for key in reduction.units()}
-        for name, quantities in channels.items():
-            section = plan.sections.get(name)
+            parts = one.start(now), one.update(tally, now), one.results(tally, now)
+            computed |= {variable_name(name, key): parts for key in one.units()}
+        for name, quantities in self.channels.items():
+            section = self.plan.sections.get(name)
             # The times of a section's crossings depend on the crossing condition, so that every
             # variable of the section includes it.
             crossing = () if section is None else (section.quantity(now), section.after)
@@ -167,26 +205,6 @@ def programs(
                 for key, quantity in quantities.items()
             }
         return computed
-
-    # A run begins a lane and then repeats one step: these two programs determine it.
-    time = jnp.asarray(start_time, dtype=float)
-    given = numbers, state, time, 1.0
-    begun = fingerprints(lambda *given: {RUN: begin(without_outputs, *given)}, *given)
-    lane: Lane = begun.shapes[RUN]
-    stepped = fingerprints(step, numbers, lane, 1.0)
-    # Outputs depend on a lane only through this snapshot, so that their digests don't change if
-    # another part of the step does.
-    now = lane.run.step
-    row = Snapshot(now.t, now.y, now.entry_speeds)
-    outputs = fingerprints(read, numbers, row, row, jax.eval_shape(tallies_of, numbers, row))
-    run = {RUN: digest(begun.digests[RUN], stepped.digests[RUN])}
-    if not plan.impacts:
-        return run | outputs.digests
-    # Records of impacts change the lane, so that they are traced in a lane of their own: a table
-    # that is added must not change the digest of the run.
-    with_contacts = jax.eval_shape(lambda *given: begin(with_impacts, *given), *given)
-    tables = fingerprints(impact_tables, numbers, with_contacts, 1.0)
-    return run | outputs.digests | tables.digests
 
 
 def _request(end_time: Scalar, first_step: Scalar) -> SegmentRequest:
