@@ -1,6 +1,6 @@
 """Coverage of 95 % intervals of posteriors, from far guesses.
 
-    python -m studies.posterior [--cases NAME...] [--draws 50] [--number 300] [--quick]
+    python -m studies.posterior [--cases NAME...] [--draws 50] [--number 500] [--quick]
     python -m studies.posterior --exact [--cases NAME...] [--draws 1000] [--number 5000]
     python -m studies.posterior --fits [--cases NAME...] [--draws 10]
 
@@ -27,12 +27,12 @@ def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     add_options(parser, "one draw of the backlash with 32 points")
     parser.add_argument("--cases", nargs="+", choices=list(CASES), default=list(CASES))
     parser.add_argument("--draws", type=int, help="50; with --exact 1000")
-    parser.add_argument("--number", type=int, help="300 points; with --exact 5000 runs")
+    parser.add_argument("--number", type=int, help="500 points; with --exact 5000 runs")
     parser.add_argument("--exact", action="store_true", help="intervals of the exact posterior")
     parser.add_argument("--fits", action="store_true", help="intervals of fits, crank-rocker only")
     options = parser.parse_args(arguments)
     options.draws = options.draws or (1000 if options.exact else 50)
-    options.number = options.number or (5000 if options.exact else 300)
+    options.number = options.number or (5000 if options.exact else 500)
     return options
 
 

@@ -17,6 +17,7 @@ HEAD = (
     "draws",
     "intervals that contain the truth, % (and its 95 % interval)",
     "draws with several minima",
+    "effective runs: median, smallest",
     "runs",
     "failed",
     "s",
@@ -29,7 +30,8 @@ class Draw:
 
     - `name`, `label`: of the case; `number`: of points; `seed`: of the noise and the posterior.
     - `truth`: true value by name; `intervals`: 95 % interval by name.
-    - `minima`: number of separate minima; `runs`, `failed`: numbers of runs; `seconds`: time, s.
+    - `minima`: number of separate minima; `effective`: effective number of runs.
+    - `runs`, `failed`: numbers of runs; `seconds`: time, s.
     """
 
     name: str
@@ -39,6 +41,7 @@ class Draw:
     truth: dict[str, float]
     intervals: dict[str, tuple[float, float]]
     minima: int
+    effective: float
     runs: int
     failed: int
     seconds: float
@@ -63,7 +66,7 @@ def drawn(name: str, case: Case, number: int, seed: int) -> Draw:
         seed=seed,
         progress=False,
     )
-    counts = len(found.weights), found.runs, found.failed
+    counts = len(found.weights), found.effective_sample_size, found.runs, found.failed
     truth, ends = case.truth, found.intervals
     return Draw(name, case.label, number, seed, truth, ends, *counts, found.seconds)
 
@@ -94,7 +97,7 @@ def cover(
 
 def cells(draws: Sequence[Draw]) -> tuple[str, ...]:
     """Return the row of a case as text."""
-    shares = []
+    shares, effective = [], [one.effective for one in draws]
     for name in draws[0].truth:
         count = sum(one.inside[name] for one in draws)
         ends = [100.0 * end for end in binomtest(count, len(draws)).proportion_ci(method="wilson")]
@@ -105,6 +108,7 @@ def cells(draws: Sequence[Draw]) -> tuple[str, ...]:
         str(len(draws)),
         ", ".join(shares),
         str(sum(one.minima > 1 for one in draws)),
+        f"{np.median(effective):.0f}, {min(effective):.0f}",
         f"{np.median([one.runs for one in draws]):.0f}",
         str(sum(one.failed for one in draws)),
         f"{np.median([one.seconds for one in draws]):.2g}",

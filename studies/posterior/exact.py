@@ -10,11 +10,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import logsumexp, softmax
+from scipy.stats import multivariate_normal
 
 import clearjoint as cj
-from clearjoint.identification.posterior.tempering import Mixture, Target, draw, normalised
-from clearjoint.identification.residuals import experiment, samples
-from clearjoint.identification.screening.misfit_curves import SideBySide
 from studies.posterior.cases import Case
 from studies.posterior.draws import Draw
 
@@ -29,19 +28,63 @@ HEAD = (
 INFLATED, WIDER = 2.0, 1.3
 """Factor on the noise, and on the standard deviations of the normal distributions around points of
 the posterior for this noise: the posteriors of all draws lie within the runs."""
-POINTS = 150
+POINTS, NEAR = 150, 25
+"""Number of points of this posterior, and number of nearest points that give the covariance of the
+normal distribution around each."""
 TOGETHER = 50
 """Number of draws whose chi squared is computed at once."""
 
 
-def lanes(case: Case, data: cj.Measurements) -> SideBySide:
-    """Return runs of a case as lanes, and the data with which they are compared."""
-    outputs = {name: series.channel for name, series in data.series.items()}
-    runs = experiment(
-        case.scene, case.state, case.parameters, outputs, data.times(), 0.0,
+def drawn_around(points: np.ndarray, runs: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return points drawn from equal normal distributions around some points (n, p), (runs, p), and
+    the logarithm of their density, (runs,).
+
+    Each distribution has the covariance of the points nearest to its centre, so that the mixture
+    follows a curved region.
+    """
+    whole = np.cov(points.T)
+    scaled = np.linalg.solve(np.linalg.cholesky(whole), points.T).T
+    order = np.linalg.norm(scaled[:, None] - scaled, axis=2).argsort(axis=1)
+    # A small share of the whole covariance keeps that of nearly equal points regular.
+    local = np.array([np.cov(points[near].T) for near in order[:, :NEAR]]) + 1e-3 * whole
+    covariances = WIDER**2 * local
+    generator = np.random.default_rng(1)
+    chosen = generator.integers(len(points), size=runs)
+    normal = generator.standard_normal((runs, points.shape[1]))
+    drawn = points[chosen] + np.einsum(
+        "nij,nj->ni", np.linalg.cholesky(covariances)[chosen], normal
+    )
+    densities = [
+        multivariate_normal(centre, covariance).logpdf(drawn)
+        for centre, covariance in zip(points, covariances, strict=True)
+    ]
+    return drawn, logsumexp(densities, axis=0) - np.log(len(points))
+
+
+def residuals(case: Case, points: np.ndarray) -> np.ndarray:
+    """Return the residuals of runs at points (n, p) with respect to the record without noise,
+    (n, M); NaN for runs that fail."""
+    series, times = case.clean.series, case.clean.times()
+    axes = {
+        name: cj.Axis(parameter.variation, np.asarray(parameter.scale.value(row)))
+        for (name, parameter), row in zip(case.parameters.items(), points.T, strict=True)
+    }
+    record = cj.Saved(times, {name: (one.channel, one.unit) for name, one in series.items()})
+    runs = cj.sweep(
+        case.scene,
+        case.state,
+        times[-1],
+        axes,
+        {"record": record},
         cj.presets.identification,
-    )  # fmt: skip
-    return SideBySide(runs, samples(data, len(runs.times)))
+        zipped=True,
+        progress=False,
+    )
+    rows = []
+    for name, one in series.items():
+        predictions = runs[f"record_{name}"].values[:, np.searchsorted(times, one.times)]
+        rows.append([one.residuals(prediction) for prediction in predictions])
+    return np.concatenate(rows, axis=1)
 
 
 def cover(case: Case, runs: int, draws: int, kept: Sequence[Draw]) -> tuple[str, ...]:
@@ -50,32 +93,23 @@ def cover(case: Case, runs: int, draws: int, kept: Sequence[Draw]) -> tuple[str,
     **Arguments:** `kept`: results of `cj.posterior` for the case, whose intervals are compared with
     the exact posterior of the same data.
     """
-    truth = np.array([p.scale.coordinate(case.truth[n]) for n, p in case.parameters.items()])
-    half = np.array([case.spread[name] for name in case.parameters])
     series = case.clean.series.items()
     noisier = {name: replace(one, noise=INFLATED * one.noise) for name, one in series}
-    wide = lanes(case, cj.Measurements(noisier))
-    target = Target(
-        wide.chi_squared,
-        wide.count,
-        truth - half,
-        truth + half,
-        lambda points: np.zeros(len(points)),
+    around = cj.posterior(
+        case.scene,
+        case.state,
+        cj.Measurements(noisier),
+        case.parameters,
+        guess=case.truth,
+        spread=case.spread,
+        number=POINTS,
+        progress=False,
     )
-    around = draw(target, POINTS, np.random.default_rng(0)).points
-    mixture = Mixture.around(around, np.full(POINTS, 1.0 / POINTS))
-    mixture = Mixture(mixture.centres, WIDER * mixture.roots, mixture.weights)
-    points = mixture.drawn(runs, np.random.default_rng(1))
-    exact = lanes(case, case.clean)
-    data = exact.data
-    offsets = exact.predictions(points) - data.values[:, : exact.count]
-    for row, period in zip(np.moveaxis(offsets, 1, 0), data.periods, strict=True):
-        if period is not None:
-            row -= period * np.round(row / period)
-    shifts = (offsets * data.weights[:, : exact.count]).reshape(runs, -1)
+    points, log_density = drawn_around(np.unique(around.coordinates, axis=0), runs)
+    shifts = residuals(case, points)
     fine = np.isfinite(shifts).all(axis=1)
-    shifts, points = shifts[fine], points[fine]
-    log_weights = -mixture.log_density(points)
+    shifts, points, log_weights = shifts[fine], points[fine], -log_density[fine]
+    truth = np.array([p.scale.coordinate(case.truth[n]) for n, p in case.parameters.items()])
     shares, effective = posteriors(shifts, points < truth, log_weights, draws)
     inside = ((shares > 0.025) & (shares < 0.975)).mean(axis=0)
     return (
@@ -101,7 +135,7 @@ def _held(
     for one in kept:
         data = case.clean.with_noise(np.random.default_rng(one.seed)).series
         noise = [(data[name].values - s.values) / s.noise for name, s in case.clean.series.items()]
-        weights = normalised(log_weights - 0.5 * squares + shifts @ np.concatenate(noise))[0]
+        weights = softmax(log_weights - 0.5 * squares + shifts @ np.concatenate(noise))
         row = []
         for (name, parameter), values in zip(case.parameters.items(), points.T, strict=True):
             low, high = (parameter.scale.coordinate(end) for end in one.intervals[name])
@@ -132,7 +166,7 @@ def posteriors(
         # Chi squared of each draw less its value at the truth, which is the same for all runs.
         rises = squares[:, None] - 2.0 * shifts @ noise
         for logarithms in (log_weights[:, None] - 0.5 * rises).T:
-            weights, _ = normalised(logarithms)
+            weights = softmax(logarithms)
             shares.append(weights @ below)
             effective.append(1.0 / (weights**2).sum())
     return np.array(shares), np.array(effective)

@@ -13,7 +13,7 @@ from studies.posterior.exact import posteriors
 
 def draw(seed, a, b):
     return Draw(
-        "name", "label", 64, seed, {"a": 1.0, "b": 2.0}, {"a": a, "b": b}, seed + 1, 10, 1, 2.0
+        "name", "label", 64, seed, {"a": 1.0, "b": 2.0}, {"a": a, "b": b}, seed + 1, 90.0, 10, 1, 2.0
     )
 
 
@@ -26,7 +26,7 @@ def test_shares_of_intervals_that_contain_the_truth():
     assert len(row) == len(HEAD)
     # Ends by Wilson's formula: (n p + z^2 / 2 ± z sqrt(n p (1 - p) + z^2 / 4)) / (n + z^2).
     shares = "a 100 (34 to 100), b 50 (9 to 91)"
-    assert row == ("label", "2", shares, "1", "10", "2", "2")
+    assert row == ("label", "2", shares, "1", "90, 90", "10", "2", "2")
 
 
 def test_draws_in_the_file_are_not_computed_again(tmp_path):

@@ -22,10 +22,8 @@ from ..screening.misfit_curves import SideBySide
 from ..starts import Guess, half_widths, start_coordinates
 from .modes import modes
 from .result import Posterior
-from .tempering import Target, draw, refined
+from .tempering import FEWEST, Target, draw
 
-FEWEST = 32
-"""Smallest number of points that a posterior may have."""
 LogPrior = Callable[[dict[str, np.ndarray]], Float[np.ndarray, " n"]]
 """Function of the parameters' values by name, (n,) each, that returns the logarithm of a density at
 the n points, (n,)."""
@@ -123,7 +121,6 @@ def drawn_posterior(
     log_prior: Callable[[Float[np.ndarray, "n p"]], Float[np.ndarray, " n"]],
     number: int,
     seed: int,
-    refinement: int = 0,
     most_runs: float = math.inf,
     on_step: Callable[[float, int], None] = lambda time, runs: None,
 ) -> Posterior:
@@ -140,8 +137,6 @@ def drawn_posterior(
     - `log_prior`: function of points (n, p) in the box that returns the logarithm of the prior
       density of the coordinates, (n,), up to a constant.
     - `number`, `seed`: number of points, and seed of the random numbers.
-    - `refinement`: number of further runs of an importance sampling at the end, from which five
-      times `number` points are drawn; 0 for none.
     - `most_runs`: number of runs, of all kinds, that is not exceeded.
     - `on_step`: function that is called after each step with the time, s, up to which the record is
       in the likelihood, and the number of runs so far.
@@ -157,10 +152,7 @@ def drawn_posterior(
         on_step(side_by_side.time(count), lanes.runs)
 
     try:
-        generator = np.random.default_rng(seed)
-        drawn = draw(target, number, generator, after)
-        if refinement:
-            drawn = refined(target, drawn, refinement, generator)
+        drawn = draw(target, number, np.random.default_rng(seed), after)
     except FloatingPointError as error:  # All weights are zero.
         raise ImpossiblePointsError(
             f"All {number} points are impossible ({lanes.failed} of {lanes.runs} runs failed, "
@@ -178,11 +170,11 @@ def drawn_posterior(
         modes(drawn.points, drawn.chi_squared),
         constant + drawn.log_evidence,
         drawn.error,
+        drawn.effective,
         box,
         lanes.runs,
         lanes.failed,
         drawn.steps,
-        drawn.acceptance,
         seed,
         time.perf_counter() - begun,
     )

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 EDGE, MANY = 0.01, 0.02
 """Distance from an end of the box, relative to its width, within which a point is at this end; and
 share of the points at an end from which on the report mentions them."""
+ENOUGH = 150.0
+"""Effective number of runs below which there is a warning, or half the number of points if that is
+less: the ends of intervals are inaccurate."""
 
 
 @dataclass(frozen=True)
@@ -34,11 +37,12 @@ class Posterior(AbstractTabular):
       0 for that with the most points.
     - `log_evidence`: logarithm of the marginal likelihood, the mean of the likelihood over the
       prior; `log_evidence_error`: its standard error.
+    - `effective_sample_size`: effective number of the weighted runs from which the points were
+      drawn: the square of the sum of the weights over the sum of their squares.
     - `box`: lower and upper ends (p,) of the coordinates where the prior is not zero.
     - `runs`: number of runs; `failed`: number of those that failed, whose likelihood counts as
       zero.
-    - `steps`: number of steps in which the record entered the likelihood; `acceptance`: share of
-      accepted moves in the last of them.
+    - `steps`: number of steps in which the record entered the likelihood.
     - `seed`: of the random numbers; `seconds`: time taken, s.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-3)
@@ -63,11 +67,11 @@ class Posterior(AbstractTabular):
     modes: Int[np.ndarray, " n"]
     log_evidence: float
     log_evidence_error: float
+    effective_sample_size: float
     box: tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]
     runs: int
     failed: int
     steps: int
-    acceptance: float
     seed: int
     seconds: float
 
@@ -108,18 +112,8 @@ class Posterior(AbstractTabular):
         return np.bincount(self.modes) / len(self.modes)
 
     @property
-    def effective_sample_size(self) -> float:
-        """Number of independent points that would be about as accurate as these n points.
-
-        Points may be equal, because resampling copies them. The result is n squared over the sum of
-        the squared numbers of equal points.
-        """
-        _, copies = np.unique(self.coordinates, axis=0, return_counts=True)
-        return float(len(self.coordinates) ** 2 / (copies**2).sum())
-
-    @property
     def warnings(self) -> list[str]:
-        """Sentences on a box that cuts the posterior off and on points that hardly moved.
+        """Sentences on a box that cuts the posterior off and on a small effective number of runs.
 
         The list is empty if there are no problems.
         """
@@ -134,10 +128,10 @@ class Posterior(AbstractTabular):
                     f"{share:.0%} of the points are at an end of the box of {name}: increase its "
                     "spread, or the data don't determine it."
                 )
-        # So few accepted moves leave many copies of points where resampling has put them.
-        if self.acceptance < 0.05:
+        if self.effective_sample_size < min(ENOUGH, 0.5 * len(self.coordinates)):
             found.append(
-                f"Only {self.acceptance:.1%} of the last moves were accepted: increase `number`."
+                f"The points come from only {self.effective_sample_size:.0f} effective runs: "
+                "increase `number`."
             )
         return found
 
@@ -206,7 +200,7 @@ class Posterior(AbstractTabular):
             f"{number} separate {'minimum' if number == 1 else 'minima'}, weights {weights}\n"
             f"logarithm of the evidence {self.log_evidence:.6g}, standard error "
             f"{self.log_evidence_error:.2g}\n"
-            f"{self.effective_sample_size:.0f} effective of {len(self.coordinates)} points",
+            f"{len(self.coordinates)} points from {self.effective_sample_size:.0f} effective runs",
             "\n".join(f"Warning: {warning}" for warning in self.warnings),
         ]
         return "\n\n".join(part for part in parts if part)

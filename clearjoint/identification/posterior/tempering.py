@@ -24,10 +24,10 @@ likelihood and know only powers of the likelihood. Hence this implementation.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 KEPT = 0.5
 """Effective number of points, relative to their number, to which a step along the record may reduce
@@ -35,28 +35,32 @@ the cloud. It determines the length of the step."""
 AHEAD = 1.5
 """Number of times over which points are run, relative to the number in the likelihood. Runs beyond
 the likelihood serve the next steps."""
-ACCEPTED, ACCEPTED_LAST = 1.5, 4.0
-"""Mean number of accepted moves of a point after which a step ends, and after which the last step
-ends. With fewer moves, a small cloud loses the ends of a curved region."""
-SWEEPS, SWEEPS_LAST = 10, 20
-"""Largest number of moves tried for each point in a step, and in the last one."""
+ACCEPTED, SWEEPS = 1.5, 10
+"""Mean number of accepted moves of a point after which a step ends, and largest number of moves
+tried for each point in a step."""
 PRIOR_POINTS = 2**12
 """Number of points by which the prior is integrated over the box."""
-BRIDGES = 1000
-"""Largest number of iterations of bridge sampling."""
 HALVINGS = 50
 """Number of bisections that find the length of a step."""
 LEAST = 1e-9
 """Smallest step along the record, as a fraction of a sample, so that no step is zero."""
-WIDER, MORE = 2.0, 5
-"""Factors of the importance sampling at the end: on the standard deviations of the distributions
-from which points to run are drawn, and on the number of points that are drawn from these runs."""
+SHARE, FEWEST = 5, 32
+"""Number of points to draw relative to that of the cloud, and smallest number of the cloud."""
+FIRST, GROWTH, MOST, ROUNDS = 2, 3, 10, 5
+"""Sizes of the importance sampling: number of runs of the first round relative to the number of
+points to draw; largest number of runs of a round relative to the round before and to the number of
+points; and largest number of rounds."""
+WIDER = 2.0
+"""Factor on the standard deviations of the distributions from which importance sampling draws."""
 RIDGE = 1e-10
 """Variance that is added along each coordinate, relative to the cloud's, so that the covariance of
 the cloud is not singular."""
 WIDE, OVERALL = 1.5, 0.1
 """Standard deviations of a mixture's wide distribution relative to those of the cloud, and the
 weight of this distribution in the mixture."""
+
+TOGETHER = 256
+"""Number of points whose densities are computed at once."""
 
 Curves = Callable[[Float[np.ndarray, "n p"], int], Float[np.ndarray, "n T"]]
 """Function of points (n, p) and a number T of times that runs the points and returns chi squared
@@ -79,6 +83,10 @@ class Target:
     low: Float[np.ndarray, " p"]
     high: Float[np.ndarray, " p"]
     log_prior: Callable[[Float[np.ndarray, "n p"]], Float[np.ndarray, " n"]]
+
+    def holds(self, points: Float[np.ndarray, "n p"]) -> Bool[np.ndarray, " n"]:
+        """Return whether each of n points is in the box, (n,)."""
+        return ((points >= self.low) & (points <= self.high)).all(axis=1)
 
 
 @dataclass(frozen=True)
@@ -112,21 +120,21 @@ class Cloud:
 
 @dataclass(frozen=True)
 class Drawn:
-    """Result of `draw`: points that are distributed as the posterior.
+    """Result of `draw`: points of equal weight that are distributed as the posterior.
 
     - `points`: (n, p) coordinates; `chi_squared`: (n,) of the whole record.
     - `log_evidence`: logarithm of the mean of exp(-chi squared / 2) over the prior; `error`: its
       standard error.
+    - `effective`: effective number of the weighted runs from which the points were drawn.
     - `steps`: number of steps along the record.
-    - `acceptance`: share of accepted moves in the last step.
     """
 
     points: Float[np.ndarray, "n p"]
     chi_squared: Float[np.ndarray, " n"]
     log_evidence: float
     error: float
+    effective: float
     steps: int
-    acceptance: float
 
 
 def draw(
@@ -135,13 +143,67 @@ def draw(
     generator: np.random.Generator,
     on_step: Callable[[float], None] = lambda count: None,
 ) -> Drawn:
-    """Draw points from the posterior, by steps along the record.
+    """Draw points from the posterior, by steps along the record and then by importance sampling.
+
+    The cloud at the end of the record is small, and its points have moved little. Importance
+    sampling therefore makes many runs at points drawn from wide normal distributions around the
+    cloud, and weights them by the posterior. The next round draws around these weighted points,
+    until their effective number is `number`. Each round is an independent estimate, so that its
+    weights have the evidence as their expected value.
 
     **Arguments:** `target`: the posterior; `number`: of points; `generator`: source of random
-    numbers; `on_step`: function that is called after each step with the number of times in the
-    likelihood, which may be a fraction.
+    numbers; `on_step`: function that is called after each step and round with the number of times
+    in the likelihood, which may be a fraction.
 
     **Raises:** `FloatingPointError` if all points are impossible.
+    """
+    from scipy.stats import qmc
+
+    points, weights, steps = along_record(
+        target, max(FEWEST, number // SHARE), generator, on_step
+    )
+    runs = FIRST * number
+    for _ in range(ROUNDS):
+        mixture = Mixture.around(points, weights, WIDER)
+        drawn = mixture.drawn(runs, generator)
+        # Outside the box the prior is zero, so these points need no run.
+        inside = target.holds(drawn)
+        cloud = evaluated(target, drawn[inside], target.count)
+        chi_squared = cloud.curves[:, -1]
+        logarithms = cloud.log_priors - 0.5 * chi_squared - mixture.log_density(cloud.points)
+        weights, log_mean = normalised(logarithms)
+        effective = 1.0 / (weights**2).sum()
+        on_step(target.count)
+        chosen = resampled(weights, generator, number)
+        if effective >= number:
+            break
+        # The copies of a point become its weight in the next mixture.
+        kept, copies = np.unique(chosen, return_counts=True)
+        points, weights = cloud.points[kept], copies / number
+        next_runs = int(number * len(drawn) / effective)
+        runs = min(next_runs, GROWTH * len(drawn), MOST * number)
+    # The prior is given up to a constant, so the result is divided by its integral over the box.
+    sides = target.high - target.low
+    box = qmc.LatinHypercube(len(sides), rng=generator)
+    prior = normalised(target.log_prior(target.low + sides * box.random(PRIOR_POINTS)))[1]
+    log_evidence = log_mean + math.log(inside.mean()) - prior - float(np.log(sides).sum())
+    # Standard error of the mean of all weights, those outside the box included, relative to it.
+    error = math.sqrt(max(1.0 / effective - 1.0 / len(drawn), 0.0))
+    points, chi_squared = cloud.points[chosen], chi_squared[chosen]
+    return Drawn(points, chi_squared, log_evidence, error, effective, steps)
+
+
+def along_record(
+    target: Target,
+    number: int,
+    generator: np.random.Generator,
+    on_step: Callable[[float], None],
+) -> tuple[Float[np.ndarray, "n p"], Float[np.ndarray, " n"], int]:
+    """Return weighted points near the posterior of the whole record, by steps along the record.
+
+    **Arguments:** as in `draw`; `number` is that of the points in the cloud.
+
+    **Returns:** the points (n, p), their weights (n,) of sum 1, and the number of steps.
     """
     from scipy.stats import qmc
 
@@ -166,40 +228,13 @@ def draw(
         increments = 0.5 * (level(cloud.curves, reached) - level(cloud.curves, following))
         weights, _ = normalised(increments)
         reached, steps = following, steps + 1
-        last = reached >= target.count
+        on_step(reached)
+        if reached >= target.count:
+            return cloud.points, weights, steps
         # New points need not run much farther than the likelihood, so the old ones are shortened.
         ahead = min(int(AHEAD * reached) + 2, ahead)
         cloud = Cloud(cloud.points, cloud.curves[:, : ahead + 1], cloud.log_priors)
-        cloud, acceptance = mutated(target, cloud, weights, reached, last, generator)
-        on_step(reached)
-        if last:
-            found = evidence(target, cloud, generator)
-            return Drawn(cloud.points, cloud.curves[:, -1], *found, steps, acceptance)
-
-
-def refined(target: Target, drawn: Drawn, runs: int, generator: np.random.Generator) -> Drawn:
-    """Return a posterior with points drawn anew, by importance sampling.
-
-    The quantiles of a small cloud are inaccurate, because few points are in its tails, and they
-    have moved little. Here many runs are made at points drawn from wide normal distributions around
-    the cloud, and points of the posterior are drawn from these by weight.
-
-    **Arguments:** `target`: the posterior; `drawn`: points of it; `runs`: number of runs, from
-    which `MORE` times as many points are drawn as before; `generator`: source of random numbers.
-
-    **Raises:** `FloatingPointError` if all runs fail.
-    """
-    count = len(drawn.points)
-    around = Mixture.around(drawn.points, np.full(count, 1.0 / count))
-    wider = Mixture(around.centres, WIDER * around.roots, around.weights)
-    points = wider.drawn(runs, generator)
-    # Outside the box the prior is zero, so these points need no run.
-    points = points[((points >= target.low) & (points <= target.high)).all(axis=1)]
-    cloud = evaluated(target, points, target.count)
-    chi_squared = cloud.curves[:, -1]
-    weights, _ = normalised(cloud.log_priors - 0.5 * chi_squared - wider.log_density(points))
-    chosen = resampled(weights, generator, MORE * count)
-    return replace(drawn, points=points[chosen], chi_squared=chi_squared[chosen])
+        cloud = mutated(target, cloud, weights, reached, generator)
 
 
 def evaluated(target: Target, points: Float[np.ndarray, "n p"], ahead: int) -> Cloud:
@@ -283,10 +318,9 @@ def mutated(
     cloud: Cloud,
     weights: Float[np.ndarray, " n"],
     reached: float,
-    last: bool,
     generator: np.random.Generator,
-) -> tuple[Cloud, float]:
-    """Resample a weighted cloud and move its points; return it and the share of accepted moves.
+) -> Cloud:
+    """Resample a weighted cloud and move its points.
 
     Moves separate the copies that resampling makes. They are accepted by the rule of Metropolis and
     Hastings, so that points stay distributed as the posterior of the record so far. Moves alternate
@@ -295,110 +329,32 @@ def mutated(
     algorithm Differential Evolution*, 2006). Both follow a curved cloud, or one in several parts.
 
     **Arguments:** `cloud`: the points, and `weights`: (n,) of sum 1; `reached`: number of times in
-    the likelihood; `last`: whether that is the whole record.
+    the likelihood.
     """
     mixture = Mixture.around(cloud.points, weights)
     moved = cloud.taken(resampled(weights, generator))
-    accepted = tried = 0
-    number = len(weights)
-    most, enough = (SWEEPS_LAST, ACCEPTED_LAST) if last else (SWEEPS, ACCEPTED)
-    for sweep in range(most):
+    accepted, number = 0, len(weights)
+    for sweep in range(SWEEPS):
         if sweep % 2 == 0:
             # Draws that do not depend on the present point need the ratio of their densities.
             points = mixture.drawn(number, generator)
             ratios = mixture.log_density(moved.points) - mixture.log_density(points)
         else:  # A symmetric step, whose ratio is 1.
             points, ratios = moved.points + differences(cloud.points, weights, generator), 0.0
-        others, inside = evaluated_inside(target, points, moved)
+        inside = target.holds(points)
+        if not inside.any():
+            continue
+        new = evaluated(target, points[inside], moved.curves.shape[1] - 1)
+        # `new` has only the points inside; they are spread over the n indices.
+        others = moved.where(inside, new.taken(np.where(inside, np.cumsum(inside) - 1, 0)))
         before, after = (0.5 * level(one.curves, reached) for one in (moved, others))
         ratios = ratios + before - after + others.log_priors - moved.log_priors
         accepts = inside & (np.log(generator.uniform(size=number)) < ratios)
         moved = moved.where(accepts, others)
-        accepted, tried = accepted + int(accepts.sum()), tried + number
-        if accepted >= enough * number:
+        accepted += int(accepts.sum())
+        if accepted >= ACCEPTED * number:
             break
-    return moved, accepted / tried
-
-
-def evaluated_inside(
-    target: Target, points: Float[np.ndarray, "n p"], others: Cloud
-) -> tuple[Cloud, np.ndarray]:
-    """Return points (n, p) with their chi squared, and whether each is in the box, (n,).
-
-    A point outside the box is not run. In the returned cloud, the point of `others` at its index
-    takes its place.
-    """
-    inside = np.all((points >= target.low) & (points <= target.high), axis=1)
-    if not inside.any():
-        return others, inside
-    new = evaluated(target, points[inside], others.curves.shape[1] - 1)
-    # `new` has only the points inside; they are spread over the n indices.
-    return others.where(inside, new.taken(np.where(inside, np.cumsum(inside) - 1, 0))), inside
-
-
-def evidence(target: Target, cloud: Cloud, generator: np.random.Generator) -> tuple[float, float]:
-    """Return the logarithm of the mean of exp(-chi squared / 2) over the prior, and its standard
-    error.
-
-    Bridge sampling compares half of the points with draws from a mixture around the other half,
-    because a mixture around the same points has too large a density at them. Then the halves change
-    places, and the result is the mean of both.
-
-    **Arguments:** `target`: the posterior; `cloud`: points of it, run over the whole record.
-    """
-    from scipy.stats import qmc
-
-    order = generator.permutation(len(cloud.points))
-    halves = order[::2], order[1::2]
-    found = [
-        bridge(target, cloud.taken(one), cloud.taken(other), generator)
-        for one, other in (halves, halves[::-1])
-    ]
-    # The prior is given up to a constant, so the result is divided by its integral over the box.
-    sides = target.high - target.low
-    box = qmc.LatinHypercube(len(sides), rng=generator)
-    prior = normalised(target.log_prior(target.low + sides * box.random(PRIOR_POINTS)))[1]
-    mean = 0.5 * (found[0][0] + found[1][0]) - prior - float(np.log(sides).sum())
-    return mean, 0.5 * math.hypot(found[0][1], found[1][1])
-
-
-def bridge(
-    target: Target, half: Cloud, other: Cloud, generator: np.random.Generator
-) -> tuple[float, float]:
-    """Return the logarithm of the integral of exp(-chi squared / 2) times the prior, and its
-    standard error.
-
-    Bridge sampling compares points of the posterior with as many draws from a mixture, whose
-    integral is 1.
-
-    **Arguments:** `target`: the posterior; `half`: points of it, run over the whole record;
-    `other`: other points of it, around which the mixture is.
-    """
-    from scipy.special import expit
-
-    n = len(half.points)
-    mixture = Mixture.around(other.points, np.full(len(other.points), 1.0 / len(other.points)))
-    drawn = mixture.drawn(n, generator)
-    draws, inside = evaluated_inside(target, drawn, half)
-    logarithms = draws.log_priors - 0.5 * draws.curves[:, -1] - mixture.log_density(drawn)
-    at_draws = np.where(inside, logarithms, -np.inf)
-    at_points = half.log_priors - 0.5 * half.curves[:, -1] - mixture.log_density(half.points)
-    # With the right integral the means of `forward` and `backward` are equal. Each iteration
-    # multiplies the integral by their ratio; all numbers here are logarithms. The small constants
-    # prevent divisions by zero if the mixture hardly overlaps the posterior.
-    integral = float(np.median(at_points))
-    for _ in range(BRIDGES):
-        forward, backward = expit(at_draws - integral), expit(integral - at_points)
-        change = math.log(max(forward.mean(), 1e-300) / max(backward.mean(), 1e-300))
-        integral += change
-        if abs(change) < 1e-9:
-            break
-    # The error is that of both means. Copies that resampling has made are no independent points.
-    copies = np.unique(half.points, axis=0, return_counts=True)[1]
-    independent = n**2 / (copies**2).sum()
-    variance = forward.var() / (n * max(forward.mean(), 1e-300) ** 2)
-    variance += backward.var() / (independent * max(backward.mean(), 1e-300) ** 2)
-    return integral, math.sqrt(float(variance))
+    return moved
 
 
 def differences(
@@ -428,13 +384,16 @@ class Mixture:
     weights: Float[np.ndarray, " n"]
 
     @staticmethod
-    def around(points: Float[np.ndarray, "n p"], weights: Float[np.ndarray, " n"]) -> "Mixture":
+    def around(
+        points: Float[np.ndarray, "n p"], weights: Float[np.ndarray, " n"], wider: float = 1.0
+    ) -> "Mixture":
         """Return a mixture of n + 1 normal distributions that follows a cloud of n points.
 
         There is one around each point, with the covariance of the points near it and the weight of
         the point, and a wide one around all points.
 
-        **Arguments:** `points`: (n, p); `weights`: (n,) of sum 1.
+        **Arguments:** `points`: (n, p); `weights`: (n,) of sum 1; `wider`: factor on all standard
+        deviations.
         """
         count, p = points.shape
         # Enough points for a covariance, and so few that they follow a curved region.
@@ -455,7 +414,7 @@ class Mixture:
         # The wide distribution reaches parts of the region from which all points have been lost.
         centres = np.concatenate([points, mean[None]])
         roots = np.linalg.cholesky(np.concatenate([covariances, WIDE**2 * whole[None]]))
-        return Mixture(centres, roots, np.append((1.0 - OVERALL) * weights, OVERALL))
+        return Mixture(centres, wider * roots, np.append((1.0 - OVERALL) * weights, OVERALL))
 
     def drawn(self, number: int, generator: np.random.Generator) -> Float[np.ndarray, "m p"]:
         """Return random points of the mixture, (number, p)."""
@@ -468,11 +427,15 @@ class Mixture:
         from scipy.special import logsumexp
 
         inverse = np.linalg.inv(self.roots)
-        offsets = points[:, None] - self.centres
-        squares = (np.einsum("nij,mnj->mni", inverse, offsets) ** 2).sum(axis=2)
+        constant = 0.5 * points.shape[1] * math.log(2.0 * math.pi)
         with np.errstate(divide="ignore"):
-            heights = np.log(self.weights) - np.log(
+            heights = np.log(self.weights) - constant - np.log(
                 np.abs(np.diagonal(self.roots, axis1=1, axis2=2))
             ).sum(axis=1)
-        exponents = heights - 0.5 * squares - 0.5 * points.shape[1] * math.log(2.0 * math.pi)
-        return np.asarray(logsumexp(exponents, axis=1))
+        found = []
+        # In parts, because the offsets of all points from all centres may take much memory.
+        for part in np.split(points, range(TOGETHER, len(points), TOGETHER)):
+            offsets = part[:, None] - self.centres
+            squares = (np.einsum("nij,mnj->mni", inverse, offsets) ** 2).sum(axis=2)
+            found.append(logsumexp(heights - 0.5 * squares, axis=1))
+        return np.concatenate(found)
