@@ -35,18 +35,13 @@ NEAR, NEAREST = 0.03, 1e-3
 search in the lowest minimum ends."""
 FARTHEST = 100.0
 """Distance from the estimates, in standard errors, up to which an exploration may draw points."""
-FEWEST_POINTS, POINTS, REFINEMENT, MOST_RUNS = 32, 0.25, 7, 75
-"""Sizes of the small posterior. It has at least `FEWEST_POINTS` points. The other three are factors
-on `check_runs`, the number of points in the first round of the exploration: `POINTS` gives the
-number of points, `REFINEMENT` the number of runs of the importance sampling at the end, and
-`MOST_RUNS` the number of runs above which the posterior is given up."""
+POINTS, MOST_RUNS = 1.25, 75
+"""Number of points of the small posterior, and number of runs above which it is given up, relative
+to `check_runs`, the number of points in the first round of the exploration."""
 MARGIN = 4.0
 """Half the width of the posterior's box, relative to the largest distance of explored points with a
 low chi squared from the lowest minimum. A wider box takes more runs, a narrower one may cut the
 posterior off."""
-EFFECTIVE = 50.0
-"""Effective number of points (`Posterior.effective_sample_size`) below which a posterior is not
-used, because too few points are at the ends of its intervals."""
 
 
 @dataclass(frozen=True)
@@ -63,8 +58,8 @@ class LikelihoodCheck:
     - `posterior`: a small `Posterior`, of few points, around the lowest minimum, from which the
       fit's intervals come. ``None`` if the test passed, if noise doesn't explain chi squared, if
       more runs would be needed than 75 times the argument `check_runs` of `identify`, or if its
-      points don't represent it: their effective number is below 50, they miss the lowest minimum,
-      or `Posterior.warnings` reports a problem.
+      points don't represent it: they miss the lowest minimum, or `Posterior.warnings` reports a
+      problem.
     - `runs`: number of runs with and without derivatives, those of the posterior not included;
       `seconds`: s, computing time of all runs.
     - `difference`: chi squared at the estimates in a run without derivatives, less that in the run
@@ -243,19 +238,17 @@ def _small_posterior(
         """Return the logarithm of a constant density at points (n, p)."""
         return np.zeros(len(points))
 
-    points = max(FEWEST_POINTS, int(POINTS * number))
-    runs = REFINEMENT * number, MOST_RUNS * number
+    points, most_runs = int(POINTS * number), MOST_RUNS * number
     try:
-        found = drawn_posterior(lanes, parameters, units, box, uniform, points, 0, *runs)
+        found = drawn_posterior(lanes, parameters, units, box, uniform, points, 0, most_runs)
     except (TooManyRunsError, ImpossiblePointsError, np.linalg.LinAlgError):
         # The last one is that of a singular cloud. The fit keeps its other intervals.
         return None
-    # Warnings say that the box cuts the posterior off, or that points hardly moved. A cloud that
-    # does not come near the lowest minimum has missed it.
+    # Warnings say that the box cuts the posterior off, or that few runs have a weight. Points that
+    # do not come near the lowest minimum have missed it.
     nearest = found.coordinates[found.log_likelihood.argmax()]
     rise = float(lanes.chi_squared(nearest[None], lanes.count)[0, -1]) - lowest
-    enough = found.effective_sample_size >= EFFECTIVE and rise <= likelihood.RISE
-    return found if enough and not found.warnings else None
+    return None if found.warnings or rise > likelihood.RISE else found
 
 
 def _quadratic_test(

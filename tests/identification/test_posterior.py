@@ -17,7 +17,6 @@ from clearjoint.identification.posterior.tempering import (
     draw,
     level,
     next_count,
-    refined,
     resampled,
 )
 
@@ -140,7 +139,7 @@ def test_the_result_is_exported():
         ({"number": 3}, "number.*a whole number from 32.*is 3"),
         ({"seed": -1}, "seed.*-1.*pass 0"),
         ({"guess": {"height": 1.0}}, "guess.*height.*name parameters: speed"),
-        ({"log_prior": lambda values: 0.0}, r"log_prior.*of shape \(256,\), but is \(\)"),
+        ({"log_prior": lambda values: 0.0}, r"log_prior.*of shape \(100,\), but is \(\)"),
         ({"log_prior": lambda v: np.nan * v["speed"]}, "log_prior.*return -inf"),
         ({"start_time": 0.5}, "start_time.*0.5.*start earlier"),
         ({"parameters": {"speed": 3.0}}, "parameters.*a Parameter.*float"),
@@ -180,31 +179,29 @@ def target_of(residuals, parameters):
 def test_linear_problems_have_the_posterior_of_the_closed_form(parameters):
     design, values, mean, covariance, evidence = linear(parameters)
     target = target_of(lambda points: points @ design.T - values, parameters)
-    draws = [draw(target, 200, np.random.default_rng(seed)) for seed in range(4)]
+    draws = [draw(target, 500, np.random.default_rng(seed)) for seed in range(4)]
     points = np.concatenate([one.points for one in draws])
     whitened = np.linalg.solve(np.linalg.cholesky(covariance), (points - mean).T)
     np.testing.assert_allclose(whitened.mean(axis=1), 0.0, atol=0.2)
     np.testing.assert_allclose(np.cov(whitened), np.eye(parameters), atol=0.25)
     errors = [(one.log_evidence - evidence) / one.error for one in draws]
-    assert np.abs(errors).max() < 4.0 and all(0.01 < one.error < 0.6 for one in draws)
+    assert np.abs(errors).max() < 4.0 and all(0.01 < one.error < 0.1 for one in draws)
     assert set(modes(draws[0].points, draws[0].chi_squared)) == {0}
-    fine = refined(target, draws[0], 4000, np.random.default_rng(0))
-    whitened = np.linalg.solve(np.linalg.cholesky(covariance), (fine.points - mean).T)
-    assert whitened.shape == (parameters, 1000)
-    np.testing.assert_allclose(np.cov(whitened), np.eye(parameters), atol=0.12)
     ends = np.quantile(whitened, (0.025, 0.975), axis=1).T
-    np.testing.assert_allclose(ends, np.tile((-1.96, 1.96), (parameters, 1)), atol=0.2)
+    np.testing.assert_allclose(ends, np.tile((-1.96, 1.96), (parameters, 1)), atol=0.3)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("parameters", [3, 6])
-def test_errors_of_the_evidence_are_those_stated(parameters):
+def test_the_evidence_has_no_bias_and_the_stated_error(parameters):
     design, values, _, _, evidence = linear(parameters)
     target = target_of(lambda points: points @ design.T - values, parameters)
-    draws = [draw(target, 150, np.random.default_rng(seed)) for seed in range(12)]
-    errors = np.array([(one.log_evidence - evidence) / one.error for one in draws])
-    assert abs(errors.mean()) < 1.2 and 0.4 < errors.std() < 2.2
-    assert max(one.error for one in draws) < 0.2
+    draws = [draw(target, 150, np.random.default_rng(seed)) for seed in range(24)]
+    errors = np.array([one.log_evidence - evidence for one in draws])
+    stated = np.array([one.error for one in draws])
+    assert abs(errors.mean()) < 3.0 * stated.mean() / math.sqrt(24.0)
+    assert 0.6 < (errors / stated).std() < 1.4 and stated.max() < 0.1
+    assert min(one.effective for one in draws) >= 150.0
 
 
 def rough(parameters, count=60, noise=0.1):
@@ -234,7 +231,7 @@ def test_the_truth_is_a_point_like_others_where_chi_squared_is_rough():
         clean = predict(truth[None])
         values = clean + generator.standard_normal(clean.shape)
         target = target_of(lambda points, values=values: predict(points) - values, 3)
-        ranks.append((draw(target, 64, generator).points < truth).mean(axis=0))
+        ranks.append((draw(target, 160, generator).points < truth).mean(axis=0))
     for row in np.transpose(ranks):
         assert kstest(row, "uniform").pvalue > 0.003
     inside = np.abs(np.array(ranks) - 0.5) < 0.475
@@ -256,11 +253,11 @@ def test_few_points_keep_the_ends_of_a_thin_curved_region():
     ends = np.array([20.0, 100.0, 100.0])
     target = Target(curves, 40, -ends, ends, lambda points: np.zeros(len(points)))
     held = []
-    for seed in range(16):
-        points = draw(target, 100, np.random.default_rng(seed)).points[:, 1:]
+    for seed in range(8):
+        points = draw(target, 200, np.random.default_rng(seed)).points[:, 1:]
         low, high = norm.cdf(np.quantile(points, (0.025, 0.975), axis=0, method="weibull"))
         held.append(high - low)
-    assert np.mean(held) > 0.91 and np.min(held) > 0.5
+    assert 0.935 < np.mean(held) < 0.965 and np.min(held) > 0.85
 
 
 def test_steps_along_the_record():

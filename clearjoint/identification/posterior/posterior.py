@@ -22,8 +22,10 @@ from ..screening.misfit_curves import SideBySide
 from ..starts import Guess, half_widths, start_coordinates
 from .modes import modes
 from .result import Posterior
-from .tempering import FEWEST, Target, draw
+from .tempering import Target, draw
 
+FEWEST = 32
+"""Smallest number of points that a posterior may have."""
 LogPrior = Callable[[dict[str, np.ndarray]], Float[np.ndarray, " n"]]
 """Function of the parameters' values by name, (n,) each, that returns the logarithm of a density at
 the n points, (n,)."""
@@ -49,8 +51,9 @@ def posterior(
     Unlike the covariance of a fit, a posterior is right where chi squared is rough or has several
     minima, and it needs no start near the truth. Points, the coordinates of parameters, fill a box
     around the guess. Then more and more of the record enters the likelihood, and at each step the
-    points are weighted, resampled and moved. The noise is assumed to be normal, with the standard
-    deviations stated in the measurements.
+    points are weighted, resampled and moved. At the end, importance sampling around these points
+    gives the points of the result and the evidence. The noise is assumed to be normal, with the
+    standard deviations stated in the measurements.
 
     **Arguments:**
 
@@ -62,9 +65,9 @@ def posterior(
       name.
     - `log_prior`: logarithm of the prior density of the coordinates in the box, up to a constant: a
       function of the values by name, (n,) each, that returns (n,). By default the prior is uniform.
-    - `number`: number of points, at least 32. With three parameters, about a hundred runs are
-      needed for each point; 100 points give intervals that are too narrow where the region is thin
-      and curved.
+    - `number`: number of points, at least 32. The importance sampling goes on until the effective
+      number of its weighted runs is at least this, or ends with a warning. With three parameters,
+      500 points take about 10 000 runs.
     - `seed`: seed of the random numbers, a whole number from 0. Equal seeds give equal bits, for
       any number of threads.
     - `progress`: whether to show a line.

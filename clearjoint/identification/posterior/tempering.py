@@ -1,4 +1,4 @@
-"""Sequential Monte Carlo over a growing record.
+"""Sequential Monte Carlo over a growing record, and importance sampling at its end.
 
 A cloud of points, coordinates of p parameters, is drawn from the prior. Then the record enters the
 likelihood in steps of many samples, or of a fraction of one sample where it changes the likelihood
@@ -13,9 +13,10 @@ in the rough chi squared.
 A length of the record is given as a number of its T sample times: chi squared over the first k
 times is that of all samples up to the k-th time.
 
-The evidence is not the product of the steps' mean weights, whose errors add up. It is estimated by
-bridge sampling (X.-L. Meng and W. Wong, *Simulating ratios of normalizing constants via a simple
-identity*, 1996) between the posterior and a mixture of normal distributions around its points.
+The cloud only finds the region, because a small cloud loses the ends of a curved one. The points
+of the result and the evidence come from rounds of importance sampling, each with a mixture of
+normal distributions around the weighted points of the round before (O. Cappé et al., *Population
+Monte Carlo*, 2004).
 
 This module runs no scene: likelihoods are an argument. They come from lanes of native code, which
 no function that JAX traces can call; and the samplers of libraries such as BlackJAX trace the
@@ -44,8 +45,9 @@ HALVINGS = 50
 """Number of bisections that find the length of a step."""
 LEAST = 1e-9
 """Smallest step along the record, as a fraction of a sample, so that no step is zero."""
-SHARE, FEWEST = 5, 32
-"""Number of points to draw relative to that of the cloud, and smallest number of the cloud."""
+CLOUD, SHARE = 100, 5
+"""Number of points of the cloud if at least as many are to be drawn; or their number divided by
+`SHARE`, if that is more."""
 FIRST, GROWTH, MOST, ROUNDS = 2, 3, 10, 5
 """Sizes of the importance sampling: number of runs of the first round relative to the number of
 points to draw; largest number of runs of a round relative to the round before and to the number of
@@ -159,9 +161,8 @@ def draw(
     """
     from scipy.stats import qmc
 
-    points, weights, steps = along_record(
-        target, max(FEWEST, number // SHARE), generator, on_step
-    )
+    size = min(number, max(CLOUD, number // SHARE))
+    points, weights, steps = along_record(target, size, generator, on_step)
     runs = FIRST * number
     for _ in range(ROUNDS):
         mixture = Mixture.around(points, weights, WIDER)
@@ -427,11 +428,10 @@ class Mixture:
         from scipy.special import logsumexp
 
         inverse = np.linalg.inv(self.roots)
-        constant = 0.5 * points.shape[1] * math.log(2.0 * math.pi)
+        sizes = np.abs(np.diagonal(self.roots, axis1=1, axis2=2))
         with np.errstate(divide="ignore"):
-            heights = np.log(self.weights) - constant - np.log(
-                np.abs(np.diagonal(self.roots, axis1=1, axis2=2))
-            ).sum(axis=1)
+            heights = np.log(self.weights) - np.log(sizes).sum(axis=1)
+        heights = heights - 0.5 * points.shape[1] * math.log(2.0 * math.pi)
         found = []
         # In parts, because the offsets of all points from all centres may take much memory.
         for part in np.split(points, range(TOGETHER, len(points), TOGETHER)):
