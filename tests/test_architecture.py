@@ -254,13 +254,7 @@ def outside_sources() -> dict[str, str]:
 
 def test_studies_and_notebooks_import_public_names_only():
     public = {"clearjoint", "clearjoint.plot.style", *PUBLIC}
-    # This part of a study examines the inner parts of `cj.posterior`; users need none of it.
-    examining = str(ROOT / "studies" / "posterior" / "exact.py")
-    wrong = {
-        path: imported_from_outside(text) - public
-        for path, text in outside_sources().items()
-        if path != examining
-    }
+    wrong = {path: imported_from_outside(text) - public for path, text in outside_sources().items()}
     assert {path: names for path, names in wrong.items() if names} == {}
 
 

@@ -88,6 +88,13 @@ def test_a_prior_of_zero_is_never_left_and_samples_at_an_end_of_the_box_are_repo
     assert "at an end of the box of speed" in narrow.warnings[0] and "Warning" in str(narrow)
 
 
+def test_few_effective_runs_are_reported():
+    result = found(number=64)
+    assert result.warnings == [] and result.effective_sample_size >= 64.0
+    (warning,) = replace(result, effective_sample_size=20.0).warnings
+    assert warning == "The points come from only 20 effective runs: increase `number`."
+
+
 def test_runs_that_fail_are_impossible_and_counted():
     spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
     scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
@@ -202,6 +209,15 @@ def test_the_evidence_has_no_bias_and_the_stated_error(parameters):
     assert abs(errors.mean()) < 3.0 * stated.mean() / math.sqrt(24.0)
     assert 0.6 < (errors / stated).std() < 1.4 and stated.max() < 0.1
     assert min(one.effective for one in draws) >= 150.0
+
+
+def test_the_evidence_of_a_posterior_that_the_box_cuts_off():
+    low, high = np.zeros(1), np.full(1, 3.0)
+    target = replace(target_of(lambda points: points, 1), low=low, high=high)
+    drawn = draw(target, 500, np.random.default_rng(0))
+    evidence = math.log(math.sqrt(2.0 * math.pi) * (norm.cdf(3.0) - 0.5) / 3.0)
+    assert abs(drawn.log_evidence - evidence) < 4.0 * drawn.error < 0.3
+    assert drawn.points.min() > 0.0
 
 
 def rough(parameters, count=60, noise=0.1):

@@ -150,8 +150,9 @@ def draw(
     The cloud at the end of the record is small, and its points have moved little. Importance
     sampling therefore makes many runs at points drawn from wide normal distributions around the
     cloud, and weights them by the posterior. The next round draws around these weighted points,
-    until their effective number is `number`. Each round is an independent estimate, so that its
-    weights have the evidence as their expected value.
+    until the effective number of runs is at least `number`. Only the last round enters the result:
+    the mean of its weights is an estimate of the evidence without bias, because its mixture does
+    not depend on its own runs.
 
     **Arguments:** `target`: the posterior; `number`: of points; `generator`: source of random
     numbers; `on_step`: function that is called after each step and round with the number of times
