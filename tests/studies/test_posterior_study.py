@@ -12,9 +12,8 @@ from studies.posterior.exact import drawn_around, posteriors
 
 
 def draw(seed, a, b):
-    return Draw(
-        "name", "label", 64, seed, {"a": 1.0, "b": 2.0}, {"a": a, "b": b}, seed + 1, 90.0, 10, 1, 2.0
-    )
+    truth, found = {"a": 1.0, "b": 2.0}, (seed + 1, 90.0, 10, 1, 2.0)
+    return Draw("name", "label", 64, seed, truth, {"a": a, "b": b}, *found)
 
 
 DRAWS = [draw(0, (0.5, 1.5), (3.0, 4.0)), draw(1, (0.9, 1.1), (1.0, 3.0))]

@@ -88,7 +88,7 @@ class Target:
 
     def holds(self, points: Float[np.ndarray, "n p"]) -> Bool[np.ndarray, " n"]:
         """Return whether each of n points is in the box, (n,)."""
-        return ((points >= self.low) & (points <= self.high)).all(axis=1)
+        return np.all((points >= self.low) & (points <= self.high), axis=1)
 
 
 @dataclass(frozen=True)
