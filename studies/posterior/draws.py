@@ -121,7 +121,8 @@ def figure(cases: Sequence[Sequence[Draw]]) -> Figure:
     found = Figure(figsize=(3.2 * most, 2.4 * len(cases)), layout="constrained")
     panels = found.subplots(len(cases), most, squeeze=False)
     for row, draws in zip(panels, cases, strict=True):
-        row[0].set_ylabel(f"{draws[0].label}\n\ndraw", fontsize=7)
+        row[0].set_title(draws[0].label, loc="left", fontsize=8)
+        row[0].set_ylabel("draw")
         for axes in row[len(draws[0].truth) :]:
             axes.set_axis_off()
         for axes, (name, truth) in zip(row, draws[0].truth.items(), strict=False):

@@ -23,7 +23,8 @@ HEAD = (
     "draws",
     "effective runs: median, smallest",
     "intervals of the exact posterior that contain the truth, %",
-    "exact probability in the intervals of draws of `cj.posterior`, %",
+    "draws of `cj.posterior`: exact probability in its intervals, %; exact intervals that contain "
+    "the truth",
 )
 INFLATED, WIDER = 2.0, 1.3
 """Factor on the noise, and on the standard deviations of the normal distributions around points of
@@ -109,6 +110,10 @@ def cover(case: Case, runs: int, draws: int, kept: Sequence[Draw]) -> tuple[str,
     shifts = residuals(case, points)
     fine = np.isfinite(shifts).all(axis=1)
     shifts, points, log_weights = shifts[fine], points[fine], -log_density[fine]
+    # The prior is that of `cj.posterior`, zero outside the box around the guess.
+    guess = np.array([p.scale.coordinate(case.guess[n]) for n, p in case.parameters.items()])
+    half = np.array([case.spread[name] for name in case.parameters])
+    log_weights[(np.abs(points - guess) > half).any(axis=1)] = -np.inf
     truth = np.array([p.scale.coordinate(case.truth[n]) for n, p in case.parameters.items()])
     shares, effective = posteriors(shifts, points < truth, log_weights, draws)
     inside = ((shares > 0.025) & (shares < 0.975)).mean(axis=0)
@@ -118,20 +123,22 @@ def cover(case: Case, runs: int, draws: int, kept: Sequence[Draw]) -> tuple[str,
         str(draws),
         f"{np.median(effective):.0f}, {effective.min():.0f}",
         ", ".join(f"{n} {100 * one:.1f}" for n, one in zip(case.truth, inside, strict=True)),
-        "; ".join(_held(case, shifts, points, log_weights, kept)),
+        "; ".join(_compared(case, shifts, points, log_weights, kept)),
     )
 
 
-def _held(
+def _compared(
     case: Case,
     shifts: np.ndarray,
     points: np.ndarray,
     log_weights: np.ndarray,
     kept: Sequence[Draw],
 ) -> list[str]:
-    """Return for each number of points the mean exact probability in the intervals of draws."""
+    """Return the last cell of the row for each number of points of draws of `cj.posterior`: the
+    mean exact probability in the intervals, and the number of draws whose exact intervals contain
+    the truth."""
     squares = (shifts**2).sum(axis=1)
-    held: dict[int, list[list[float]]] = {}
+    rows: dict[int, list[list[tuple[float, bool]]]] = {}
     for one in kept:
         data = case.clean.with_noise(np.random.default_rng(one.seed)).series
         noise = [(data[name].values - s.values) / s.noise for name, s in case.clean.series.items()]
@@ -139,13 +146,16 @@ def _held(
         row = []
         for (name, parameter), values in zip(case.parameters.items(), points.T, strict=True):
             low, high = (parameter.scale.coordinate(end) for end in one.intervals[name])
-            row.append(float(weights[(values > low) & (values < high)].sum()))
-        held.setdefault(one.number, []).append(row)
+            below = weights[values < parameter.scale.coordinate(case.truth[name])].sum()
+            held = weights[(values > low) & (values < high)].sum()
+            row.append((float(held), bool(0.025 < below < 0.975)))
+        rows.setdefault(one.number, []).append(row)
     texts = []
-    for number, rows in held.items():
-        means = zip(case.truth, np.mean(rows, axis=0), strict=True)
-        percent = ", ".join(f"{name} {100 * mean:.1f}" for name, mean in means)
-        texts.append(f"{number} points, {len(rows)} draws: {percent}")
+    for number, found in rows.items():
+        held, inside = np.moveaxis(np.array(found, float), 2, 0)
+        percent = ", ".join(f"{100.0 * mean:.1f}" for mean in held.mean(axis=0))
+        counts = ", ".join(f"{count:.0f}" for count in inside.sum(axis=0))
+        texts.append(f"{number} points: {percent}; {counts} of {len(found)}")
     return texts
 
 
