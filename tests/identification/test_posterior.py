@@ -110,7 +110,7 @@ def test_runs_that_fail_are_impossible_and_counted():
     assert np.isfinite(cut.log_likelihood).all()
     assert cut.samples["k"].max() < free.samples["k"].max()
     none = replace(cj.presets.identification, max_steps=1)
-    with pytest.raises(ValueError, match="All 64 points are impossible.*runs failed.*`guess`"):
+    with pytest.raises(ValueError, match="All points are impossible.*runs failed.*`guess`"):
         cj.posterior(scene, state, data, stiffness, none, **options)
 
 
@@ -203,10 +203,10 @@ def test_linear_problems_have_the_posterior_of_the_closed_form(parameters):
 def test_the_evidence_has_no_bias_and_the_stated_error(parameters):
     design, values, _, _, evidence = linear(parameters)
     target = target_of(lambda points: points @ design.T - values, parameters)
-    draws = [draw(target, 150, np.random.default_rng(seed)) for seed in range(24)]
+    draws = [draw(target, 150, np.random.default_rng(seed)) for seed in range(12)]
     errors = np.array([one.log_evidence - evidence for one in draws])
     stated = np.array([one.error for one in draws])
-    assert abs(errors.mean()) < 3.0 * stated.mean() / math.sqrt(24.0)
+    assert abs(errors.mean()) < 3.0 * stated.mean() / math.sqrt(12.0)
     assert 0.6 < (errors / stated).std() < 1.4 and stated.max() < 0.1
     assert min(one.effective for one in draws) >= 150.0
 
@@ -218,6 +218,13 @@ def test_the_evidence_of_a_posterior_that_the_box_cuts_off():
     evidence = math.log(math.sqrt(2.0 * math.pi) * (norm.cdf(3.0) - 0.5) / 3.0)
     assert abs(drawn.log_evidence - evidence) < 4.0 * drawn.error < 0.3
     assert drawn.points.min() > 0.0
+
+
+def test_few_points_in_many_dimensions_have_a_large_error_but_not_a_small_wrong_one():
+    design, values, _, _, evidence = linear(10)
+    target = target_of(lambda points: points @ design.T - values, 10)
+    drawn = draw(target, 64, np.random.default_rng(0))
+    assert abs(drawn.log_evidence - evidence) < 4.0 * drawn.error and drawn.effective < 32.0
 
 
 def rough(parameters, count=60, noise=0.1):

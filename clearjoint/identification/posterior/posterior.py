@@ -158,7 +158,7 @@ def drawn_posterior(
         drawn = draw(target, number, np.random.default_rng(seed), after)
     except FloatingPointError as error:  # All weights are zero.
         raise ImpossiblePointsError(
-            f"All {number} points are impossible ({lanes.failed} of {lanes.runs} runs failed, "
+            f"All points are impossible ({lanes.failed} of {lanes.runs} runs failed, "
             "the prior of the others is zero). Centre `guess` on values with which the scene "
             "runs, or change `spread` or `log_prior`."
         ) from error

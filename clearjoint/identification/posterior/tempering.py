@@ -164,9 +164,8 @@ def draw(
 
     size = min(number, max(CLOUD, number // SHARE))
     points, weights, steps = along_record(target, size, generator, on_step)
-    runs = FIRST * number
+    mixture, runs = Mixture.around(points, weights, WIDER), FIRST * number
     for _ in range(ROUNDS):
-        mixture = Mixture.around(points, weights, WIDER)
         drawn = mixture.drawn(runs, generator)
         # Outside the box the prior is zero, so these points need no run.
         inside = target.holds(drawn)
@@ -179,9 +178,10 @@ def draw(
         chosen = resampled(weights, generator, number)
         if effective >= number:
             break
-        # The copies of a point become its weight in the next mixture.
         kept, copies = np.unique(chosen, return_counts=True)
-        points, weights = cloud.points[kept], copies / number
+        # A mixture around a few points would shrink to a spot, where all weights are equal.
+        if len(kept) >= nearest(points.shape[1]):
+            mixture = Mixture.around(cloud.points[kept], copies / number, WIDER)
         next_runs = int(number * len(drawn) / effective)
         runs = min(next_runs, GROWTH * len(drawn), MOST * number)
     # The prior is given up to a constant, so the result is divided by its integral over the box.
@@ -295,7 +295,7 @@ def normalised(logarithms: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, "
     **Raises:** `FloatingPointError` if all weights are zero.
     """
     finite = np.where(np.isnan(logarithms), -np.inf, logarithms)
-    largest = finite.max()
+    largest = finite.max(initial=-np.inf)
     if not np.isfinite(largest):
         raise FloatingPointError("no point has a likelihood")
     weights = np.exp(finite - largest)
@@ -359,6 +359,11 @@ def mutated(
     return moved
 
 
+def nearest(p: int) -> int:
+    """Return the smallest number of points that give a covariance of p coordinates."""
+    return 4 * (p + 1)
+
+
 def differences(
     points: Float[np.ndarray, "n p"],
     weights: Float[np.ndarray, " n"],
@@ -399,7 +404,7 @@ class Mixture:
         """
         count, p = points.shape
         # Enough points for a covariance, and so few that they follow a curved region.
-        near = min(max(4 * (p + 1), round(2.0 * math.sqrt(count))), count)
+        near = min(max(nearest(p), round(2.0 * math.sqrt(count))), count)
         mean = weights @ points
         whole = (weights[:, None] * (points - mean)).T @ (points - mean)
         whole += RIDGE * np.diag(np.maximum(np.diag(whole), 1e-300))
