@@ -32,7 +32,8 @@ from .solution import Solution, Trajectory
 Parts = TypeVar("Parts")
 CHUNK = 512
 """Number of states for which one call of a compiled program computes results. It is the same in all
-calls, so that one program serves any number of states."""
+calls, so that one program serves any number of states. A smaller number would take more calls, and
+a larger one would compute more states only to fill up the last call."""
 
 
 def observe(
