@@ -132,6 +132,8 @@ def in_chunks(
     return jax.tree.map(lambda *leaves: np.concatenate(leaves)[:count], *parts)
 
 
+# If native code cannot be made, XLA compiles the observation without a warning, because it is short
+# beside a run.
 @partial(Native, warns=False)
 def observe_compiled(
     folded_scene: ConstantFolded, absolute: Formulation, unique: bool, times: Numbers, states: State

@@ -117,7 +117,7 @@ class Crossings(AbstractReadable, AbstractTabular):
 
     - `times`: (N,) s, times of the crossings.
     - `values`: by name of the channel, the values of its quantity at the crossings, (N,).
-    - `units`: by name of the channel, the unit of its values.
+    - `units`: by name of the channel, the unit of its values; empty if unknown.
 
     >>> crossings = cj.results.Crossings(np.array([0.1, 0.2]), {"speed": np.array([1.0, 1.1])})
     >>> np.diff(crossings.times).round(6)  # the period
