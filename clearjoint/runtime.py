@@ -112,8 +112,9 @@ def configure(threads: int | None = None, cache: str | os.PathLike | None = None
     jax.config.update("jax_enable_x64", True)
     jax.config.update(_CACHE, folder)
     # JAX writes programs to the folder that took at least this time to compile, s. Its default of
-    # 1 s would leave out programs of this package that take less, but add up. With an infinite
-    # time, JAX does not try to write to a read-only folder.
+    # 1 s would leave out programs of this package that take less, but add up. Of programs that
+    # compile in less than 0.2 s, a file would save little time. With an infinite time, JAX does not
+    # try to write to a read-only folder.
     read_only = folder is not None and os.path.isdir(folder) and not os.access(folder, os.W_OK)
     jax.config.update(_MIN_COMPILE_TIME, math.inf if read_only else 0.2)
     keep_programs(keep)

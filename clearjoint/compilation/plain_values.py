@@ -36,9 +36,10 @@ def digest_of(value: object) -> str:
     """Return the digest of a value, 40 hexadecimal digits, which is the same in all processes for
     equal values.
 
-    **Raises:** `NotPlainError` unless the value consists of numbers, strings, bytes, arrays,
-    tuples, lists and dictionaries, and of functions, classes and their instances that are members
-    of a module of this package or of `NUMERIC`.
+    **Raises:** `NotPlainError` unless the value consists of numbers, strings, bytes, ``None``,
+    ``...``, arrays and their types and shapes, tuples, lists and dictionaries, and of functions,
+    classes and their instances that are members of a module of this package or of `NUMERIC`; also
+    for arrays of objects and for a value that contains itself.
 
     >>> from clearjoint.compilation.plain_values import digest_of
     >>> one, same, other = (cj.Body(mass, (1.0, 1.0, 1.0)) for mass in (2.0, 2.0, 3.0))

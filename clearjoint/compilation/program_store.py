@@ -131,6 +131,7 @@ class ProgramStore:
         self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         if not is_private(self._folder):
             return
+        # Level 1 is the fastest one: a program is written once, while its user waits.
         whole = _digest(key, content) + zlib.compress(content, 1)
         # The file is renamed only when it is complete, so that others never read a part of it.
         handle, name = tempfile.mkstemp(dir=self._folder)

@@ -105,7 +105,7 @@ class SegmentRequest(eqx.Module):
 
 
 class Lane(eqx.Module):
-    """A run between two passes of the loop over lanes.
+    """A run between two turns of the loop over lanes.
 
     - `run`: the run after its latest attempt: the complete state of the solver, and the records of
       reductions, sections and tables of impacts by the name of the output. If states are saved, the
@@ -155,7 +155,7 @@ class Outcome(eqx.Module):
 
     - `time`: s, the time at which the run ended; `result`: its result code.
     - `attempts`, `accepted`: numbers of steps that were tried, and that were accepted.
-    - `final`: the state at the end.
+    - `final`: the state at the end, in scalar form.
     - `results[name][part]`: results of the reductions, by the name of the output and of the result,
       such as `results["force"]["time"]`.
     """
@@ -288,6 +288,7 @@ def _is_assembled(plan: Plan, scene: Scene, state: State, t: Scalar) -> Conditio
     is in scalar form."""
     bodies, absolute = unpack(state.bodies), System(scene, Formulation(AbsoluteCoordinates()))
     motions = absolute.motions(absolute.encode(bodies))
+    # The values of constraints, m or rad, and their time derivatives, per s, have the same bound.
     fits: Condition = jnp.asarray(True)
     for row in flattened(absolute.rows(motions, t)):
         violation = jnp.maximum(jnp.abs(row.value), jnp.abs(row_rate(row, motions)))

@@ -49,7 +49,8 @@ KNOWN_SHARE = 0.01
 less would not be reliable."""
 BLOCK_ROWS = 256
 """Largest number of recorded rows of a lane that a compiled function converts at once to columns of
-results."""
+results. With a smaller number, long logs would take more calls; with a larger one, more rows would
+be computed only to fill up the last block."""
 OnCells = BoundFunction | XlaFunction
 """A compiled function from the cells of n lanes, (n, cells), to the cells of n results."""
 
@@ -75,7 +76,8 @@ class Running:
     """Progress of the lanes that have begun and not ended.
 
     - `lanes`: the number of these lanes.
-    - `earliest`, `latest`: s, smallest and largest simulated time that one of them has reached.
+    - `earliest`, `latest`: s, smallest and largest simulated time that one of them has reached; the
+      start time if there are none.
     - `seconds_left`: s, estimated computing time until all lanes of the batch have ended; ``None``
       if there is no estimate yet.
     """
@@ -380,6 +382,7 @@ class _Group:
         if numbers:
             own = self._shared.own[numbers]
             states = self._begin(own[:, : self._programs.task_cells])
+            # There may be more empty columns than lanes left; the other columns stay empty.
             for column, number, cells, state in zip(empty, numbers, own, states, strict=False):
                 self._slots[column] = _LaneSlot(
                     number, {name: [] for name in self._programs.buffers}

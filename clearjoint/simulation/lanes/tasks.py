@@ -20,7 +20,7 @@ from .lane import Lane, Plan
 
 
 class Task(eqx.Module):
-    """Data of one lane.
+    """Data of one lane; in a batch of L lanes, each array has an additional first axis of length L.
 
     - `varied`: a PyTree with the structure of the scene, with those leaves that differ between
       lanes, and ``None`` in place of the others.

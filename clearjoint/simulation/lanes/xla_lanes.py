@@ -47,8 +47,9 @@ class XlaLaneLoop(AbstractLaneLoop):
     - `shared`, `own`, `state`: examples of the data of all lanes, the data of one lane, and the
       state of one lane, as PyTrees of arrays.
 
-    The attributes are those of `AbstractLaneLoop`: the number of lanes, `width`, and the places of
-    data, state and status of a lane in its column.
+    The attributes are those of `AbstractLaneLoop`: the number of lanes, `width`; the places of
+    data, state and status of a lane in its column; and `occupied`, the cell that is 1 if the column
+    has a lane, else 0.
     """
 
     def __init__(

@@ -132,7 +132,8 @@ class Observation(eqx.Module, AbstractTabular):
     - `accelerations[body]`: an `AccelerationSeries`.
     - `drift[joint]`: (N,), the largest magnitude of the joint's constraint equations, which are
       zero for an exact solution; in m, or without unit for equations between directions.
-    - `drift_rate[joint]`: (N,), the largest magnitude of the time derivatives of these equations.
+    - `drift_rate[joint]`: (N,), the largest magnitude of the time derivatives of these equations,
+      in the same unit per s.
     - `energies[name]`: (N,) J. "kinetic", "gravity", "springs", "contacts" and "bristles" exist
       where the scene has them, and "mechanical" is their sum. If the run integrated the energy
       ledger (`Settings(ledger=True)`), there are also its integrals since the start: the dissipated

@@ -32,7 +32,8 @@ from .solution import Solution, Trajectory
 Parts = TypeVar("Parts")
 CHUNK = 512
 """Number of states for which one call of a compiled program computes results. It is the same in all
-calls, so that one program serves any number of states."""
+calls, so that one program serves any number of states. A smaller number would take more calls, and
+a larger one would compute more states only to fill up the last call."""
 
 
 def observe(
@@ -131,6 +132,8 @@ def in_chunks(
     return jax.tree.map(lambda *leaves: np.concatenate(leaves)[:count], *parts)
 
 
+# If native code cannot be made, XLA compiles the observation without a warning, because it is short
+# beside a run.
 @partial(Native, warns=False)
 def observe_compiled(
     folded_scene: ConstantFolded, absolute: Formulation, unique: bool, times: Numbers, states: State

@@ -1,6 +1,7 @@
 """Values and time derivatives of a quantity at the states of a trajectory.
 
-A quantity is a function of an `Instant`, such as the position of a body or the force of a contact.
+A quantity is a scalar function of an `Instant`, a scene and its motion at one time. Examples are a
+coordinate of a body and the force of a contact.
 """
 
 import jax

@@ -40,7 +40,7 @@ SAVE_TIMES = "pass save=Saving(times) to simulate()"
 class Trajectory(AbstractReadable, AbstractTabular):
     """States of a motion at N times.
 
-    - `times`: (N,) s, rising.
+    - `times`: (N,) s, not decreasing.
     - `states`: a `State` whose arrays have an additional first axis of length N. For example,
       `states.bodies["arm"].position` has the shape (N, 3), in m.
 
@@ -62,14 +62,14 @@ class Trajectory(AbstractReadable, AbstractTabular):
         clearances. It is valid for `solution.steps` only, since between two saved states there may
         be impacts, across which positions are not smooth.
 
-        **Arguments:** `times`: (M,) s, rising, between the first and the last time of the
+        **Arguments:** `times`: (M,) s, not decreasing, between the first and last time of the
         trajectory. By default, the ends of all steps, and further times inside those steps in which
         a body rotates or moves along a curve.
 
         **Returns:** a `Trajectory` of M times and states.
 
-        **Raises:** `ValueError` if `times` is empty, decreases, or has times outside this range,
-        and for a trajectory of fewer than two states.
+        **Raises:** `ValueError` if `times` is empty, decreases, or has times that are not finite or
+        outside this range, and for a trajectory of fewer than two states.
 
         >>> scene, state = cj.mechanisms.double_pendulum()
         >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(steps=True), progress=False)
@@ -117,7 +117,7 @@ class Crossings(AbstractReadable, AbstractTabular):
 
     - `times`: (N,) s, times of the crossings.
     - `values`: by name of the channel, the values of its quantity at the crossings, (N,).
-    - `units`: by name of the channel, the unit of its values.
+    - `units`: by name of the channel, the unit of its values; empty if unknown.
 
     >>> crossings = cj.results.Crossings(np.array([0.1, 0.2]), {"speed": np.array([1.0, 1.1])})
     >>> np.diff(crossings.times).round(6)  # the period

@@ -33,13 +33,14 @@ Flag: TypeAlias = Bool[Any, ""]
 """A truth value, (), annotated as in diffrax."""
 
 DRIVER_TOLERANCE = 3.0
-"""Largest difference between a driver's change over a step and the integral of its rate, relative
-to the driver's speed in the step, as a multiple of the step's relative tolerance. It leaves room
-for the error of the quadrature. A driver is a constraint that prescribes a motion as a function of
-time."""
+"""Tolerance within which a driver must be smooth over a step, as a multiple of the step's relative
+tolerance. A driver is a constraint that prescribes a motion as a function of time. The change of
+its rate over the step may differ from the integral of its second rate by the tolerance times the
+driver's speed, and the change of its value from the integral of its rate by that times the step's
+length. The factor leaves room for the error of the quadrature."""
 FIXED_STEPS_RTOL = 1e-6
-"""Relative tolerance for drivers if the step-size controller has none, as in runs with fixed
-steps."""
+"""Relative tolerance for drivers if the step-size controller has none, as in runs with fixed steps:
+the default `rtol` of `Settings`."""
 SHORTER = 0.2
 """Length of the next trial, relative to the last one, after a trial that is rejected because a
 driver is not smooth. It is also the smallest factor by which diffrax's PID controller shortens a
@@ -68,7 +69,8 @@ def decide_step(
     end. It is then repeated: in the first case with a shorter step, in the second case up to the
     event.
 
-    **Arguments:** `step`: the state before the trial; `t_end`: end of the run, s.
+    **Arguments:** `step`: the state before the trial; `trial`: the trial as the solver computed it;
+    `t_end`: end of the run, s.
     """
     t1, last, after = trial.t1, step.proposal, trial.gaps
     keep, t_next, made_jump, controller_state, controller_result = _controller_decision(
@@ -231,5 +233,6 @@ def _result(
     violated = system.constraints_violated(trial.outcome.y.motion, time)
     if violated is not None:
         result = RESULTS.where(keep & violated, RESULTS.not_followed, result)
+    # Controllers that adapt the step reject such a trial; only one with fixed steps accepts it.
     result = RESULTS.where(keep & ~trial.finite, RESULTS.non_finite, result)
     return RESULTS.where(gave_up, RESULTS.solver_failed, result)

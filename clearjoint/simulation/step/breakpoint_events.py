@@ -63,7 +63,8 @@ class SwitchedForce(AbstractForce):
         }
 
     def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
-        """Return the interpolated power, W; `t` is not used."""
+        """Return the interpolated power, W, by which the force changes the total energy; `t` is not
+        used."""
         del t
         return self._between(
             *(self.force.supplied_power(motions, at) for at in (self.before, self.after))
@@ -111,7 +112,9 @@ def across_breakpoints(
             # Move back to the breakpoint with the old rates, apply the velocity jump there, and
             # move forward again with the new rates. The time of these moves is zero except for
             # rounding, but its derivatives are not.
-            # Drivers with breakpoints at the same instant are assumed to change together.
+            # Drivers with breakpoints at the same instant are assumed to change together, so the
+            # mean of their times is taken. Lanes of a batch compute this in every step; the bound
+            # of 1 avoids a division by zero where no driver has a breakpoint at the end.
             count = sum(jnp.asarray(lands, float) for lands, _ in joints.values())
             time = sum(time for _, time in joints.values()) / jnp.maximum(count, 1.0)
             y = _moved_on(y, rates(none, y, before), -time)

@@ -117,8 +117,8 @@ class Snapshot(eqx.Module):
         return Instant(system, self.t, motion, self.entry_speeds, work, self.y.bristles, inside)
 
     def columns(self, system: System, channels: Mapping[str, Quantity]) -> dict[str, Scalar]:
-        """Return "time", the scene's time in s, and the values of the quantities in `channels`, all
-        by name."""
+        """Return a row of a table of recorded states, by name of the column: the scene's time in s
+        as "time", and the value of each quantity in `channels`, in its unit."""
         now = self.instant(system)
         return {"time": now.time, **{name: quantity(now) for name, quantity in channels.items()}}
 

@@ -42,7 +42,8 @@ def may_have_undeclared_jump(scene: Scene) -> bool:
     """Return whether a scene has an element that may jump without declaring it.
 
     Such an element is of a class from outside this package, or contains a part of such a class, and
-    it either is a contact joint or compares numbers of the motion.
+    it either compares numbers of the motion or is a contact joint. All contact joints count,
+    because the search for comparisons covers their constraint rows but not their contact forces.
     """
     elements = [*scene.joints.values(), *scene.forces.values()]
     return any(

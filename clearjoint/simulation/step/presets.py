@@ -26,7 +26,7 @@ preview = Settings(rtol=1e-4)
 0.0001
 """
 accurate = Settings(rtol=1e-8)
-"""Settings for studies whose numbers are reported.
+"""Settings for studies whose numbers are reported, and those that `settle` uses if none are given.
 
 >>> from dataclasses import replace
 >>> replace(cj.presets.accurate, ledger=True).rtol
@@ -48,9 +48,9 @@ of the steps leaves no visible error in the derivatives of entry speeds.
 1e-13
 """
 identification = replace(derivatives, derivative_tolerance=1e3)
-"""Settings that `identify` and `identify_many` use if none are given. Derivatives have three
-correct digits, enough for fits; the motion is as accurate as with `derivatives`, in a fifth fewer
-steps.
+"""Settings that `identify`, `identify_many` and `posterior` use if none are given. Derivatives have
+three correct digits, enough for fits; the motion is as accurate as with `derivatives`, in a fifth
+fewer steps.
 
 >>> cj.presets.identification.derivative_tolerance
 1000.0

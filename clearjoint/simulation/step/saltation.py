@@ -187,8 +187,8 @@ def _mean_force(
     def at_depth(depth: Scalar) -> LoadedContact:
         return force(replace(contact, gap=replace(contact.gap, depth=depth)))
 
-    # At the wall, where the force begins, the depth is minus `onset_offset`. `INSIDE` is the
-    # smallest number by which a depth can be beyond that.
+    # The force begins where the depth is minus `onset_offset`, here called the wall. Since the law
+    # has no force exactly there, it is evaluated deeper by the tiny number `INSIDE`.
     # If only the force jumps, the mean is its value at the end of the step, or at the wall if the
     # step ends outside of it.
     if not law.slope_jumps():

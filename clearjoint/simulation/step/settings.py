@@ -73,7 +73,9 @@ class Settings:
     - `max_steps`: largest number of attempted steps of a run, accepted and rejected.
     - `allow_float32`: whether runs may compute in single precision, JAX's default.
 
-    **Raises:** `ValueError` for a setting that no run can use; the message names the setting.
+    **Raises:** `ValueError` that names the setting: for a value of another type, a solver of
+    stochastic equations or one that splits the equations, a number that is not finite, negative, or
+    zero (which only one of `rtol` and `atol` may be), and for `max_steps` below 1.
 
     >>> settings = cj.Settings(rtol=1e-8, ledger=True)
     >>> settings.rtol, settings.ledger
@@ -117,7 +119,8 @@ class Settings:
     def check_numbers(self) -> None:
         """Check that each tolerance, and the length of the first step, is a number in its range.
 
-        **Raises:** `ValueError` that names the setting.
+        **Raises:** `ValueError` that names the setting, if it is not a single finite number, is
+        negative, or is zero. `rtol` or `atol` may be zero, but not both.
         """
         # Name of each setting, remedy in the error message, and whether the setting may be zero.
         for name, remedy, zero in (

@@ -294,8 +294,8 @@ def require_ordinary(solver: diffrax.AbstractSolver) -> None:
 def ready_solver(
     solver: diffrax.AbstractSolver, rtol: float, atol: float
 ) -> diffrax.AbstractSolver:
-    """Return a solver whose method `step` can be called directly. Otherwise
-    `diffrax.diffeqsolve` prepares solvers for that.
+    """Return a solver whose method `step` can be called directly, without the preparations that
+    `diffrax.diffeqsolve` makes.
 
     Explicit Runge-Kutta methods become `UnrolledExplicit`. Other Runge-Kutta methods loop over
     their stages by `lax.scan`, which forward differentiation supports. Implicit methods iterate

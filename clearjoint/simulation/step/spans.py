@@ -13,8 +13,8 @@ ROUNDINGS = 4.0
 in single precision, and times that a user computes as sums of steps, are wrong by that much."""
 SHORTEST = 1e10
 """Shortest duration of a run, in multiples of the smallest normal floating-point number. Processors
-may take smaller numbers than this as zero, and the first step is by default only a millionth of the
-duration."""
+may take numbers below the smallest normal one as zero, and steps are much shorter than the run: the
+first one is by default a millionth of the duration."""
 
 
 def check_span(start: Scalar, end: Scalar) -> None:
@@ -81,7 +81,13 @@ def check_rising(times: ArrayLike, argument: str) -> Column:
 
 
 def check_strictly_rising(times: ArrayLike, argument: str) -> Column:
-    """Check known times as `check_rising` does, and refuse repeated times too."""
+    """Check times, s, that JAX does not trace, and return them as an array, (N,).
+
+    **Arguments:** `argument`: the times' name in error messages.
+
+    **Raises:** `ValueError` for times that decrease, are repeated, are not finite, or are not
+    one-dimensional, and for an empty array.
+    """
     row = check_rising(times, argument)
     remedy = "remove repeated times, for example with numpy.unique"
     require(bool((np.diff(row) > 0).all()), argument, times, "without repetition", remedy)

@@ -37,8 +37,8 @@ def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Sc
         t1 = jnp.minimum(t1, breakpoint)
     if method.landing is None or not step.contact_gaps:
         return t1
-    # A step cannot end at an event that is closer than the spacing of floating-point times. It must
-    # still advance. The smallest number keeps the bound positive at t = 0.
+    # A step cannot end at an event that is closer than a few spacings of floating-point times,
+    # because it must still advance. The number 1e-300 keeps this bound positive at t = 0.
     resolution = 4.0 * jnp.finfo(t1.dtype).eps * jnp.maximum(jnp.abs(step.t), 1e-300)
     time_to_event = method.landing.time_to_next_event(step.contact_gaps, step.second_rates)
     return jnp.minimum(t1, step.t + jnp.maximum(time_to_event, resolution))

@@ -70,7 +70,7 @@ and 55 000 operations). XLA writes out all stages: it took 53 and 264 s for the 
 and more than 8 GB of memory for the last.
 """
 OPERATIONS_WITH_DERIVATIVES = 3
-"""Number of operations of a step with derivatives, relative to a step without."""
+"""Approximate number of operations of a step with derivatives, relative to a step without."""
 
 
 def start(
