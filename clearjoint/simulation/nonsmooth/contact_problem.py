@@ -160,8 +160,9 @@ class ContactProblem:
     """Changes of contact velocities by contact impulses, while the constraints of ideal joints
     hold.
 
-    **Arguments:** `mechanics`: masses and Jacobians of the system at the positions in the middle of
-    the step; `contacts`: all contacts there; `t`: s, the middle of the step.
+    **Arguments:** `system`: the system, whose ideal joints constrain the changes; `mechanics`:
+    masses and Jacobians of the system at the positions in the middle of the step; `contacts`: all
+    contacts there; `t`: s, the middle of the step.
 
     `rows`: the directions of the contacts: the normal of each contact, then both slip directions of
     each contact with friction. All lists of velocities and impulses have this order.

@@ -145,8 +145,8 @@ class Window(eqx.Module):
     If both are ``None``, the window is the whole run, and reductions leave all operations on
     windows out of the compiled program.
 
-    **Raises:** `ValueError` if `after` or `until` is not a single number, or `until` is not later
-    than `after`.
+    **Raises:** `ValueError` if `after` or `until` is NaN or not a single number, or `until` is not
+    later than `after`.
     """
 
     after: Instants = eqx.field(static=True, converter=optional_time)
@@ -198,8 +198,8 @@ class AbstractWindowedReduction(AbstractReduction):
 
     **Arguments:** `after`, `until`: s, start and end of the window; ``None`` for those of the run.
 
-    **Raises:** `ValueError` if `after` or `until` is not a single number, or `until` is not later
-    than `after`.
+    **Raises:** `ValueError` if `after` or `until` is NaN or not a single number, or `until` is not
+    later than `after`.
     """
 
     after: Instants = eqx.field(default=None, static=True, converter=optional_time, kw_only=True)

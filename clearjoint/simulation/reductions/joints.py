@@ -249,7 +249,8 @@ class ArchardWear(AbstractWindowedReduction):
     (each base), and "V 1", "V 2", ..., "W 1", ... (the sectors of the wall at each base).
 
     Sectors have equal angles about the bearing's axis and are fixed to the bearing. Sector 1 begins
-    at the x axis of the bearing's frame, the frame of `JournalOffset`; the angle grows from x to y.
+    at the x axis of the bearing's frame, whose z axis is the bearing's axis (see the quantity
+    `JournalOffset`); the angle grows from x to y.
     The geometry of the wall does not change: the mean wear depth of a sector is its volume over its
     area. Only the dry contact causes wear, not a film.
 

@@ -112,6 +112,7 @@ class Run:
         steps: list[TimedState] = []
         impacts: list[tuple[str | float, ...]] = []
         start = float(now.step.t)
+        # Runs of less than two seconds (`delay`) show no bar.
         bar = ProgressBar(
             total=float(self.end) - start,
             desc="simulated",
@@ -222,6 +223,9 @@ class _SaveTimes:
     number of times.
 
     `count`: number of times at which states have been saved so far.
+
+    **Arguments:** `times`: (N,) s, the requested times, rising, or ``None``; `end`: s, end of the
+    run.
     """
 
     def __init__(self, times: np.ndarray | None, end: float):

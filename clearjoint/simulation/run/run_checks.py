@@ -246,7 +246,8 @@ class _Starts:
         try:
             fine, rows, with_numbers = self._function.run(given)
         except (UnsupportedPrimitiveError, ValueError):
-            # Never try this structure again.
+            # Native code has no rule for an operation of the checks, or a check fails for any
+            # numbers, for instance if a body lacks a state. Never try this structure again.
             self._seen[given.key] = -sys.maxsize
             return None
         if not fine:
@@ -257,6 +258,7 @@ class _Starts:
         if rows is None:
             return ()
         known = self._distances.setdefault(given.key, {})
+        # Without a limit, the cache would grow with each start whose constraints differ.
         if len(known) > KEPT:
             known.clear()
         redundant, uncertain = dependent(rows.names, rows.left, known)
