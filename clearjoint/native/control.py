@@ -48,6 +48,7 @@ def _cond(lower: Lowering, equation: Equation, condition: Array, *arguments: Arr
     assert isinstance(condition, int)
     number = ops.number(condition)
     if number is not None:
+        # As in JAX, an index out of range counts as the nearest one.
         chosen = branches[min(max(int(number), 0), len(branches) - 1)]
         return lower.inline(chosen, arguments)
     if len(branches) != 2:

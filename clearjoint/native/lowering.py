@@ -42,7 +42,8 @@ SMALLEST_FUNCTION = 1000
 """Number of equations from which on a jaxpr that is called repeatedly becomes a function. For a
 shorter one, the exchange of values in memory costs more than the code that a function saves."""
 FEWEST_CALLS = 3
-"""Number of calls from which on a jaxpr becomes a function."""
+"""Number of calls from which on a jaxpr becomes a function. For fewer calls, a function would save
+little code."""
 Atom = core.Var | core.Literal
 """A variable or a number in a jaxpr."""
 Equation = core.JaxprEqn

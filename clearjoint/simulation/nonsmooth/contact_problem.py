@@ -73,6 +73,9 @@ class Alternation(NamedTuple):
 class Touch:
     """One contact, open or closed, at given positions of the bodies.
 
+    A `Row` is a direction of relative motion: its rate is a linear function of the velocities of
+    both bodies, and an impulse along it acts on both.
+
     - `joint`, `label`: name of the joint and label of the contact.
     - `gap`: m, negative if the surfaces overlap.
     - `clearance`: m, of the bearing; ``None`` without a bearing.

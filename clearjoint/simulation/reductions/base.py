@@ -30,10 +30,11 @@ class AbstractReduction(AbstractConverting):
     """Base class of outputs that are updated at every accepted step of a run.
 
     A subclass defines `start`, `update`, `results` and `units`; the first three are traced by JAX.
-    If it reads `Instant.work`, the integrals of the energy ledger (energies dissipated and supplied
-    since the start of the run), it sets `needs_ledger = True`. The example adds up the time in s
-    during which a contact force exceeds a limit. Its tally is the pair of the latest time and the
-    sum:
+    They receive an `Instant`, the scene with its motion at one time, from which quantities are
+    computed. If the subclass reads `Instant.work`, the integrals of the energy ledger (energies
+    dissipated and supplied since the start of the run), it sets `needs_ledger = True`. The example
+    adds up the time in s during which a contact force exceeds a limit. Its tally is the pair of the
+    latest time and the sum:
 
     ```python
     import clearjoint as cj

@@ -1,7 +1,8 @@
 """Reductions of a quantity, such as a contact force: its peak, its mean and other statistics, and
 its quantiles over time. They are updated at every accepted step of a run.
 
-A tally is the data that a reduction carries from step to step.
+A tally is the data that a reduction carries from step to step. An `Instant` is a scene with its
+motion at one time of a run, from which quantities are computed.
 """
 
 import math
@@ -242,7 +243,8 @@ class Quantiles(AbstractQuantityReduction):
     edges. A quantile below the first edge or above the last edge is NaN: widen the edges. Memory
     does not grow with the number of steps.
 
-    For quantiles over impacts instead of over time, use `ImpactTable`, whose quantiles are exact.
+    For quantiles over impacts instead of over time, use `ImpactTable`, an output of sweeps, whose
+    quantiles are exact.
 
     ```python
     import clearjoint as cj

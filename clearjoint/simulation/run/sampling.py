@@ -80,7 +80,8 @@ class Sampled(eqx.Module):
     - `states`: the state at each time, whose leaves have an additional first axis of length N;
       ``None`` unless kept.
     - `impacts`: the record of impacts, with times since the start of the run; ``None`` unless kept.
-    - `sections`: the records of crossings, by name of the section, with times of the scene.
+    - `sections`: the records of crossings, by name of the section, with times on the clock of the
+      scene, to which drivers and loads refer.
     """
 
     values: dict[str, Numbers]

@@ -1,10 +1,12 @@
 """Poincaré sections: values of quantities at the instants at which another quantity rises through
 zero.
 
-These instants are called crossings, and the quantities to evaluate there channels. Single runs and
-runs with derivatives compute the channels at each crossing. Lanes of sweeps record the state at
-each crossing, from which the channels are computed after the run. Lanes are computed side by side,
-so that otherwise every lane would have to compute the channels in every step.
+These instants are called crossings, and the quantities to evaluate there channels. A quantity is a
+scalar function of an `Instant`, a scene with its motion at one time.
+
+Single runs and runs with derivatives compute the channels at each crossing. Lanes of sweeps record
+the state at each crossing, from which the channels are computed after the run. Lanes are computed
+side by side, so that otherwise every lane would have to compute the channels in every step.
 """
 
 from collections.abc import Mapping

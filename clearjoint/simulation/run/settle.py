@@ -225,8 +225,8 @@ def section_strobe(times: Float[np.ndarray, " n"], values: list[np.ndarray]) -> 
     first.
 
     A row contains the time since the previous crossing, s, and the value of each channel of the
-    section. The scales are the mean time between crossings, and the largest magnitude of each
-    channel.
+    section. The scales are the mean time between crossings (1 s with fewer than two crossings), and
+    the largest magnitude of each channel, but at least `STILL`.
 
     **Arguments:** `times`: (n,) s, times of the crossings; `values`: for each channel, its values
     at the crossings, (n,).
@@ -373,7 +373,7 @@ def _assessment(
 
 def _strobe(runs: list[Solution], section: Section | None) -> Strobe:
     """Return the motion of successive runs as one row of numbers for each period or, with a
-    section, for each crossing except the first."""
+    section, for each crossing except the first; a table without rows if there are no runs."""
     if not runs:
         return Strobe(np.zeros((0, 1)), np.ones(1))
     if section is None:
