@@ -308,6 +308,7 @@ def _scan(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array]
         ops.mark_uniform(carries[0])
         return ops.emit("ile", "b", carries[0], end)
 
+    # All lanes have the same number of iterations.
     results = loop(lower, [ops.constant("i", 0), *first], holds, iterate, uniform=True)
     stacked = [m if m.size > LARGEST_UNROLLED else lower.read(m) for m in outputs]
     return [*results[1:], *stacked]

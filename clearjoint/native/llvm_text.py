@@ -112,6 +112,7 @@ class _Writer:
                 function.linkage = "internal"
                 function.attributes.add("noinline")
             (self._memory,) = function.args
+            # A function reaches its memory by this pointer only, which LLVM cannot see by itself.
             self._memory.add_attribute("noalias")
             self._memory.attributes.align = 64
             self._functions.append(function)

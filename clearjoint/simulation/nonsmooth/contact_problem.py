@@ -113,6 +113,8 @@ def _touch(
 
     **Raises:** `ValueError` for a thrust face whose friction has a moment, which is not supported.
     """
+    # A face radius belongs to two flat faces, whose friction also resists their relative rotation.
+    # Such a moment would need a third row of slip.
     fine, expected = contact.face_radius is None, f"without a moment of friction at {label!r}"
     remedy = "leave `friction` and `radius` out of EndPlay, or take simulate()"
     require(fine, f"scene.joints[{name!r}]", type(joint).__name__, expected, remedy)
@@ -273,6 +275,8 @@ class ContactProblem:
         owner = [k for k, touch in enumerate(self.contacts) for _ in touch.slip]
         coefficients = [self.contacts[k].coefficient for k in owner]
         block = [self._matrix[i][count : i + 1] for i in tangents]
+        # The residual is relative to the largest velocity at a closed contact without impulses, or
+        # absolute if all these velocities are zero.
         live = [*closed, *(closed[k] for k in owner)]
         scale = _largest_of(live, [*aims, *slips])
         scale = jnp.where(scale > 0.0, scale, 1.0)

@@ -158,8 +158,11 @@ def derivative_scheme(
     require(lands, "landing_tolerance", None, "a penetration in m", remedy)
     redundant = check_start(scene, state, start_time, settings.coordinates)
     require_declared(scene)
+    # Redundant constraints need another solution of the equations of motion.
     scheme = Scheme.on_host(settings, bool(redundant))
     require_dense(scheme.method.solver)
+    # Only runs with tangents have this tolerance: the factor by which errors of tangents may be
+    # larger than those of the variables.
     tolerance = np.asarray(settings.derivative_tolerance, float)
     return replace(scheme, method=replace(scheme.method, derivative_tolerance=tolerance))
 

@@ -111,6 +111,7 @@ def start_with_tangents(
         y = Variables(motion, {}, initial_bristles(system.scene, state.bristles))
         return jax.tree.map(jnp.asarray, (y, state.entry_speeds)), None
 
+    # The derivatives of the parameters with respect to themselves are the identity matrix.
     scenes, count = family.family, len(family.family.values)
     (y, entry_speeds), _, (y_along, entry_speeds_along) = family.pushed(
         initial, (scenes.values,), (jnp.eye(count),)
