@@ -285,6 +285,9 @@ class _Writer:
 
         Two operations have no result, and their `out` is ``None``: for a store, ``None`` is
         returned, and for the call of a function of the program its instruction, which has no value.
+
+        **Raises:** `NotImplementedError` for an operation without instructions in LLVM's language,
+        which would be an error of this package.
         """
         name, arguments, builder = entry.name, entry.arguments, self._builder
         if name == "call":

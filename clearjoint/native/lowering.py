@@ -437,6 +437,8 @@ class Lowering:
         """Add the equations of a jaxpr to the program and return its results.
 
         Owned arrays in memory among the arguments may be overwritten.
+
+        **Raises:** `UnsupportedPrimitiveError` for a primitive, or a use of one, without a rule.
         """
         closed = jaxpr if isinstance(jaxpr, core.ClosedJaxpr) else core.ClosedJaxpr(jaxpr, ())
         opened = closed.jaxpr
@@ -479,6 +481,9 @@ class Lowering:
 
         **Arguments:** `known`: arrays of the variables of the jaxpr so far; `last_reads`: number of
         the last equation that reads each variable; `number`: number of this equation.
+
+        **Raises:** `UnsupportedPrimitiveError` with the source line of the equation, if there is no
+        rule for it.
         """
         arguments: list[Array] = []
         kept: dict[Atom, InMemory] = {}
@@ -515,7 +520,10 @@ class Lowering:
             known[variable] = out
 
     def _lower(self, equation: Equation, arguments: list[Array]) -> Sequence[Array]:
-        """Add an equation to the program by the rule of its primitive, and return its results."""
+        """Add an equation to the program by the rule of its primitive, and return its results.
+
+        **Raises:** `UnsupportedPrimitiveError` if there is no such rule.
+        """
         name = equation.primitive.name
         if name in RULES:
             if len(equation.outvars) == 1:
