@@ -275,8 +275,8 @@ class ContactProblem:
         owner = [k for k, touch in enumerate(self.contacts) for _ in touch.slip]
         coefficients = [self.contacts[k].coefficient for k in owner]
         block = [self._matrix[i][count : i + 1] for i in tangents]
-        # The residual is relative to the largest velocity at a closed contact without impulses, or
-        # absolute if all these velocities are zero.
+        # The residual is relative to the largest velocity that the impulses at closed contacts have
+        # to change, or absolute if there is no such velocity.
         live = [*closed, *(closed[k] for k in owner)]
         scale = _largest_of(live, [*aims, *slips])
         scale = jnp.where(scale > 0.0, scale, 1.0)

@@ -49,8 +49,8 @@ class ImpactCount(AbstractWindowedReduction):
     - `after`, `until`: s, the window of time, by default the whole run; onsets outside of it do not
       count. The result is NaN if the run ended before the window.
 
-    **Raises:** `ValueError` if `after` or `until` is not a single number, or `until` is not later
-    than `after`.
+    **Raises:** `ValueError` if `after` or `until` is NaN or not a single number, or `until` is not
+    later than `after`.
 
     >>> cj.ImpactCount("shoulder")
     ImpactCount(joint='shoulder')
@@ -174,8 +174,8 @@ class DissipatedEnergy(AbstractLossReduction):
     NaN if the run ended before the window. Energy that an earlier run has dissipated, whose ledger
     this run continues, is not included, nor is energy that bristles have stored.
 
-    **Raises:** `ValueError` if `after` or `until` is not a single number, or `until` is not later
-    than `after`.
+    **Raises:** `ValueError` if `after` or `until` is NaN or not a single number, or `until` is not
+    later than `after`.
 
     >>> outputs = {"losses": cj.DissipatedEnergy()}  # needs Settings(ledger=True)
     >>> outputs["losses"].needs_ledger
@@ -200,8 +200,8 @@ class MeanPowerLost(AbstractLossReduction):
     the run ends inside the window, the mean is over the part up to the run's end; the result is NaN
     if the run covers no part of the window.
 
-    **Raises:** `ValueError` if `after` or `until` is not a single number, or `until` is not later
-    than `after`.
+    **Raises:** `ValueError` if `after` or `until` is NaN or not a single number, or `until` is not
+    later than `after`.
 
     >>> outputs = {"heating": cj.MeanPowerLost(after=0.5)}  # needs Settings(ledger=True)
     >>> outputs["heating"].units()
@@ -263,8 +263,8 @@ class ArchardWear(AbstractWindowedReduction):
       run ended before the window.
 
     **Raises:** `ValueError` if `coefficient` is negative, `hardness` not positive or `sectors` not
-    a positive integer, if `after` or `until` is not a single number, or if `until` is not later
-    than `after`.
+    a positive integer, if `after` or `until` is NaN or not a single number, or if `until` is not
+    later than `after`.
 
     **Source:** J. F. Archard, Contact and rubbing of flat surfaces (1953).
 
