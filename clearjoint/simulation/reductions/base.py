@@ -130,7 +130,7 @@ def optional_time(value: Instants) -> Instants:
 
     It converts the arguments `after` and `until` of windows.
 
-    **Raises:** `ValueError` if `value` is not a single number, or NaN.
+    **Raises:** `ValueError` if `value` is NaN or not a single number.
     """
     if value is None:
         return None
