@@ -48,6 +48,7 @@ def _cond(lower: Lowering, equation: Equation, condition: Array, *arguments: Arr
     assert isinstance(condition, int)
     number = ops.number(condition)
     if number is not None:
+        # As in JAX, an index out of range counts as the nearest one.
         chosen = branches[min(max(int(number), 0), len(branches) - 1)]
         return lower.inline(chosen, arguments)
     if len(branches) != 2:
@@ -307,6 +308,7 @@ def _scan(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array]
         ops.mark_uniform(carries[0])
         return ops.emit("ile", "b", carries[0], end)
 
+    # All lanes have the same number of iterations.
     results = loop(lower, [ops.constant("i", 0), *first], holds, iterate, uniform=True)
     stacked = [m if m.size > LARGEST_UNROLLED else lower.read(m) for m in outputs]
     return [*results[1:], *stacked]

@@ -38,7 +38,8 @@ _EXPONENTIAL = tuple(1.0 / math.factorial(k) for k in range(3, 15))
 _LAST_TANH = 22.0
 """Argument from which on tanh rounds to one."""
 _ROOT_OF_HALF = 0x3FE6A09E667F3BCD
-"""Bits of the root of 1/2."""
+"""Bits of the square root of 1/2, the lower bound of m where logarithms divide a number into
+m 2**k."""
 _HALF_PI = (1.5707963267948966, 6.123233995736766e-17, -1.4973849048591833e-33)
 """pi/2 as a sum of three doubles."""
 _ROUNDING = 6755399441055744.0
@@ -297,7 +298,7 @@ def _log1p(x: Symbol) -> Symbol:
 
 
 def _keeping_zero(x: Symbol, result: Symbol) -> Symbol:
-    """Return the result, or x itself where x is a zero, which has a sign."""
+    """Return the result, or x itself where x is zero, so that -0.0 keeps its sign."""
     return x.compare("eq", 0.0).select(x, result)
 
 

@@ -42,8 +42,11 @@ class NativeProgram:
     - `inputs`: region of each argument; ``None`` for an argument that the program does not use.
     - `outputs`: region of each result.
 
-    **Arguments:** `closed`: the jaxpr; `tangents`: length of the arrays that are kept as vectors,
-    by default found from the jaxpr; `stopwatch`: measures the stages of compilation.
+    **Arguments:** `closed`: the jaxpr; `tangents`: number of tangents (derivatives of a variable by
+    parameters), by default found from the jaxpr. Arrays of this length are kept as vectors;
+    `stopwatch`: measures the stages of compilation.
+
+    **Raises:** `UnsupportedPrimitiveError` for a primitive without a rule.
     """
 
     def __init__(
@@ -230,7 +233,8 @@ class NativeFunction:
     """A function of PyTrees that is compiled to machine code when it is first called.
 
     As with `equinox.filter_jit`, a change of anything other than the numbers of arrays compiles a
-    further program. Arrays in results are NumPy's.
+    further program. Arrays in results are NumPy's. A call raises `UnsupportedPrimitiveError` if the
+    function uses a primitive without a rule.
 
     **Arguments:** `function`: function of PyTrees that JAX can trace.
     """

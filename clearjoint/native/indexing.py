@@ -80,6 +80,8 @@ def read_block(
 
     **Arguments:** `first`: row-major index of the block's first element; `offsets`: (n,) offsets of
     its elements from there.
+
+    **Raises:** `UnsupportedPrimitiveError` for a large block of elements that are not consecutive.
     """
     ops = lower.ops
     if offsets.size <= LARGEST_UNROLLED:
@@ -134,6 +136,9 @@ def _dynamic_update_slice(
 
     In a small array at known indices, the values are exchanged without an operation. Otherwise the
     block is written to memory, in place if nothing else reads the array.
+
+    **Raises:** `UnsupportedPrimitiveError` for a large `update` whose elements are not consecutive
+    in the array.
     """
     shape, sizes = (tuple(aval_of(equation.invars[k]).shape) for k in (0, 1))
     first, offsets = _block_of_slice(lower, shape, sizes, starts)

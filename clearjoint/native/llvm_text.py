@@ -112,6 +112,7 @@ class _Writer:
                 function.linkage = "internal"
                 function.attributes.add("noinline")
             (self._memory,) = function.args
+            # A function reaches its memory by this pointer only, which LLVM cannot see by itself.
             self._memory.add_attribute("noalias")
             self._memory.attributes.align = 64
             self._functions.append(function)
@@ -284,6 +285,9 @@ class _Writer:
 
         Two operations have no result, and their `out` is ``None``: for a store, ``None`` is
         returned, and for the call of a function of the program its instruction, which has no value.
+
+        **Raises:** `NotImplementedError` for an operation without instructions in LLVM's language,
+        which would be an error of this package.
         """
         name, arguments, builder = entry.name, entry.arguments, self._builder
         if name == "call":

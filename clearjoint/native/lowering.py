@@ -42,7 +42,8 @@ SMALLEST_FUNCTION = 1000
 """Number of equations from which on a jaxpr that is called repeatedly becomes a function. For a
 shorter one, the exchange of values in memory costs more than the code that a function saves."""
 FEWEST_CALLS = 3
-"""Number of calls from which on a jaxpr becomes a function."""
+"""Number of calls from which on a jaxpr becomes a function. For fewer calls, a function would save
+little code."""
 Atom = core.Var | core.Literal
 """A variable or a number in a jaxpr."""
 Equation = core.JaxprEqn
@@ -436,6 +437,8 @@ class Lowering:
         """Add the equations of a jaxpr to the program and return its results.
 
         Owned arrays in memory among the arguments may be overwritten.
+
+        **Raises:** `UnsupportedPrimitiveError` for a primitive, or a use of one, without a rule.
         """
         closed = jaxpr if isinstance(jaxpr, core.ClosedJaxpr) else core.ClosedJaxpr(jaxpr, ())
         opened = closed.jaxpr
@@ -478,6 +481,9 @@ class Lowering:
 
         **Arguments:** `known`: arrays of the variables of the jaxpr so far; `last_reads`: number of
         the last equation that reads each variable; `number`: number of this equation.
+
+        **Raises:** `UnsupportedPrimitiveError` with the source line of the equation, if there is no
+        rule for it.
         """
         arguments: list[Array] = []
         kept: dict[Atom, InMemory] = {}
@@ -514,7 +520,10 @@ class Lowering:
             known[variable] = out
 
     def _lower(self, equation: Equation, arguments: list[Array]) -> Sequence[Array]:
-        """Add an equation to the program by the rule of its primitive, and return its results."""
+        """Add an equation to the program by the rule of its primitive, and return its results.
+
+        **Raises:** `UnsupportedPrimitiveError` if there is no such rule.
+        """
         name = equation.primitive.name
         if name in RULES:
             if len(equation.outvars) == 1:

@@ -101,8 +101,9 @@ class Code:
 
     @functools.cached_property
     def _loaded(self) -> tuple[llvm.ExecutionEngine, Callable[[int], int]]:
-        # Each object has its own engine. From Python 3.12 on `cached_property` has no lock, so that
-        # concurrent first calls make an engine each, which does no harm.
+        # Each object has its own engine, which takes over the target machine given to it. From
+        # Python 3.12 on `cached_property` has no lock, so that concurrent first calls make an
+        # engine each, which does no harm.
         engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _new_target_machine())
         engine.add_object_file(llvm.ObjectFileRef.from_data(self._object_file))
         engine.finalize_object()
@@ -142,7 +143,10 @@ def _saved_object_file(text: str) -> bytes:
 
 
 def _object_file(text: str) -> bytes:
-    """Compile a program's text to an object file for the processor of this machine."""
+    """Compile a program's text to an object file for the processor of this machine.
+
+    **Raises:** `UnsupportedPrimitiveError` if LLVM rejects the text.
+    """
     machine = _target_machine()
     try:
         module = llvm.parse_assembly(text)
@@ -174,8 +178,9 @@ def load_or_make(
     """Load the program of a function from disk, or make and save it.
 
     A loaded program needs neither tracing nor lowering. Nothing is loaded or saved if that is
-    switched off (see `keep_programs`), or if the function or its arguments contain classes or
-    functions from outside of this package: a change of their code would not be noticed.
+    switched off (by `keep_programs` in `..compilation.program_store`), or if the function or its
+    arguments contain classes or functions from outside of this package: a change of their code
+    would not be noticed.
 
     **Arguments:** `function`, `arguments`: function of PyTrees, and arguments with the structure,
     shapes, dtypes and static values for which the program is valid; `make`: makes the program.

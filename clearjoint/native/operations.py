@@ -207,7 +207,8 @@ class Operations:
         return self.width == 1 or value in self.constants or value in self._uniform
 
     def mark_uniform(self, value: Value) -> None:
-        """Declare a value to be the same in all lanes."""
+        """Declare a value to be the same in all lanes, where the operations do not show it, as for
+        the counter of a loop."""
         self._uniform.add(value)
 
     def emit(self, name: str, kind: str, *arguments: Value) -> Value:
@@ -443,7 +444,7 @@ class Operations:
         return len(self.functions) - 1
 
     def is_inside(self, value: Value) -> bool:
-        """Return whether a value is computed in the innermost function."""
+        """Return whether a value is computed in the innermost function that is being built."""
         return self._depths.get(value, 0) == len(self._outside)
 
     def call(self, function: int) -> None:

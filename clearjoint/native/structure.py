@@ -120,6 +120,8 @@ def _pad(lower: Lowering, equation: Equation, array: Array, padding: Array) -> l
 
     For each axis, the parameter `padding_config` gives the numbers of paddings before, after and
     between the elements; the first two may be negative.
+
+    **Raises:** `UnsupportedPrimitiveError` for a large result.
     """
     aval, out = aval_of(equation.invars[0]), aval_of(equation.outvars[0])
     if out.size > LARGEST_UNROLLED:
@@ -146,7 +148,10 @@ def _iota(lower: Lowering, equation: Equation) -> list[Array]:
 
 
 def _nonempty(equation: Equation) -> ShapedArray:
-    """Return shape and dtype of an equation's argument, which must have elements."""
+    """Return shape and dtype of an equation's argument.
+
+    **Raises:** `UnsupportedPrimitiveError` if the argument has no elements.
+    """
     aval = aval_of(equation.invars[0])
     if not aval.size:
         raise UnsupportedPrimitiveError(f"{equation.primitive.name} of no elements")

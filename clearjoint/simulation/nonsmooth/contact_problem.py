@@ -73,6 +73,9 @@ class Alternation(NamedTuple):
 class Touch:
     """One contact, open or closed, at given positions of the bodies.
 
+    A `Row` is a direction of relative motion: its rate is a linear function of the velocities of
+    both bodies, and an impulse along it acts on both.
+
     - `joint`, `label`: name of the joint and label of the contact.
     - `gap`: m, negative if the surfaces overlap.
     - `clearance`: m, of the bearing; ``None`` without a bearing.
@@ -110,6 +113,8 @@ def _touch(
 
     **Raises:** `ValueError` for a thrust face whose friction has a moment, which is not supported.
     """
+    # A face radius belongs to two flat faces, whose friction also resists their relative rotation.
+    # Such a moment would need a third row of slip.
     fine, expected = contact.face_radius is None, f"without a moment of friction at {label!r}"
     remedy = "leave `friction` and `radius` out of EndPlay, or take simulate()"
     require(fine, f"scene.joints[{name!r}]", type(joint).__name__, expected, remedy)
@@ -160,8 +165,9 @@ class ContactProblem:
     """Changes of contact velocities by contact impulses, while the constraints of ideal joints
     hold.
 
-    **Arguments:** `mechanics`: masses and Jacobians of the system at the positions in the middle of
-    the step; `contacts`: all contacts there; `t`: s, the middle of the step.
+    **Arguments:** `system`: the system, whose ideal joints constrain the changes; `mechanics`:
+    masses and Jacobians of the system at the positions in the middle of the step; `contacts`: all
+    contacts there; `t`: s, the middle of the step.
 
     `rows`: the directions of the contacts: the normal of each contact, then both slip directions of
     each contact with friction. All lists of velocities and impulses have this order.
@@ -269,6 +275,8 @@ class ContactProblem:
         owner = [k for k, touch in enumerate(self.contacts) for _ in touch.slip]
         coefficients = [self.contacts[k].coefficient for k in owner]
         block = [self._matrix[i][count : i + 1] for i in tangents]
+        # The residual is relative to the largest velocity that the impulses at closed contacts have
+        # to change, or absolute if there is no such velocity.
         live = [*closed, *(closed[k] for k in owner)]
         scale = _largest_of(live, [*aims, *slips])
         scale = jnp.where(scale > 0.0, scale, 1.0)

@@ -88,6 +88,7 @@ def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> S
     """
     # Motion without contact, from which the gaps in the middle of the step follow.
     middle_time = t + 0.5 * h
+    # At a breakpoint, the time just after it.
     t = one_sided_time(rigid.system, t, t)
     middle, free = _smooth_step(rigid, variables, t, middle_time, h)
     mechanics = rigid.system.mechanics(free)

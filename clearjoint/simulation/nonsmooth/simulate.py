@@ -73,7 +73,8 @@ def simulate_nonsmooth(
     - `coordinates`: coordinates of the equations of motion; `JointCoordinates` unless given.
     - `redundant`: whether some constraints depend linearly on others. By default this is determined
       from the initial state; under a transformation of JAX the default is ``False``.
-    - `throw`: if the run fails, raise `SimulationError` instead of returning the failure's code.
+    - `throw`: if the run fails, raise `SimulationError`. Otherwise, and always if JAX traces the
+      run, the solution of a failed run is returned, whose `result` is the code of the failure.
 
     **Returns:** a `NonsmoothSolution`.
 

@@ -30,10 +30,11 @@ class AbstractReduction(AbstractConverting):
     """Base class of outputs that are updated at every accepted step of a run.
 
     A subclass defines `start`, `update`, `results` and `units`; the first three are traced by JAX.
-    If it reads `Instant.work`, the integrals of the energy ledger (energies dissipated and supplied
-    since the start of the run), it sets `needs_ledger = True`. The example adds up the time in s
-    during which a contact force exceeds a limit. Its tally is the pair of the latest time and the
-    sum:
+    They receive an `Instant`, the scene with its motion at one time, from which quantities are
+    computed. If the subclass reads `Instant.work`, the integrals of the energy ledger (energies
+    dissipated and supplied since the start of the run), it sets `needs_ledger = True`. The example
+    adds up the time in s during which a contact force exceeds a limit. Its tally is the pair of the
+    latest time and the sum:
 
     ```python
     import clearjoint as cj
@@ -129,7 +130,7 @@ def optional_time(value: Instants) -> Instants:
 
     It converts the arguments `after` and `until` of windows.
 
-    **Raises:** `ValueError` if `value` is not a single number, or NaN.
+    **Raises:** `ValueError` if `value` is NaN or not a single number.
     """
     if value is None:
         return None
@@ -145,8 +146,8 @@ class Window(eqx.Module):
     If both are ``None``, the window is the whole run, and reductions leave all operations on
     windows out of the compiled program.
 
-    **Raises:** `ValueError` if `after` or `until` is not a single number, or `until` is not later
-    than `after`.
+    **Raises:** `ValueError` if `after` or `until` is NaN or not a single number, or `until` is not
+    later than `after`.
     """
 
     after: Instants = eqx.field(static=True, converter=optional_time)
@@ -198,8 +199,8 @@ class AbstractWindowedReduction(AbstractReduction):
 
     **Arguments:** `after`, `until`: s, start and end of the window; ``None`` for those of the run.
 
-    **Raises:** `ValueError` if `after` or `until` is not a single number, or `until` is not later
-    than `after`.
+    **Raises:** `ValueError` if `after` or `until` is NaN or not a single number, or `until` is not
+    later than `after`.
     """
 
     after: Instants = eqx.field(default=None, static=True, converter=optional_time, kw_only=True)

@@ -49,8 +49,8 @@ class ImpactCount(AbstractWindowedReduction):
     - `after`, `until`: s, the window of time, by default the whole run; onsets outside of it do not
       count. The result is NaN if the run ended before the window.
 
-    **Raises:** `ValueError` if `after` or `until` is not a single number, or `until` is not later
-    than `after`.
+    **Raises:** `ValueError` if `after` or `until` is NaN or not a single number, or `until` is not
+    later than `after`.
 
     >>> cj.ImpactCount("shoulder")
     ImpactCount(joint='shoulder')
@@ -174,8 +174,8 @@ class DissipatedEnergy(AbstractLossReduction):
     NaN if the run ended before the window. Energy that an earlier run has dissipated, whose ledger
     this run continues, is not included, nor is energy that bristles have stored.
 
-    **Raises:** `ValueError` if `after` or `until` is not a single number, or `until` is not later
-    than `after`.
+    **Raises:** `ValueError` if `after` or `until` is NaN or not a single number, or `until` is not
+    later than `after`.
 
     >>> outputs = {"losses": cj.DissipatedEnergy()}  # needs Settings(ledger=True)
     >>> outputs["losses"].needs_ledger
@@ -200,8 +200,8 @@ class MeanPowerLost(AbstractLossReduction):
     the run ends inside the window, the mean is over the part up to the run's end; the result is NaN
     if the run covers no part of the window.
 
-    **Raises:** `ValueError` if `after` or `until` is not a single number, or `until` is not later
-    than `after`.
+    **Raises:** `ValueError` if `after` or `until` is NaN or not a single number, or `until` is not
+    later than `after`.
 
     >>> outputs = {"heating": cj.MeanPowerLost(after=0.5)}  # needs Settings(ledger=True)
     >>> outputs["heating"].units()
@@ -249,7 +249,8 @@ class ArchardWear(AbstractWindowedReduction):
     (each base), and "V 1", "V 2", ..., "W 1", ... (the sectors of the wall at each base).
 
     Sectors have equal angles about the bearing's axis and are fixed to the bearing. Sector 1 begins
-    at the x axis of the bearing's frame, the frame of `JournalOffset`; the angle grows from x to y.
+    at the x axis of the bearing's frame, whose z axis is the bearing's axis (see the quantity
+    `JournalOffset`); the angle grows from x to y.
     The geometry of the wall does not change: the mean wear depth of a sector is its volume over its
     area. Only the dry contact causes wear, not a film.
 
@@ -262,8 +263,8 @@ class ArchardWear(AbstractWindowedReduction):
       run ended before the window.
 
     **Raises:** `ValueError` if `coefficient` is negative, `hardness` not positive or `sectors` not
-    a positive integer, if `after` or `until` is not a single number, or if `until` is not later
-    than `after`.
+    a positive integer, if `after` or `until` is NaN or not a single number, or if `until` is not
+    later than `after`.
 
     **Source:** J. F. Archard, Contact and rubbing of flat surfaces (1953).
 

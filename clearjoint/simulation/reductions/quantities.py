@@ -1,7 +1,8 @@
 """Reductions of a quantity, such as a contact force: its peak, its mean and other statistics, and
 its quantiles over time. They are updated at every accepted step of a run.
 
-A tally is the data that a reduction carries from step to step.
+A tally is the data that a reduction carries from step to step. An `Instant` is a scene with its
+motion at one time of a run, from which quantities are computed.
 """
 
 import math
@@ -31,8 +32,8 @@ class AbstractQuantityReduction(AbstractWindowedReduction):
     **Arguments:** `quantity`: function of an `Instant` that returns a scalar; `unit`: its unit;
     `after`, `until`: s, start and end of the window, by default those of the run.
 
-    **Raises:** `ValueError` if `quantity` is not a function, if `after` or `until` is not a single
-    number, or if `until` is not later than `after`.
+    **Raises:** `ValueError` if `quantity` is not a function, if `after` or `until` is NaN or not a
+    single number, or if `until` is not later than `after`.
     """
 
     quantity: Quantity = eqx.field(static=True)
@@ -82,8 +83,8 @@ class Peak(AbstractQuantityReduction):
       of the window, only its part inside counts. Both results are NaN if the run covers no part of
       the window.
 
-    **Raises:** `ValueError` if `quantity` is not a function, if `after` or `until` is not a single
-    number, or if `until` is not later than `after`.
+    **Raises:** `ValueError` if `quantity` is not a function, if `after` or `until` is NaN or not a
+    single number, or if `until` is not later than `after`.
 
     >>> peak = cj.Peak(cj.quantities.ContactForce("shoulder"), "N")
     >>> peak.units()
@@ -165,8 +166,8 @@ class Statistics(AbstractQuantityReduction):
     - `after`, `until`: s, the window of time, by default the whole run. All results are NaN if the
       run covers no part of the window.
 
-    **Raises:** `ValueError` if `quantity` is not a function, if `after` or `until` is not a single
-    number, or if `until` is not later than `after`.
+    **Raises:** `ValueError` if `quantity` is not a function, if `after` or `until` is NaN or not a
+    single number, or if `until` is not later than `after`.
 
     >>> speed = cj.Statistics(cj.quantities.Velocity("arm 2"), "m/s", after=0.1)
     >>> list(speed.units())
@@ -242,7 +243,8 @@ class Quantiles(AbstractQuantityReduction):
     edges. A quantile below the first edge or above the last edge is NaN: widen the edges. Memory
     does not grow with the number of steps.
 
-    For quantiles over impacts instead of over time, use `ImpactTable`, whose quantiles are exact.
+    For quantiles over impacts instead of over time, use `ImpactTable`, an output of sweeps, whose
+    quantiles are exact.
 
     ```python
     import clearjoint as cj
@@ -264,8 +266,8 @@ class Quantiles(AbstractQuantityReduction):
 
     **Raises:** `ValueError` for edges that are not finite, do not increase, or are fewer than two;
     if there is no level, one that is not above 0 and below 1, or two that are equal in six digits;
-    if `quantity` is not a function, if `after` or `until` is not a single number, or if `until` is
-    not later than `after`.
+    if `quantity` is not a function, if `after` or `until` is NaN or not a single number, or if
+    `until` is not later than `after`.
     """
 
     edges: tuple[float, ...] = eqx.field(static=True, converter=numbers)

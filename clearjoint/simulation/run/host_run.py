@@ -77,6 +77,7 @@ class Run:
         times = None if save_at is None else jnp.append(save_at, self.end)
         program = self.scheme, self.folded_scene
         rest = self.recorders, now, times, self.end, jnp.asarray(max_steps)
+        # With JAX's own loops, reverse-mode differentiation of this result raises an error.
         now, saved = loops.closed(segment(*program, *rest, loops))
         final, result, _ = _end_of(*program, now.step, self.end)
         trajectory = count = None
@@ -112,6 +113,7 @@ class Run:
         steps: list[TimedState] = []
         impacts: list[tuple[str | float, ...]] = []
         start = float(now.step.t)
+        # Runs of less than two seconds (`delay`) show no bar.
         bar = ProgressBar(
             total=float(self.end) - start,
             desc="simulated",
@@ -148,6 +150,7 @@ class Run:
         time, attempts, accepted = jax.device_get((step.t, step.attempts, step.accepted))
         if STEPS in now.records:
             rows = _joined(steps)
+            # The rows have the names of groups of elements, results those of single elements.
             trajectory = Trajectory(rows.t, pack(named(rows.state)))
         solution = Solution(
             time,
@@ -222,6 +225,9 @@ class _SaveTimes:
     number of times.
 
     `count`: number of times at which states have been saved so far.
+
+    **Arguments:** `times`: (N,) s, the requested times, rising, or ``None``; `end`: s, end of the
+    run.
     """
 
     def __init__(self, times: np.ndarray | None, end: float):

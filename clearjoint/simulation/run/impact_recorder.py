@@ -56,8 +56,11 @@ class ImpactRow(eqx.Module):
     largest_penetration: Scalar
 
     def columns(self, system: System, channels: Mapping[str, Quantity]) -> dict[str, Scalar]:
-        """Return the columns of the table of impacts in a row, as `reported` does. The arguments,
-        which rows of other recorders need, are not used."""
+        """Return the columns of the table of impacts in a row, as `reported` does.
+
+        The scheduler of lanes calls this method for the rows of all recorders. The arguments, which
+        rows of sections need to compute their channels, are not used.
+        """
         del system, channels
         return self.reported()
 
@@ -67,7 +70,7 @@ class ImpactRow(eqx.Module):
 
     @staticmethod
     def none() -> "ImpactRow":
-        """Return a row of zeros."""
+        """Return a row of zeros, from which a buffer of rows takes its structure."""
         return ImpactRow(*(jnp.zeros(()) for _ in range(7)))
 
 
@@ -184,8 +187,9 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
     def _instants(
         self, method: Method, system: System, now: Instant, step: Step
     ) -> dict[str, dict[str, ContactInstant]]:
-        """Return gap, second rate and entry speed of each recorded contact after a step, by joint
-        and contact; `now` is the same instant as `step`."""
+        """Return the gap of each recorded contact after a step, the second time derivative of its
+        penetration, m/s^2, and its entry speed, m/s, by joint and contact; `now` is the same
+        instant as `step`."""
         names = now.contacts if self.joint is None else [self.joint]
         forces = {name: now.contacts[name] for name in names}
         second_rates = by_name(_second_rates(method, system, step))

@@ -54,7 +54,8 @@ class ProgressBar(tqdm):
         """Show `msg`, or by default the text of the bar, and return whether it was shown.
 
         Where text cannot be overwritten, as in a log file, nothing is shown within `LINE_PERIOD`
-        seconds after the latest line.
+        seconds after the start or the latest line, nor for an empty `msg`, with which tqdm clears
+        a bar.
         """
         if is_live(sys.stderr):
             return bool(super().display(msg, pos))

@@ -25,7 +25,7 @@ R = TypeVar("R", bound=PyTree[Scalar])
 
 ROWS = 64
 """Default number of rows of a `RowBuffer`. When a buffer is full, compiled code returns to Python,
-which empties all buffers."""
+which empties all buffers. The number is small, since each lane of a sweep has its own buffers."""
 
 
 class RowBuffer(eqx.Module, Generic[R]):

@@ -158,8 +158,11 @@ def derivative_scheme(
     require(lands, "landing_tolerance", None, "a penetration in m", remedy)
     redundant = check_start(scene, state, start_time, settings.coordinates)
     require_declared(scene)
+    # Redundant constraints need another solution of the equations of motion.
     scheme = Scheme.on_host(settings, bool(redundant))
     require_dense(scheme.method.solver)
+    # Only runs with tangents have this tolerance: the factor by which errors of tangents may be
+    # larger than those of the variables.
     tolerance = np.asarray(settings.derivative_tolerance, float)
     return replace(scheme, method=replace(scheme.method, derivative_tolerance=tolerance))
 
@@ -246,7 +249,8 @@ class _Starts:
         try:
             fine, rows, with_numbers = self._function.run(given)
         except (UnsupportedPrimitiveError, ValueError):
-            # Never try this structure again.
+            # Native code has no rule for an operation of the checks, or a check fails for any
+            # numbers, for instance if a body lacks a state. Never try this structure again.
             self._seen[given.key] = -sys.maxsize
             return None
         if not fine:
@@ -257,6 +261,7 @@ class _Starts:
         if rows is None:
             return ()
         known = self._distances.setdefault(given.key, {})
+        # Without a limit, the cache would grow with each start whose constraints differ.
         if len(known) > KEPT:
             known.clear()
         redundant, uncertain = dependent(rows.names, rows.left, known)

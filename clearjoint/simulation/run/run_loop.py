@@ -99,7 +99,10 @@ class StepOutcome:
 
 class AbstractRecorder(eqx.Module, Generic[R]):
     """Base class of recorders, which collect data during a run. The data are of type R and are
-    called the record."""
+    called the record.
+
+    `RunLoop` calls `start` once before the first step, and `after` after each attempt.
+    """
 
     @abc.abstractmethod
     def start(self, start: RunStart) -> R:
@@ -207,9 +210,10 @@ def begin_run(
 ) -> Step:
     """Return the complete state of a run before its first step.
 
-    **Arguments:** `state`: the initial state, whose vectors are arrays (3,); the run continues from
-    its entry speeds, energy ledger and bristles; `t0`, `t_end`: s, start and end; `first_step`: s,
-    length of the first step.
+    **Arguments:** `state`: the initial state, whose vectors are arrays (3,). The run continues from
+    its entry speeds, bristles and energy ledger (the integrals of powers, which are left out if the
+    formulation keeps none); `t0`, `t_end`: s, start and end; `first_step`: s, length of the first
+    step.
     """
     motion = system.encode(unpack(state.bodies))
     bristles = by_group(unpack(state.bristles), system.scene.joints)

@@ -80,7 +80,8 @@ class Sampled(eqx.Module):
     - `states`: the state at each time, whose leaves have an additional first axis of length N;
       ``None`` unless kept.
     - `impacts`: the record of impacts, with times since the start of the run; ``None`` unless kept.
-    - `sections`: the records of crossings, by name of the section, with times of the scene.
+    - `sections`: the records of crossings, by name of the section, with times on the clock of the
+      scene, to which drivers and loads refer.
     """
 
     values: dict[str, Numbers]
@@ -110,11 +111,12 @@ def start_with_tangents(
         y = Variables(motion, {}, initial_bristles(system.scene, state.bristles))
         return jax.tree.map(jnp.asarray, (y, state.entry_speeds)), None
 
+    # The derivatives of the parameters with respect to themselves are the identity matrix.
     scenes, count = family.family, len(family.family.values)
     (y, entry_speeds), _, (y_along, entry_speeds_along) = family.pushed(
         initial, (scenes.values,), (jnp.eye(count),)
     )
-    # Entry speeds, bristles and ledger that the initial state lacks are added here.
+    # Entry speeds and energy ledger, which the initial state may lack, are added here.
     system = family.system()
     step = start(method, system, t0, t_end, first_step, y, entry_speeds, derivatives=True)
 
@@ -140,8 +142,9 @@ def look_at_tangents(method: Method, attempt: Attempt, t: Scalar) -> tuple[Varia
     """Return the derivatives of variables and entry speeds with respect to p parameters at a time
     t, s, of the accepted step of an `attempt`.
 
-    They are the derivatives of the results of `look_inside` before the correction onto the
-    constraints. Each leaf has an additional first axis of length p.
+    They are the derivatives of dense output, the results of `look_inside` before these are
+    corrected so that they satisfy the constraints. Each leaf has an additional first axis of length
+    p.
     """
     end, inside, last = attempt.step.t, attempt.tangents, attempt.step.tangents
     assert inside is not None and last is not None
@@ -172,7 +175,7 @@ def followed(
     - `scheme`: integration method and formulation of the equations of motion.
     - `family`: scene and initial state as functions of the p parameters.
     - `outputs`: the quantities to evaluate, by name.
-    - `times`: (N,) s, rising or repeated.
+    - `times`: (N,) s, not decreasing, between `t0` and `t_end`.
     - `t0`, `t_end`: s, start and end of the run.
     - `first_step`: s, length of the first step that is tried.
     - `max_steps`: largest number of attempts.

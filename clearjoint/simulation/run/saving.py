@@ -67,9 +67,11 @@ class Saving:
     def check(self, scene: Scene, ledger: bool) -> None:
         """Check that a scene has the elements that the sections and the outputs name.
 
-        **Arguments:** `ledger`: whether the run keeps the energy ledger, which some outputs need.
+        **Arguments:** `ledger`: whether the run keeps the energy ledger (the integrals of powers),
+        which some outputs need.
 
-        **Raises:** `ValueError` that names the section or the output.
+        **Raises:** `ValueError` that names the section or the output, for an element that the scene
+        lacks, and for an output that needs the ledger in a run without it.
         """
         check_reductions(self.outputs, scene, ledger)
         for name, section in self.sections.items():
@@ -86,7 +88,8 @@ class Saving:
         """Check that the times to save at lie within a run, and return them, (N,) s; ``None`` if
         there are none.
 
-        Values that JAX traces are not checked.
+        Times outside of the run by rounding errors alone are moved to its start or end. Values that
+        JAX traces are not checked.
 
         **Raises:** `ValueError` for times before `start_time` or after `end_time`, s, by more than
         rounding errors.

@@ -1,10 +1,12 @@
 """Poincaré sections: values of quantities at the instants at which another quantity rises through
 zero.
 
-These instants are called crossings, and the quantities to evaluate there channels. Single runs and
-runs with derivatives compute the channels at each crossing. Lanes of sweeps record the state at
-each crossing, from which the channels are computed after the run. Lanes are computed side by side,
-so that otherwise every lane would have to compute the channels in every step.
+These instants are called crossings, and the quantities to evaluate there channels. A quantity is a
+scalar function of an `Instant`, a scene with its motion at one time.
+
+Single runs and runs with derivatives compute the channels at each crossing. Lanes of sweeps record
+the state at each crossing, from which the channels are computed after the run. Lanes are computed
+side by side, so that otherwise every lane would have to compute the channels in every step.
 """
 
 from collections.abc import Mapping
@@ -139,6 +141,7 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
             return self._level(dense.within(method, x).instant(system))
 
         x = secant_root(level, before, after)
+        # Dense output satisfies the constraints only approximately, so its result is corrected.
         row = dense.at(method, dense.start.t + x * (dense.end.t - dense.start.t))
         return Snapshot(row.t, on_constraints(system, row.y, row.t), row.entry_speeds)
 
@@ -191,7 +194,8 @@ class Section:
 
     **Raises:** `ValueError` if `channels` is not a mapping, is empty, or has a value that is not
     such a pair; for a name that is not a non-empty string, contains a slash or backslash, begins
-    with "." or "__", or is "time" or "count"; and for a `count` that is not a positive integer.
+    with "." or "__", or is "time" or "count"; for a `count` that is not a positive integer, and
+    an `after` that is not finite.
 
     >>> touch = cj.Section(
     ...     cj.quantities.Penetration("shoulder", "V"),
@@ -227,7 +231,8 @@ class Section:
     def check(self, scene: Scene) -> None:
         """Check that a scene has the elements that `crossing` and `channels` name.
 
-        **Raises:** `ValueError` that begins with "crossing", or with "channel" and its name.
+        **Raises:** `ValueError` for an element that the scene lacks; the message begins with
+        "crossing", or with "channel" and its name.
         """
         check_quantity("crossing", self.crossing, scene)
         check_quantities(self.channels, scene)

@@ -24,8 +24,8 @@ from .saving import Saving
 
 STEP_ROWS, IMPACT_ROWS = 4096, ROWS
 """Rows of the buffer of accepted steps, and of the buffer of each contact's impacts. When a buffer
-is full, compiled code returns to Python, which empties all buffers. Their sizes are part of the
-compiled program."""
+is full, compiled code returns to Python, which empties all buffers. That of steps is the larger
+one, because every accepted step writes a row. Their sizes are part of the compiled program."""
 LATEST, STEPS, IMPACTS = "latest", "steps", "impacts"
 SECTIONS, REDUCTIONS = "sections", "reductions"
 """Keys of the dictionaries of recorders and of records. `LATEST` is the latest accepted attempt,

@@ -25,9 +25,11 @@ from .sections import Section
 from .simulate import simulate
 
 BLOCK = 10
-"""Number of periods of one run. After each run the motion so far is assessed."""
+"""Number of periods of one run. After each run the motion so far is assessed. A larger number would
+simulate more periods than needed, a smaller one would assess the motion more often."""
 PHASES = 16
-"""Number of states in each period that are compared with those of another period."""
+"""Number of states in each period that are compared with those of another period. There are many,
+because two different motions may agree at one phase by chance."""
 SECTION = "settle"
 """Name of the section in the runs that `settle` makes."""
 
@@ -112,7 +114,8 @@ deviations, differ by at most this part of the range of the motion. It leaves ro
 of the statistics of a chaotic motion over finitely many periods."""
 CONFIRMING = 3
 """Smallest number of successive periods that must each equal an earlier one in a motion that counts
-as periodic. A motion that counts as steady must be still for as many periods."""
+as periodic, since a single period may resemble an earlier one by chance. A motion that counts as
+steady must be still for as many periods."""
 STILL = 1e-6
 """Lower bound of the ranges of a motion, in m, m/s and rad/s, by which its changes are divided, so
 that rounding errors of a motion at rest are not taken for changes."""
@@ -222,8 +225,8 @@ def section_strobe(times: Float[np.ndarray, " n"], values: list[np.ndarray]) -> 
     first.
 
     A row contains the time since the previous crossing, s, and the value of each channel of the
-    section. The scales are the mean time between crossings, and the largest magnitude of each
-    channel.
+    section. The scales are the mean time between crossings (1 s with fewer than two crossings), and
+    the largest magnitude of each channel, but at least `STILL`.
 
     **Arguments:** `times`: (n,) s, times of the crossings; `values`: for each channel, its values
     at the crossings, (n,).
@@ -288,7 +291,8 @@ def settle(
     `kind` of the result tells.
 
     **Raises:** `ValueError` unless either `period`, or `section` with `span`, is given, and for
-    other invalid arguments, such as an initial state that violates the constraints.
+    other invalid arguments, such as an initial state that violates the constraints;
+    `RunInterrupted` after Ctrl-C, with the solution of the latest ten periods only.
     """
     require_count("periods", periods, "allow some hundred")
     require_count("largest_multiple", largest_multiple, "1 looks for the drive's period alone")
@@ -369,7 +373,7 @@ def _assessment(
 
 def _strobe(runs: list[Solution], section: Section | None) -> Strobe:
     """Return the motion of successive runs as one row of numbers for each period or, with a
-    section, for each crossing except the first."""
+    section, for each crossing except the first; a table without rows if there are no runs."""
     if not runs:
         return Strobe(np.zeros((0, 1)), np.ones(1))
     if section is None:
@@ -394,7 +398,8 @@ def _period(period: float | None, section: Section | None, span: float | None) -
     """Check these arguments of `settle`, and return the time, s, that counts as a period: `period`
     if it is given, and `span` with a section.
 
-    **Raises:** `ValueError` unless either `period`, or `section` with `span`, is given.
+    **Raises:** `ValueError` unless either `period`, or `section` with `span`, is given; for a time
+    that is not positive, and a section that is no `Section`.
     """
     one = (period is None) != (section is None)
     remedy = "pass the drive's period in s; or a section, with its span in s"
