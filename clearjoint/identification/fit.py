@@ -340,7 +340,8 @@ class Fit(AbstractTabular):
         # has moved since.
         moved = float(explored.chi_squared[0]) - self.chi_squared
         # Standard errors are still right if there is one minimum, and the exploration, where it can
-        # be trusted, found intervals of about their width.
+        # be trusted, found intervals of about their width. The test tolerates a decrease of chi
+        # squared up to `FLOOR`, which is no move to another minimum.
         single = check.minima == 1 and moved <= likelihood.FLOOR
         reliable = explored.settled and abs(check.difference) <= 1.0
         alike = single and reliable and check.widening(self.best.best) < ALIKE

@@ -55,7 +55,8 @@ def estimates_table(
 def _digits(value: float, error: float) -> int:
     """Return how many digits of a value to show, so that two digits of its error are visible.
 
-    There are 4 without a finite error, and at most the 15 digits of a 64-bit float.
+    There are 4 for a value of zero and without a finite, positive error; otherwise at least 2, and
+    at most the 15 digits of a 64-bit float.
     """
     if not 0.0 < error < math.inf or value == 0.0:
         return 4
@@ -201,6 +202,7 @@ def _delays(
         row = residuals[name]
         power = float(rate @ rate)
         shift = float(row @ rate) / power if power > 0.0 else 0.0
+        # The share of the mean square that a shift removes; the minimum is for residuals of zero.
         explained = 1.0 - _rms(row - shift * rate) ** 2 / max(_rms(row) ** 2, 1e-300)
         if explained > MOST and _rms(row) > FAR:
             direction = "late" if shift > 0.0 else "early"

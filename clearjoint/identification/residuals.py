@@ -124,7 +124,8 @@ def _instants(
 
     **Returns:**
 
-    - (N,) all N = (1 + 3 D) T times, s, rising.
+    - (N,) all N = (1 + 3 D) T times, s, in ascending order; some are equal, such as those that are
+      clipped to the start or the end of the run.
     - (1 + 3 D, T) indices in these: a row for the times without delay, then three rows for each
       delay, for the delayed times and for times `APART` earlier and later.
     - (D, T) whether the delayed times are at or after the start of the run.
@@ -182,6 +183,7 @@ def _delayed(
         period = getattr(output, "period", None)
         if period is not None:  # An angle that jumps from pi to -pi has not changed by -2 pi.
             change = change - period * jnp.round(change / period)
+        # Where both times are clipped to the start they are equal; 1 replaces a division by zero.
         apart = rising[after] - rising[before]
         rate = jnp.where(inside[k], change / jnp.where(apart > 0.0, apart, 1.0), 0.0)
         scale = runs.family.scales[number]
@@ -212,7 +214,9 @@ def experiment(
     measured quantity by name; `times`: (N,) s, at which to evaluate them; `settings`: by default
     `clearjoint.presets.derivatives`.
 
-    **Raises:** `ValueError` for unsupported arguments.
+    **Raises:** `ValueError` for no parameters, for no outputs or outputs that the scene doesn't
+    have, for times that decrease or are before the start, for a delay of an unknown output, for two
+    delays of one output, and for settings with which derivatives can't be computed.
     """
     check_parameters(parameters)
     require(len(parameters) > 0, "parameters", {}, "at least one Parameter", PASS_PARAMETERS)

@@ -63,6 +63,7 @@ def page(
         for part in parts:
             plot += _drawable(part, k3d)
         plot.camera = [*camera.eye.tolist(), *camera.target.tolist(), *camera.up.tolist()]
+        # Seven digits of a time are more than the page shows, and keep the file small.
         content = {
             "title": legend.title,
             "entries": legend.entries,

@@ -68,6 +68,7 @@ def proportions(
     clearance would be nearly as large as its bearing.
     """
     size = _size(scene, poses, noted)
+    # Bars are thick enough to be seen in a view of the whole mechanism, and thin beside its links.
     bar = 0.014 * size
     radii = [bore.radius for bore in noted.bores if bore.radius is not None]
     if bearing_scale is None:

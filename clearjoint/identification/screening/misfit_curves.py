@@ -208,6 +208,7 @@ class SideBySide:
         """Data that all lanes share: the method, the outputs, and the part of the scene that is
         independent of the parameters."""
         runs = self.runs
+        # The lanes compute no reductions, sections or impacts; they only save states.
         plan = Plan(runs.scheme, {}, {}, True, runs.max_steps)
         folded_scene = fold_constants(runs.family.base[0], self._varied)
         return Common(plan, folded_scene, runs.start_time, {}, {LOG: runs.outputs}, LOG)

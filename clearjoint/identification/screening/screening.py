@@ -177,7 +177,7 @@ def screen(
                 starts = kept[apart(kept, screening.finish)]
                 return Screened(kept, misfits[best], starts, tuple(times), runs, complete)
             # If enough points fit all of these runs, the runs were too short to choose among them:
-            # the same points run farther.
+            # the same points run half as far again.
             if count >= ahead:
                 ahead = min(lanes.count, ahead + ahead // 2 + 1)
                 continue
