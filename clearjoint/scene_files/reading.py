@@ -201,7 +201,10 @@ def _is_plain(item: object) -> bool:
 
 def _text(content: str, expected: Expectation, location: FileLocation) -> object:
     """Return the value of a text in a file: that of an option, the text itself where texts are
-    expected, None for "none", or else the number of a text such as "0.3 mm"."""
+    expected, None for "none", or else the number of a text such as "0.3 mm".
+
+    **Raises:** `ValueError` for a text that is none of these.
+    """
     options = expected.options or {}
     if content in options:
         return options[content]
@@ -226,6 +229,7 @@ def number_of_text(text: str, unit: str | None, location: FileLocation) -> float
     `unit`, and for a unit where none is declared.
     """
     expected = "a number" if unit is None else f"a number in {unit}"
+    # Longer texts are no numbers that a user means, and exact computation with them may be slow.
     matched = NUMBER.fullmatch(text) if len(text) <= 200 else None
     if matched is None:
         location.refuse(text, expected, "write a number, in quotes only if it has a unit")

@@ -31,6 +31,8 @@ def scene_schema(classes: Classes = ()) -> Schema:
 
     **Returns:** a dictionary for `json.dump`.
 
+    **Raises:** `ValueError` unless `classes` is a collection of classes.
+
     >>> schema = cj.scene_schema()
     >>> schema["$schema"]
     'https://json-schema.org/draft/2020-12/schema'

@@ -63,7 +63,7 @@ def page(
         for part in parts:
             plot += _drawable(part, k3d)
         plot.camera = [*camera.eye.tolist(), *camera.target.tolist(), *camera.up.tolist()]
-        # Seven digits of a time are more than the page shows, and keep the file small.
+        # Seven digits of a time suffice for the page to show, and keep the file small.
         content = {
             "title": legend.title,
             "entries": legend.entries,
