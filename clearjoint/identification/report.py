@@ -133,10 +133,13 @@ def remedies(
 
     **Arguments:**
 
-    - `measurements`, `parameters`, `searches`, `best`, `horizon`: as in `Fit`.
+    - `measurements`, `parameters`: the data, and the estimated parameters by name.
+    - `searches`: the search from each start; `best`: the one with the smallest chi squared.
     - `predictions`, `residuals`: (N,) of each series by name, SI and in standard deviations.
     - `scatter`: square root of chi squared per degree of freedom, 1 for the stated noise.
-    - `screened`: whether a screening found the starts.
+    - `screened`: whether a screening, many runs without derivatives, found the starts.
+    - `horizon`: result of `fit_horizon`, which has the length of the record that a single run can
+      fit, ``None`` if the user gave none.
     """
     if all(statistics.whiteness(row) > UNCORRELATED for row in residuals.values()):
         yield (

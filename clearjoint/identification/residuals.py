@@ -39,8 +39,8 @@ from ..simulation.step.settings import Settings, settings_or
 from ..simulation.step.spans import check_span, checked_times
 
 APART = 1e-7
-"""Time step, s, of the central difference that gives the rate of a delayed output: short compared
-with the duration of a contact, long compared with the rounding of times."""
+"""Time, s, from a sample to either end of the central difference that gives the rate of a delayed
+output: short compared with the duration of a contact, long compared with the rounding of times."""
 UNREACHED = 1e6
 """Residual, in standard deviations, of a sample that the run did not reach: large enough that an
 optimiser rejects the step."""
@@ -49,7 +49,9 @@ optimiser rejects the step."""
 class Experiment(eqx.Module):
     """A scene with p parameters and measured quantities, to be run for many parameter values.
 
-    `experiment` makes it. All its runs share one compiled program.
+    `experiment` makes it. All its runs share one compiled program. Some of the parameters may be
+    delays: a delay, s, is an unknown shift of the time stamps of some measured series, which does
+    not change the scene.
 
     - `scheme`: formulation and integration method.
     - `family`: scene and initial state as functions of the parameters. Its `values` are not used;

@@ -33,10 +33,10 @@ class Starts:
     **Arguments:**
 
     - `number`: number of starts, including the guess.
-    - `spread`: largest distance of a start from the guess, in the coordinates of the scales (on a
-      `Log` scale, 1 is a factor of e in both directions); one number, or a dictionary by name of
-      the parameter, in which missing parameters have distance 0. Starts are uniformly distributed
-      within this distance.
+    - `spread`: largest distance of a start from the guess in each coordinate (on a `Log` scale, 1
+      is a factor of e in both directions); one number, or a dictionary by name of the parameter, in
+      which missing parameters have distance 0. Starts are uniformly distributed within this
+      distance.
     - `seed`: seed of the random numbers.
 
     **Raises:** `ValueError` for a `number` below 1, and for a `spread` that is negative or not

@@ -43,7 +43,8 @@ class SideBySide:
     runs: Experiment
     data: Samples
     _batches: list[Batch] = field(default_factory=list, repr=False, compare=False)
-    """The latest batch, whose compiled programs the next one reuses; empty at first."""
+    """The latest batch, whose compiled programs the next one reuses; empty at first. It is in a
+    list because no field of a frozen dataclass can be replaced."""
 
     @property
     def times(self) -> Float[np.ndarray, " T"]:
