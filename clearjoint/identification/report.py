@@ -141,6 +141,7 @@ def remedies(
     - `horizon`: result of `fit_horizon`, which has the length of the record that a single run can
       fit, ``None`` if the user gave none.
     """
+    # A missing effect would leave a trace in the residuals, which would then be correlated.
     if all(statistics.whiteness(row) > UNCORRELATED for row in residuals.values()):
         yield (
             "Residuals are white: the model fits, and the noise may be understated. If the sensors "
@@ -149,6 +150,7 @@ def remedies(
     sizes = {name: _rms(row) for name, row in residuals.items()}
     worst = max(sizes, key=lambda name: sizes[name])
     others = [size for name, size in sizes.items() if name != worst]
+    # If the model fits all other series, the fault is probably in the sensor of this one.
     if others and max(others) <= GOOD:
         yield (
             f"Only series {worst!r} does not fit: its residuals are {sizes[worst]:.3g} times its "
@@ -268,6 +270,7 @@ def _shorter_records(
                 f"{start + length:.4g}, ...). If that fails too, {wrong}."
             )
         else:
+            # The first window is one piece, and each further one is twice as long.
             grow = ", ".join(f"{start + length * 2**k:.4g}" for k in range(DOUBLINGS))
             yield (
                 "The run deviates from the data from the first samples on: fit growing windows of "

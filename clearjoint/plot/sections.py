@@ -250,6 +250,7 @@ def bifurcation(
     if not number:
         draw(color=DARK)
     else:
+        # In a motion that decays, the first crossings differ most, so they get most of the colours.
         dots = draw(c=numbers, cmap="turbo_r", norm=LogNorm())
         bar = axes.figure.colorbar(dots, ax=axes, label="number of the crossing")
         tick_logarithm(bar.ax.yaxis, numbers)
