@@ -82,7 +82,10 @@ class Reader:
             return as_number(value)
 
     def _item(self, content: object, expected: Expectation, location: FileLocation) -> object:
-        """Convert a value as `value` does, but return arrays as numbers or tuples of numbers."""
+        """Convert a value as `value` does, but return arrays as numbers or tuples of numbers.
+
+        **Raises:** `ValueError` if the content is not as expected.
+        """
         # Arguments that may also be numbers or objects are not limited to their options.
         options = None if expected.shapes or expected.classes else expected.options
         if options is not None and not (content is None or isinstance(content, str)):
@@ -116,6 +119,9 @@ class Reader:
 
         A table whose keys are names becomes a dictionary. Otherwise its class is the one that it
         names, or the only one that is allowed; an axis and an angle become Euler parameters.
+
+        **Raises:** `ValueError` for a table that needs a class and names none, or an unknown one,
+        and where no table is expected.
         """
         if expected.by_name is None:
             families = expected.classes

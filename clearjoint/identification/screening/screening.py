@@ -205,6 +205,9 @@ def search_screened(
     derivatives; it also keeps its result for the caller. The others are those of `screen`.
 
     **Returns:** the result of each screening pass.
+
+    **Raises:** `ValueError` as `screen`, and the errors of `search_from`, by which it ends the
+    passes if the user interrupts it.
     """
     degrees_of_freedom = lanes.data.count - len(names)
     searches: list[Search] = []
