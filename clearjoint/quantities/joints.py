@@ -454,7 +454,8 @@ class HasRelativeAngle(Protocol):
         """Return the second body's angle relative to the first, in the form of a constraint row.
 
         The `value` of the row is the angle, rad. Its `jacobian` has the derivatives of the angle's
-        rate by the bodies' velocities.
+        rate by the bodies' velocities. `motions` has positions and velocities of the bodies by
+        name.
         """
         ...
 

@@ -44,8 +44,11 @@ def page(
     """Return the HTML text of a page that shows a view and needs no network.
 
     **Arguments:** `parts`: solids with their poses in each frame; `camera`: first position of the
-    viewer, which the reader can change; `times`: times of the frames, (N,) s, or ``None`` for a
-    single state; `height`: height of the view in a notebook, pixels.
+    viewer, which the reader can change; `legend`: texts beside the view; `times`: times of the
+    frames, (N,) s, or ``None`` for a single state; `height`: height of the view in a notebook,
+    pixels.
+
+    **Raises:** `ImportError` without the package k3d.
     """
     k3d = needed("k3d")
     with warnings.catch_warnings():
