@@ -191,9 +191,9 @@ class Fit(AbstractTabular):
 
     @property
     def posterior(self) -> Posterior | None:
-        """Small posterior that `check` has computed where chi squared is not quadratic.
+        """Posterior distribution by few points, from `check`, if chi squared is not quadratic.
 
-        The `intervals` come from it. ``None`` if there is none.
+        The `intervals` come from it. ``None`` if `check` has computed none.
         """
         return None if self.check is None else self.check.posterior
 
@@ -432,7 +432,8 @@ class Fit(AbstractTabular):
         """Yield a warning for each combination of parameters that the data hardly determine.
 
         That is the case if a change along the combination by one standard deviation exceeds the
-        largest change that one step of a fit may make to a coordinate.
+        largest change that one step of a fit may make to a coordinate, or the coordinate itself if
+        there is no such limit.
         """
         limits = step_limits(self.parameters)
         # Without a limit, as on a `Linear` scale, the coordinate's size serves instead.

@@ -273,7 +273,9 @@ def _delays(
 
 
 def check_start(start_time: float, times: np.ndarray) -> None:
-    """Check that a run does not begin after the first of the samples' `times`, s, which rise.
+    """Check that a run does not begin after the first sample, which it could not reach.
+
+    **Arguments:** `start_time`: of the run, s; `times`: of the samples, (T,) s, rising.
 
     **Raises:** `ValueError` otherwise.
     """
@@ -283,7 +285,7 @@ def check_start(start_time: float, times: np.ndarray) -> None:
 
 
 class Samples(eqx.Module):
-    """Measurements of S series at the T times at which any of them has a sample.
+    """Measurements of S series at T times: those at which any of them has a sample, then padding.
 
     - `values`: (S, T) in SI, zero where a series has no sample.
     - `weights`: (S, T) inverse of the noise's standard deviation, zero where a series has no

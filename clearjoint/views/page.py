@@ -88,7 +88,8 @@ def _script(name: str) -> str:
 
 
 def _drawable(part: DrawnPart, k3d):
-    """Return the k3d mesh of a part, with the poses and colours of all frames by frame number."""
+    """Return the mesh of a part for the package `k3d`, with the poses and colours of all frames by
+    frame number."""
     mesh = k3d.mesh(
         part.mesh.vertices.astype(np.float32),
         part.mesh.faces.astype(np.uint32),
