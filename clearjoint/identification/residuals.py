@@ -96,9 +96,10 @@ class Experiment(eqx.Module):
         return _delayed(self, at, rising, indices, inside, sampled)
 
     def _sampled(self, coordinates: ArrayLike, times: jax.Array, end_time: jax.Array) -> Sampled:
-        """Run at coordinates (p,) up to `end_time`, s, and evaluate all outputs at rising times.
+        """Run at coordinates (p,) up to `end_time`, s, and evaluate all outputs at given times.
 
-        **Arguments:** `times`: (N,) s, at which every output is evaluated, whatever its delay.
+        **Arguments:** `times`: (N,) s, in ascending order, some of which may be equal. Every output
+        is evaluated at all of them, whatever its delay.
         """
         span, limits = (self.start_time, end_time), (self.first_step, self.max_steps)
         problem = self.scheme, self.family.at(coordinates), self.outputs, times
