@@ -92,6 +92,7 @@ def _draw_output(folder: Path, dataset: xr.Dataset, name: str, axes: list[str]) 
         return
     if len(axes) == 1 or dataset["result"].dims == ("lane",):
         _save(folder, name, plot.against(dataset, name, axes[0]))
+    # There are colours for six curves.
     elif len(axes) == 2 and dataset.sizes[axes[1]] <= 6:
         drawn = plot.style.axes_or_new(None)
         for value in dataset[axes[1]].values:

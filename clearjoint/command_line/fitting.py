@@ -90,6 +90,8 @@ def _measured(study: Study, part: FitPart, location: FileLocation) -> Measuremen
     """Return the measurements in the CSV file that the study names, in SI units.
 
     **Arguments:** `part`: the section [fit]; `location`: its location in the file, for messages.
+
+    **Raises:** `ValueError` for a missing file, and as `read_csv`.
     """
     path = study.path.parent / part.measurements
     if not path.exists():
@@ -119,6 +121,9 @@ def _parameters(
     has one, by name in SI units.
 
     **Arguments:** `part`: the section [fit]; `location`: its location in the file, for messages.
+
+    **Raises:** `ValueError` for a path that the scene or the state does not have, and for a guess
+    that is no number or has a wrong unit.
     """
     parameters, guess = {}, {}
     for name, one in part.parameters.items():

@@ -69,8 +69,8 @@ def read_summary(folder: Path) -> dict[str, str | int | float]:
 
 
 def write_scene(folder: Path, scene: Scene, state: State, name: str = SCENE) -> None:
-    """Write a scene and a state to a scene file in the folder. Write nothing if they can't be
-    saved: a failed run may have ended in a state with NaN."""
+    """Write a scene and a state to the scene file `name` in the folder. Write nothing if they can't
+    be saved: a failed run may have ended in a state with NaN."""
     with suppress(ValueError):
         save(scene, state, folder / name)
 

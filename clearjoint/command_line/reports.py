@@ -46,6 +46,8 @@ def write_report(folder: Path) -> None:
 
     Of a fit only the page is written, with the existing figures, since the folder does not have all
     that they were drawn from.
+
+    **Raises:** `ValueError` for a folder without results.
     """
     kind = read_summary(folder)["kind"]
     if kind == "run":

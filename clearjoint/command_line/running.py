@@ -71,6 +71,9 @@ def run(study: Study, folder: Path, progress: bool) -> CommandResult:
 
     **Arguments:** `folder`: folder of the results, which is made if it does not exist; `progress`:
     whether to show a progress bar.
+
+    **Raises:** `ValueError` for wrong entries in the section [run], such as an `end` that is
+    missing or not after the start, and for a state with which the scene can't run.
     """
     start, part, settings = time.perf_counter(), study.parts.run, study.settings("run")
     reductions = reductions_of(part, settings)

@@ -87,8 +87,9 @@ def sweep(study: Study, folder: Path, progress: bool) -> CommandResult:
 def sweep_axes(study: Study, part: SweepPart) -> dict[str, Axis]:
     """Return the axes of a study's section [sweep] by name, and check the section's outputs.
 
-    **Raises:** `ValueError` without axes, and for paths and outputs that the scene does not have.
-    The message names the place in the study's file.
+    **Raises:** `ValueError` without axes, for values that can't be converted to the unit of their
+    axis, and for paths and outputs that the scene does not have. The message names the place in the
+    study's file.
     """
     location = study.location.at("sweep")
     axes = {}

@@ -191,9 +191,9 @@ class Fit(AbstractTabular):
 
     @property
     def posterior(self) -> Posterior | None:
-        """Small posterior that `check` has computed where chi squared is not quadratic.
+        """Posterior distribution by few points, from `check`, if chi squared is not quadratic.
 
-        The `intervals` come from it. ``None`` if there is none.
+        The `intervals` come from it. ``None`` if `check` has computed none.
         """
         return None if self.check is None else self.check.posterior
 
@@ -340,7 +340,8 @@ class Fit(AbstractTabular):
         # has moved since.
         moved = float(explored.chi_squared[0]) - self.chi_squared
         # Standard errors are still right if there is one minimum, and the exploration, where it can
-        # be trusted, found intervals of about their width.
+        # be trusted, found intervals of about their width. The test tolerates a decrease of chi
+        # squared up to `FLOOR`, which is no move to another minimum.
         single = check.minima == 1 and moved <= likelihood.FLOOR
         reliable = explored.settled and abs(check.difference) <= 1.0
         alike = single and reliable and check.widening(self.best.best) < ALIKE
@@ -431,7 +432,8 @@ class Fit(AbstractTabular):
         """Yield a warning for each combination of parameters that the data hardly determine.
 
         That is the case if a change along the combination by one standard deviation exceeds the
-        largest change that one step of a fit may make to a coordinate.
+        largest change that one step of a fit may make to a coordinate, or the coordinate itself if
+        there is no such limit.
         """
         limits = step_limits(self.parameters)
         # Without a limit, as on a `Linear` scale, the coordinate's size serves instead.

@@ -74,9 +74,8 @@ def likely_chi_squared(degrees_of_freedom: int) -> float:
 def whiteness(residuals: Float[np.ndarray, " M"]) -> float:
     """Return the p-value of the Ljung-Box test for whiteness of residuals (M,).
 
-    It is NaN for M < 20, and if all residuals are zero.
-
-    G. Ljung and G. Box, *On a measure of lack of fit in time series models* (1978), over 10 lags.
+    It is NaN for M < 20, and if all residuals are zero. The test uses the autocorrelations at the
+    first 10 lags: G. Ljung and G. Box, *On a measure of lack of fit in time series models* (1978).
     """
     from scipy.special import chdtrc
 

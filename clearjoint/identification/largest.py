@@ -257,6 +257,7 @@ class LaneMargins:
         # The infinite margin of a failed run or of a zero peak tells nothing about the rate at
         # which the margin changes.
         changes = np.nan_to_num(np.abs(np.diff(ends)), posinf=0.0)
+        # With zeros at both ends, the first and the last interval have neighbours, too.
         around = np.pad(changes, NEIGHBOURS)
         largest_change = sliding_window_view(around, 2 * NEIGHBOURS + 1).max(axis=1)
         # The smaller of an interval's two margins may fall by as much inside the interval.
@@ -416,7 +417,7 @@ class _Search:
         """Return the margins with a row of values added just below the first violation.
 
         The row is between the last value before the first violation and the violation. With
-        `below`, it begins `CLOSE` times their distance lower.
+        `below`, it begins `CLOSE` times their distance lower, or at the smallest value.
         """
         first = first_violation(lanes.margins)
         last, violation = lanes.coordinates[first - 1 : first + 1]
@@ -490,7 +491,8 @@ class _Search:
 def _range_on_scale(parameter: Parameter, between: tuple[float, float]) -> tuple[float, float]:
     """Return the coordinates of the smallest and the largest value of `between`, after checks.
 
-    **Raises:** `ValueError` for a wrong `parameter` or `between`.
+    **Raises:** `ValueError` for a `parameter` that is no `Parameter`, and for a `between` that is
+    not two finite, rising values on the parameter's scale.
     """
     require_type("parameter", parameter, Parameter, "a Parameter", PASS_PARAMETERS)
     ends = np.asarray(as_numbers(between), dtype=float)

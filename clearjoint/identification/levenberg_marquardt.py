@@ -183,7 +183,8 @@ def _advance(
     **Returns:** the best coordinates, the new arrays of the state, whether to end, and the
     `decrement` at the best point. The state has the next point to evaluate.
     """
-    # With optimistix' own cutoff of 0.99, the damping would decrease only after an almost exact
+    # The damping decreases if chi squared has decreased by at least 0.7 times what the linear model
+    # predicts. With optimistix' own cutoff of 0.99, it would decrease only after an almost exact
     # prediction.
     solver = eqx.tree_at(
         lambda solver: (solver.descent, solver.search),

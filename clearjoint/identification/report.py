@@ -55,7 +55,8 @@ def estimates_table(
 def _digits(value: float, error: float) -> int:
     """Return how many digits of a value to show, so that two digits of its error are visible.
 
-    There are 4 without a finite error, and at most the 15 digits of a 64-bit float.
+    There are 4 for a value of zero and without a finite, positive error; otherwise at least 2, and
+    at most the 15 digits of a 64-bit float.
     """
     if not 0.0 < error < math.inf or value == 0.0:
         return 4
@@ -132,11 +133,15 @@ def remedies(
 
     **Arguments:**
 
-    - `measurements`, `parameters`, `searches`, `best`, `horizon`: as in `Fit`.
+    - `measurements`, `parameters`: the data, and the estimated parameters by name.
+    - `searches`: the search from each start; `best`: the one with the smallest chi squared.
     - `predictions`, `residuals`: (N,) of each series by name, SI and in standard deviations.
     - `scatter`: square root of chi squared per degree of freedom, 1 for the stated noise.
-    - `screened`: whether a screening found the starts.
+    - `screened`: whether a screening, many runs without derivatives, found the starts.
+    - `horizon`: result of `fit_horizon`, which has the length of the record that a single run can
+      fit, ``None`` if the user gave none.
     """
+    # A missing effect would leave a trace in the residuals, which would then be correlated.
     if all(statistics.whiteness(row) > UNCORRELATED for row in residuals.values()):
         yield (
             "Residuals are white: the model fits, and the noise may be understated. If the sensors "
@@ -145,6 +150,7 @@ def remedies(
     sizes = {name: _rms(row) for name, row in residuals.items()}
     worst = max(sizes, key=lambda name: sizes[name])
     others = [size for name, size in sizes.items() if name != worst]
+    # If the model fits all other series, the fault is probably in the sensor of this one.
     if others and max(others) <= GOOD:
         yield (
             f"Only series {worst!r} does not fit: its residuals are {sizes[worst]:.3g} times its "
@@ -201,6 +207,7 @@ def _delays(
         row = residuals[name]
         power = float(rate @ rate)
         shift = float(row @ rate) / power if power > 0.0 else 0.0
+        # The share of the mean square that a shift removes; the minimum is for residuals of zero.
         explained = 1.0 - _rms(row - shift * rate) ** 2 / max(_rms(row) ** 2, 1e-300)
         if explained > MOST and _rms(row) > FAR:
             direction = "late" if shift > 0.0 else "early"
@@ -263,6 +270,7 @@ def _shorter_records(
                 f"{start + length:.4g}, ...). If that fails too, {wrong}."
             )
         else:
+            # The first window is one piece, and each further one is twice as long.
             grow = ", ".join(f"{start + length * 2**k:.4g}" for k in range(DOUBLINGS))
             yield (
                 "The run deviates from the data from the first samples on: fit growing windows of "

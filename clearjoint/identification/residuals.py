@@ -39,8 +39,8 @@ from ..simulation.step.settings import Settings, settings_or
 from ..simulation.step.spans import check_span, checked_times
 
 APART = 1e-7
-"""Time step, s, of the central difference that gives the rate of a delayed output: short compared
-with the duration of a contact, long compared with the rounding of times."""
+"""Time, s, from a sample to either end of the central difference that gives the rate of a delayed
+output: short compared with the duration of a contact, long compared with the rounding of times."""
 UNREACHED = 1e6
 """Residual, in standard deviations, of a sample that the run did not reach: large enough that an
 optimiser rejects the step."""
@@ -49,7 +49,9 @@ optimiser rejects the step."""
 class Experiment(eqx.Module):
     """A scene with p parameters and measured quantities, to be run for many parameter values.
 
-    `experiment` makes it. All its runs share one compiled program.
+    `experiment` makes it. All its runs share one compiled program. Some of the parameters may be
+    delays: a delay, s, is an unknown shift of the time stamps of some measured series, which does
+    not change the scene.
 
     - `scheme`: formulation and integration method.
     - `family`: scene and initial state as functions of the parameters. Its `values` are not used;
@@ -94,9 +96,10 @@ class Experiment(eqx.Module):
         return _delayed(self, at, rising, indices, inside, sampled)
 
     def _sampled(self, coordinates: ArrayLike, times: jax.Array, end_time: jax.Array) -> Sampled:
-        """Run at coordinates (p,) up to `end_time`, s, and evaluate all outputs at rising times.
+        """Run at coordinates (p,) up to `end_time`, s, and evaluate all outputs at given times.
 
-        **Arguments:** `times`: (N,) s, at which every output is evaluated, whatever its delay.
+        **Arguments:** `times`: (N,) s, in ascending order, some of which may be equal. Every output
+        is evaluated at all of them, whatever its delay.
         """
         span, limits = (self.start_time, end_time), (self.first_step, self.max_steps)
         problem = self.scheme, self.family.at(coordinates), self.outputs, times
@@ -124,7 +127,8 @@ def _instants(
 
     **Returns:**
 
-    - (N,) all N = (1 + 3 D) T times, s, rising.
+    - (N,) all N = (1 + 3 D) T times, s, in ascending order; some are equal, such as those that are
+      clipped to the start or the end of the run.
     - (1 + 3 D, T) indices in these: a row for the times without delay, then three rows for each
       delay, for the delayed times and for times `APART` earlier and later.
     - (D, T) whether the delayed times are at or after the start of the run.
@@ -182,6 +186,7 @@ def _delayed(
         period = getattr(output, "period", None)
         if period is not None:  # An angle that jumps from pi to -pi has not changed by -2 pi.
             change = change - period * jnp.round(change / period)
+        # Where both times are clipped to the start they are equal; 1 replaces a division by zero.
         apart = rising[after] - rising[before]
         rate = jnp.where(inside[k], change / jnp.where(apart > 0.0, apart, 1.0), 0.0)
         scale = runs.family.scales[number]
@@ -212,7 +217,9 @@ def experiment(
     measured quantity by name; `times`: (N,) s, at which to evaluate them; `settings`: by default
     `clearjoint.presets.derivatives`.
 
-    **Raises:** `ValueError` for unsupported arguments.
+    **Raises:** `ValueError` for no parameters, for no outputs or outputs that the scene doesn't
+    have, for times that decrease or are before the start, for a delay of an unknown output, for two
+    delays of one output, and for settings with which derivatives can't be computed.
     """
     check_parameters(parameters)
     require(len(parameters) > 0, "parameters", {}, "at least one Parameter", PASS_PARAMETERS)
@@ -267,7 +274,9 @@ def _delays(
 
 
 def check_start(start_time: float, times: np.ndarray) -> None:
-    """Check that a run does not begin after the first of the samples' `times`, s, which rise.
+    """Check that a run does not begin after the first sample, which it could not reach.
+
+    **Arguments:** `start_time`: of the run, s; `times`: of the samples, (T,) s, rising.
 
     **Raises:** `ValueError` otherwise.
     """
@@ -277,7 +286,7 @@ def check_start(start_time: float, times: np.ndarray) -> None:
 
 
 class Samples(eqx.Module):
-    """Measurements of S series at the T times at which any of them has a sample.
+    """Measurements of S series at T times: those at which any of them has a sample, then padding.
 
     - `values`: (S, T) in SI, zero where a series has no sample.
     - `weights`: (S, T) inverse of the noise's standard deviation, zero where a series has no

@@ -28,13 +28,15 @@ Guess = Mapping[str, float]
 class Starts:
     """A guess and random starts around it, for a fit that searches from several starts.
 
+    A start is a point in the coordinates of the parameters: their values on their scales.
+
     **Arguments:**
 
     - `number`: number of starts, including the guess.
-    - `spread`: largest distance of a start from the guess, in the coordinates of the scales (on a
-      `Log` scale, 1 is a factor of e in both directions); one number, or a dictionary by name of
-      the parameter, in which missing parameters have distance 0. Starts are uniformly distributed
-      within this distance.
+    - `spread`: largest distance of a start from the guess in each coordinate (on a `Log` scale, 1
+      is a factor of e in both directions); one number, or a dictionary by name of the parameter, in
+      which missing parameters have distance 0. Starts are uniformly distributed within this
+      distance.
     - `seed`: seed of the random numbers.
 
     **Raises:** `ValueError` for a `number` below 1, and for a `spread` that is negative or not
@@ -102,8 +104,9 @@ def start_coordinates(
     **Arguments:** `guess`: a guess, or several; parameters that it lacks, or all without a guess,
     have their `Parameter.value`, by default the scene's; `starts`: ``None`` for no random starts.
 
-    **Raises:** `ValueError` for a guess of an unknown parameter, outside its scale, or refused by
-    the scene's elements.
+    **Raises:** `ValueError` for a guess that is no dictionary, an empty list of guesses, a guess
+    of an unknown parameter, outside its scale, or refused by the scene's elements, and for an
+    unknown name in the `spread` of `starts`.
     """
     names = tuple(parameters)
     several = isinstance(guess, Sequence)

@@ -132,11 +132,12 @@ def read_csv(
 
     **Returns:** `Measurements` whose series have the names of the columns.
 
-    **Raises:** `ValueError` for a file that is empty, or whose rows have more fields than its
-    header; for a missing or repeated column; for a column without a unit, or with a unit of another
-    dimension; for samples that are not finite numbers, unless they are dropped; for times that
-    don't rise strictly; for noise that is missing, not positive or of another length; and for an
-    empty `channels`.
+    **Raises:** `ValueError` for a file that is empty, in another encoding, or whose rows have more
+    fields than its header; for a missing or repeated column; for a column without a unit, with a
+    unit of another dimension, or with another unit than its channel; for samples that are not
+    finite numbers, unless they are dropped, and for dates and truth values; for times that don't
+    rise strictly; for noise that is missing, not positive or of another length; for an unknown
+    `missing`; and for an empty `channels`.
 
     >>> import pandas as pd
     >>> table = pd.DataFrame({"t [ms]": [0, 1], "probe x [um]": [1.0, 2.0]})
@@ -209,6 +210,9 @@ def _columns_of(path: str | Path, options: dict[str, Any]) -> Callable[[str, str
 
     The function receives the name of the column and, for error messages, the name of the argument
     in which the user has passed it. `options` are those of `pandas.read_csv`.
+
+    **Raises:** `ValueError` for a file that can't be read. The function raises it for a missing or
+    repeated column.
     """
     options = {"index_col": False, "skipinitialspace": True, **options}
     table = _read(path, options)
@@ -281,6 +285,11 @@ def from_xarray(
 
 
 def _read(path: str | Path, options: dict[str, Any]) -> "pd.DataFrame":
+    """Return the table in a CSV file; `options` are those of `pandas.read_csv`.
+
+    **Raises:** `ValueError`, with a remedy, for a file that is empty or in another encoding, or
+    whose rows have more fields than its header; `OSError` for a file that does not exist.
+    """
     import pandas as pd
 
     # pandas only warns of rows with more fields than the header, and drops the surplus.
@@ -324,7 +333,8 @@ def _times(column: _Column, unit: str) -> np.ndarray:
 
     **Arguments:** `unit`: unit of the times if the table has none.
 
-    **Raises:** `ValueError` for times that are not finite or don't rise strictly.
+    **Raises:** `ValueError` for times that are not finite or don't rise strictly, and for a unit
+    that is not one of time.
     """
     times = column.numbers()
     column.require_each(np.isfinite(times), "a finite number", "complete the times")
@@ -347,8 +357,8 @@ def _series(
     **Arguments:** `name`: name of the column; `channel`: its quantity, noise and unit; `column`:
     its values; `times`: (rows,) s; `noise`, `missing`: arguments of the reader.
 
-    **Raises:** `ValueError` for invalid rows or noise, and for a column whose unit is unknown or is
-    not the channel's.
+    **Raises:** `ValueError` for an unknown `missing`, for invalid rows or noise, and for a column
+    whose unit is unknown or is not the channel's.
     """
     known = ("refuse", "drop")
     require(missing in known, "missing", missing, f"one of {known}", "name one of them")

@@ -61,6 +61,11 @@ def to_si(unit: str, si: str | None) -> tuple[float, str]:
 
 
 def _pint_unit(registry: "pint.registry.ApplicationRegistry", unit: str) -> "pint.Unit":
+    """Return the unit of pint that a text names.
+
+    **Raises:** `ValueError` for an unknown unit, and for one that is too long or has too large
+    powers, see `LONGEST` and `LARGEST_POWER`.
+    """
     from pint.util import string_preprocessor
 
     # Units come from headers of files, so pint's parser must not be given an expression that takes

@@ -138,7 +138,8 @@ class Parameter:
 
         If `value` is ``None``, the result is the coordinate of the number in the scene or state.
 
-        **Raises:** `ValueError` for a value that the scale doesn't allow.
+        **Raises:** `ValueError` for a value that the scale doesn't allow, and for a path that leads
+        to no number.
         """
         value = self.value
         if value is None and isinstance(self.variation, AbstractNumber):

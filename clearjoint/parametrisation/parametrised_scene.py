@@ -140,6 +140,9 @@ def parametrised(
 
     **Arguments:** `scene`, `state`: those that the parameters change; `parameters`: by name, in the
     order of the coordinates; `values`: (p,) coordinates at which derivatives are computed.
+
+    **Raises:** `ValueError` for a parameter whose path does not lead to single numbers, and for a
+    delay of a measured series, which is not part of a scene.
     """
     scene, state = with_arrays((scene, state))
     # The example 0.0 says that all values are single numbers.

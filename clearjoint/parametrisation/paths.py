@@ -143,8 +143,10 @@ def require_fits(leaves: list[PyTree], numbers: list[Number], value: Leaf) -> No
 
 
 def value_at(tree: PyTree, path: NumberPath) -> Leaf:
-    """Return the value that a path selects in a scene or state; of tied numbers, the first
-    value."""
+    """Return the value that a path selects in a scene or state; of tied numbers, the first value.
+
+    **Raises:** `ValueError` if the path leads to no number, see `numbers_at`.
+    """
     number = numbers_at(tree, path)[0]
     leaf = jax.tree.leaves(tree)[number.leaf]
     return leaf[number.component] if number.component else leaf
@@ -178,7 +180,10 @@ def _replaced(leaf: Leaf, component: tuple[Index, ...], value: Leaf) -> Leaf:
 
 def unit_at(tree: PyTree, path: NumberPath) -> str:
     """Return the SI unit, as text, of the number that a path selects; "1" for a number without
-    unit."""
+    unit.
+
+    **Raises:** `ValueError` if the path leads to no number, see `numbers_at`.
+    """
     index = numbers_at(tree, path)[0].leaf
     return list(_named_leaves(tree, ""))[index][2]
 

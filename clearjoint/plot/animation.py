@@ -140,6 +140,7 @@ def animate_journal(
     frames = _nearest(observation.times, instants)
     # `list` draws nothing: without `init_func`, the first frame would be drawn twice.
     animation = FuncAnimation(figure, draw, frames=frames, init_func=list)
+    # A low resolution, in pixels per inch, keeps the file small.
     animation.save(file, writer=PillowWriter(frames_per_second), dpi=80)
 
 

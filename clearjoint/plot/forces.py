@@ -185,7 +185,7 @@ def hysteresis(
     - `observation`: from `cj.observe`, at every accepted step or at instants that resolve the
       impacts.
     - `impacts`: impacts of one contact: ``solution.impacts.of(joint, contact)``.
-    - `count`: number of impacts to draw, from the first one on.
+    - `count`: number of impacts to draw, 1 or more, from the first one on.
     - `axes`: axes to draw on, by default new ones.
 
     **Returns:** the axes; penetration with a suitable prefix of m, force in N or kN.

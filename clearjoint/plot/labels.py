@@ -142,7 +142,8 @@ def _prefixed(values: np.ndarray, unit: str) -> tuple[int, str]:
     """Return the power of ten of the prefix that brings the largest finite value between 1 and
     1000, and the text of the unit with this prefix.
 
-    The power is 0 for units without prefix and if all values are zero. It is limited by `PREFIXES`.
+    The power is 0 for units without prefix and if all values are zero. It is limited by `PREFIXES`,
+    and to at most 0 for metres, seconds and radians.
     """
     text = unit.replace("^2", "²").replace("^3", "³")
     first = unit.split("/")[0]  # a prefix scales the numerator: mm/s for m/s

@@ -138,6 +138,8 @@ def _parts(scene: Scene, solution: Solution, record: xr.DataArray) -> list[_Part
     Forces need clearance joints, and the table of impacts needs recorded impacts.
 
     **Arguments:** `record`: quantity of the spectrum over time.
+
+    **Raises:** `ValueError` for a solution without states.
     """
     if solution.steps is not None and len(solution.steps) > 1:
         path = solution.steps.between()
@@ -176,6 +178,8 @@ def _record(
     of a given quantity that declares none.
 
     **Returns:** array (N,) with the coordinate "time", s.
+
+    **Raises:** `ValueError` for a solution without states, and for a quantity without a unit.
     """
     trajectory = trajectory_of(solution, solution.saved or solution.steps)
     if quantity is not None:

@@ -185,8 +185,9 @@ def _alike(impacts: Impacts) -> dict[int, list[str]]:
     impact in `impacts`.
     """
     groups: dict[int, list[str]] = {}
-    # In the order of the onsets, an impact can only belong to one of the latest groups, of which
-    # eight suffice, in which its contact has no other impact.
+    # In the order of the onsets, simultaneous impacts follow each other, so that an impact can only
+    # belong to one of the latest groups. Eight are examined, since impacts of other joints may lie
+    # between. A contact has at most one impact in a group.
     for k in np.lexsort((impacts.contact.astype(str), impacts.onset)):
         same = [
             j

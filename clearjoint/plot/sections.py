@@ -44,7 +44,8 @@ def poincare_map(
 def _mapped(
     x: np.ndarray, y: np.ndarray, numbers: np.ndarray, labels: tuple[str, str], axes: Axes | None
 ) -> Axes:
-    """Draw points with coordinates `x`, `y` (N,), whose colours show their `numbers` (N,)."""
+    """Draw points with coordinates `x`, `y` (N,), in the units of the axes' texts `labels`, whose
+    colours show their `numbers` (N,)."""
     axes = axes_or_new(axes, (5.4, 4.8))
     shades = LinearSegmentedColormap.from_list("later is darker", [LIGHT, BLUE, DARK])
     look = {"cmap": shades, "s": 14.0, "linewidths": 0.0, "zorder": 3}
@@ -250,6 +251,7 @@ def bifurcation(
     if not number:
         draw(color=DARK)
     else:
+        # In a motion that decays, the first crossings differ most, so they get most of the colours.
         dots = draw(c=numbers, cmap="turbo_r", norm=LogNorm())
         bar = axes.figure.colorbar(dots, ax=axes, label="number of the crossing")
         tick_logarithm(bar.ax.yaxis, numbers)

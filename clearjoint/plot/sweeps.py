@@ -147,6 +147,7 @@ def against(
     scale_axes(axes, x.values, y.values)
     mark_failed(axes, x.values, is_successful(dataset).values, colour)
     labels = axes.get_legend_handles_labels()[1]
+    # Two labels of more than 40 characters are too wide for the figure side by side.
     if len(labels) > 1:
         legend_above(axes, 1 if max(map(len, map(str, labels))) > 40 else 2)
     return dress(axes, x.label, y.label)

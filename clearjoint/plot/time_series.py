@@ -206,7 +206,8 @@ def amplitude_spectrum(record: xr.DataArray, taper: str = "hann") -> xr.DataArra
     **Returns:** array (N // 2,) with the coordinate "frequency", Hz, in the unit of the record.
     Frequencies are the multiples of the inverse of N sampling intervals, without zero.
 
-    **Raises:** `ValueError` for fewer than four samples, or times at unequal intervals.
+    **Raises:** `ValueError` for fewer than four samples, times at unequal intervals, and an unknown
+    `taper`.
 
     >>> import xarray as xr
     >>> times = np.arange(1000) / 1000.0
@@ -271,7 +272,7 @@ def spectrum(
     prefix, on a logarithmic scale.
 
     **Raises:** `ValueError` for a solution without saved states, for fewer than four states or
-    states at unequal intervals of time, and for a quantity without a unit.
+    states at unequal intervals of time, for a quantity without a unit, and for an unknown `taper`.
 
     >>> save = cj.Saving(np.linspace(0, 0.5, 101))
     >>> solution = cj.simulate(scene, state, 0.5, save=save, progress=False)

@@ -79,6 +79,8 @@ class AbstractQuantity(eqx.Module):
     def check(self, scene: Scene) -> None:
         """Check that the scene has the elements that the quantity names.
 
+        Runs, sweeps and fits call this before they start.
+
         **Raises:** `ValueError` with a list of the scene's names.
         """
 

@@ -276,7 +276,8 @@ class Angle(AbstractBodyQuantity):
     - `axis`: the body's direction, (3,) in body axes. The default is perpendicular to `about`: for
       a body that only rotates about the fixed axis, the angle is then its angle of rotation.
 
-    **Raises:** `ValueError` if a direction is parallel to `about` or has zero length.
+    **Raises:** `ValueError` for a direction that is not three finite numbers or has zero length,
+    and for a `reference` or an `axis` that is parallel to `about`.
 
     >>> angle = cj.quantities.Angle("crank", about=(0, 0, 1))
     >>> angle.unit, angle.period == 2 * np.pi

@@ -451,9 +451,11 @@ class HasRelativeAngle(Protocol):
     """Interface of a joint or force element that defines an angle between its two bodies."""
 
     def relative_angle(self, motions: Motions) -> Row:
-        """Return the second body's angle relative to the first, rad, as the value of a row.
+        """Return the second body's angle relative to the first, in the form of a constraint row.
 
-        The row also has the derivatives of the angle's rate by the bodies' velocities.
+        The `value` of the row is the angle, rad. Its `jacobian` has the derivatives of the angle's
+        rate by the bodies' velocities. `motions` has positions and velocities of the bodies by
+        name.
         """
         ...
 
@@ -469,7 +471,8 @@ class AbstractJointAngle(AbstractJointQuantity):
         return elements_with_angle(scene)
 
     def angle(self, now: Instant) -> Row:
-        """Return the angle, rad, as a row, which also has the derivatives of the angle's rate."""
+        """Return the angle as a constraint row: its `value` is the angle, rad, and its `jacobian`
+        has the derivatives of the angle's rate by the bodies' velocities."""
         return elements_with_angle(now.scene)[self.joint].relative_angle(now.motions)
 
 
@@ -527,7 +530,8 @@ class JointAngularAcceleration(AbstractJointAngle):
     def __call__(self, now: Instant) -> Scalar:
         """Return the second time derivative of the angle, rad/s^2."""
         row = self.angle(now)
-        # The second derivative of a row is its bias plus the Jacobian times the accelerations.
+        # The second time derivative of a row's value is the row's bias, which is that part without
+        # accelerations, plus the Jacobian times the accelerations. The ground has none.
         total = row.bias
         for name, pair in row.jacobian.items():
             if name != GROUND:

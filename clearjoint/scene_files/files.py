@@ -142,8 +142,9 @@ def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
 
     **Returns:** the scene and its state, complete for all bodies.
 
-    **Raises:** `ValueError` for content that does not describe a scene. The message names the
-    location in the file, the value found there, the expected values and a remedy.
+    **Raises:** `ValueError` for another suffix, for `classes` that are no collection of classes,
+    and for content that does not describe a scene. The message about the content names the location
+    in the file, the value found there, the expected values and a remedy.
     """
     makers((), classes)  # raises an error for wrong classes
     document, location = read_document(Path(path))

@@ -45,7 +45,7 @@ def read_document(path: Path) -> tuple[Document, FileLocation]:
     """Read a TOML or JSON file; return its tables and their location, for error messages.
 
     **Raises:** `ValueError` for a suffix other than .toml and .json, for bytes that are not UTF-8,
-    for a file that is too large, and as `parse`.
+    for a file of more than 200 MB, and as `parse`.
     """
     suffix, location = suffix_of(path), FileLocation(str(path))
     content = read_bytes(path, 200_000_000)
@@ -145,6 +145,7 @@ def format_document(document: Document, suffix: str, units: Units, schema: str |
             continue
         if unit != "1":
             item.comment(unit)
+        # An array of more than 12 entries, such as a table of values, would make too long a line.
         if isinstance(item, Array):
             item.multiline(len(item) > 12)
     text = tomlkit.dumps(tables)

@@ -82,7 +82,10 @@ class Reader:
             return as_number(value)
 
     def _item(self, content: object, expected: Expectation, location: FileLocation) -> object:
-        """Convert a value as `value` does, but return arrays as numbers or tuples of numbers."""
+        """Convert a value as `value` does, but return arrays as numbers or tuples of numbers.
+
+        **Raises:** `ValueError` if the content is not as expected.
+        """
         # Arguments that may also be numbers or objects are not limited to their options.
         options = None if expected.shapes or expected.classes else expected.options
         if options is not None and not (content is None or isinstance(content, str)):
@@ -116,6 +119,9 @@ class Reader:
 
         A table whose keys are names becomes a dictionary. Otherwise its class is the one that it
         names, or the only one that is allowed; an axis and an angle become Euler parameters.
+
+        **Raises:** `ValueError` for a table that needs a class and names none, or an unknown one,
+        and where no table is expected.
         """
         if expected.by_name is None:
             families = expected.classes
@@ -201,7 +207,10 @@ def _is_plain(item: object) -> bool:
 
 def _text(content: str, expected: Expectation, location: FileLocation) -> object:
     """Return the value of a text in a file: that of an option, the text itself where texts are
-    expected, None for "none", or else the number of a text such as "0.3 mm"."""
+    expected, None for "none", or else the number of a text such as "0.3 mm".
+
+    **Raises:** `ValueError` for a text that is none of these.
+    """
     options = expected.options or {}
     if content in options:
         return options[content]
@@ -226,6 +235,7 @@ def number_of_text(text: str, unit: str | None, location: FileLocation) -> float
     `unit`, and for a unit where none is declared.
     """
     expected = "a number" if unit is None else f"a number in {unit}"
+    # Longer texts are no numbers that a user means, and exact computation with them may be slow.
     matched = NUMBER.fullmatch(text) if len(text) <= 200 else None
     if matched is None:
         location.refuse(text, expected, "write a number, in quotes only if it has a unit")

@@ -31,6 +31,8 @@ def scene_schema(classes: Classes = ()) -> Schema:
 
     **Returns:** a dictionary for `json.dump`.
 
+    **Raises:** `ValueError` unless `classes` is a collection of classes.
+
     >>> schema = cj.scene_schema()
     >>> schema["$schema"]
     'https://json-schema.org/draft/2020-12/schema'
@@ -125,7 +127,8 @@ class Catalogue:
 
 
 def _table(properties: Schema, required: list[str]) -> Schema:
-    """Return the schema of a table with the keys of `properties` only, and their schemas."""
+    """Return the schema of a table that may have the keys of `properties` and no others, with their
+    schemas, and must have the keys in `required`."""
     return {
         "type": "object",
         "properties": properties,
@@ -135,7 +138,8 @@ def _table(properties: Schema, required: list[str]) -> Schema:
 
 
 def _list_of(item: Schema, length: int | None = None) -> Schema:
-    """Return the schema of a list, with a given number of entries or any."""
+    """Return the schema of a list of entries with the schema `item`; `length` is the number of
+    entries, ``None`` for any."""
     size = {} if length is None else {"minItems": length, "maxItems": length}
     return {"type": "array", "items": item, **size}
 

@@ -215,12 +215,14 @@ def _robot(path: Path) -> tuple["yourdfpy.Robot", list[str]]:
     """Return the parsed robot, without meshes, and the tags of its XML elements, those inside of
     links and joints not included.
 
-    **Raises:** `ImportError` without yourdfpy; `ValueError` for a file that can't be parsed.
+    **Raises:** `ImportError` without yourdfpy; `ValueError` for a file that can't be parsed, or of
+    more than 50 MB.
     """
     try:
         import yourdfpy
     except ImportError as error:
         raise ImportError('URDF files need pip install "clearjoint[urdf]"') from error
+    # The limit, in bytes, refuses files that would exhaust the memory: parsed they are far larger.
     content = read_bytes(path, 50_000_000)
     try:
         # yourdfpy silently skips elements that it does not know; their tags are needed to warn.
@@ -238,7 +240,8 @@ def _checked(name: str, given: Play, hinges: list[str], location: FileLocation) 
     **Arguments:** `name`: name of the joint; `given`: its play; `hinges`: names of the joints that
     can have play; `location`: the file.
 
-    **Raises:** `ValueError` for a joint that can't have play and for an unknown argument.
+    **Raises:** `ValueError` for a joint that can't have play, for arguments that are no dictionary,
+    for an unknown argument, and for a text that is no number with a suitable unit.
     """
     if name not in hinges:
         remedy = nearest(name, hinges, "leave it out")

@@ -90,6 +90,8 @@ def arrows(
                 parts.append(DrawnPart(name, meshes.arrow(), poses, colour))
     if not parts:
         return Arrows(parts, scale, "")
+    # The legend states the force of an arrow as long as a tenth of the mechanism or, if lengths are
+    # not proportional to forces, the largest force.
     length, force, suffix = 0.1 * sizes.size, 0.1 * sizes.size / scale, ""
     if root:
         length, force, suffix = scale * largest, largest, ", lengths ∝ square root of forces"

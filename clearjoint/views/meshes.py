@@ -67,7 +67,8 @@ def cylinder(radius: float, length: float) -> Mesh:
 
 
 def tube(inner: float, outer: float, length: float) -> Mesh:
-    """Return a tube of two radii, m, about z, with open ends, centred at the origin."""
+    """Return a tube about z with open ends, centred at the origin; radii `inner` and `outer`, and
+    `length`, in m."""
     return _of(_creation().annulus(inner, outer, length, sections=2 * ROUND))
 
 

@@ -44,8 +44,11 @@ def page(
     """Return the HTML text of a page that shows a view and needs no network.
 
     **Arguments:** `parts`: solids with their poses in each frame; `camera`: first position of the
-    viewer, which the reader can change; `times`: times of the frames, (N,) s, or ``None`` for a
-    single state; `height`: height of the view in a notebook, pixels.
+    viewer, which the reader can change; `legend`: texts beside the view; `times`: times of the
+    frames, (N,) s, or ``None`` for a single state; `height`: height of the view in a notebook,
+    pixels.
+
+    **Raises:** `ImportError` without the package k3d.
     """
     k3d = needed("k3d")
     with warnings.catch_warnings():
@@ -63,6 +66,7 @@ def page(
         for part in parts:
             plot += _drawable(part, k3d)
         plot.camera = [*camera.eye.tolist(), *camera.target.tolist(), *camera.up.tolist()]
+        # Seven digits of a time suffice for the page to show, and keep the file small.
         content = {
             "title": legend.title,
             "entries": legend.entries,
@@ -84,7 +88,8 @@ def _script(name: str) -> str:
 
 
 def _drawable(part: DrawnPart, k3d):
-    """Return the k3d mesh of a part, with the poses and colours of all frames by frame number."""
+    """Return the mesh of a part for the package `k3d`, with the poses and colours of all frames by
+    frame number."""
     mesh = k3d.mesh(
         part.mesh.vertices.astype(np.float32),
         part.mesh.faces.astype(np.uint32),

@@ -85,11 +85,12 @@ def instants_to_show(times: np.ndarray, most: int) -> Int[np.ndarray, " M"]:
     """Choose the instants of a run that become frames: at most `most` of its times, about equally
     spaced.
 
-    The first and the last time are among them. All times are chosen if there are at most `most`.
-
-    **Returns:** indices (M,) of the chosen times, rising.
+    The first and, unless `most` is 1, the last time are among them. All times are chosen if there
+    are at most `most`.
 
     **Arguments:** `times`: (N,) s, increasing.
+
+    **Returns:** indices (M,) of the chosen times, rising.
     """
     if len(times) <= most:
         return np.arange(len(times))

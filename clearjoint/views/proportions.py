@@ -68,6 +68,7 @@ def proportions(
     clearance would be nearly as large as its bearing.
     """
     size = _size(scene, poses, noted)
+    # Bars are thick enough to be seen in a view of the whole mechanism, and thin beside its links.
     bar = 0.014 * size
     radii = [bore.radius for bore in noted.bores if bore.radius is not None]
     if bearing_scale is None:
@@ -218,8 +219,8 @@ def camera(parts: Sequence[DrawnPart], proportions: Proportions, count: int) -> 
     do not belong to the mechanism: they must be in the picture, but not around its middle.
     `proportions`: has the directions from which the mechanism is seen; `count`: number of frames.
     """
-    # The parts are evaluated in at most 120 frames. Coordinates below are to the right, upwards and
-    # to the viewer, m.
+    # The parts are evaluated in at most 120 frames, between which a motion hardly leaves the
+    # picture. Coordinates below are to the right, upwards and to the viewer, m.
     instants = np.unique(np.linspace(0, count - 1, min(count, 120)).astype(int)).tolist()
     axes = _axes(_direction(proportions), proportions.up)
     bodies = [part for part in parts if part.colour not in (FORCE, LOAD)]
@@ -231,7 +232,7 @@ def camera(parts: Sequence[DrawnPart], proportions: Proportions, count: int) -> 
     for _ in range(12):
         # Move the target to the middle of the mechanism's picture, and the camera to the distance
         # from which everything nearly fills the picture, but in front of the nearest point. Extents
-        # in perspective depend on the distance.
+        # in perspective depend on the distance: each repetition about halves its error at least.
         projected = in_perspective(mechanism - target, distance)
         target[:2] += 0.5 * (projected.min(axis=0) + projected.max(axis=0))
         extent = np.abs(in_perspective(everything - target, distance)).max(axis=0)

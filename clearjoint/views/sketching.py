@@ -329,14 +329,20 @@ class SketchingPen(AbstractPen):
         return points[np.sort(firsts)]
 
     def _add(self, body: str, mesh: Mesh, colour: str = "", opacity: float = 1.0) -> None:
-        """Fix a solid to a body; the mesh is in body axes, m. By default it has the body's
-        colour."""
+        """Fix a solid to a body; the mesh is in body axes, m.
+
+        **Arguments:** `colour`: "#rrggbb", by default that of the body; `opacity`: from 0,
+        invisible, to 1, opaque.
+        """
         key = body, colour or self._colours[body], opacity
         self._fixed.setdefault(key, []).append(mesh)
 
     def _fix(self, marker: Marker, mesh: Mesh, colour: str = "", opacity: float = 1.0) -> None:
         """Fix a solid to the marker's body: the solid's origin at the marker's point, and its z
-        axis along the marker's axis if the marker has one."""
+        axis along the marker's axis if the marker has one, otherwise its axes along the body's.
+
+        **Arguments:** `mesh`: in the solid's own axes, m; `colour`, `opacity`: see `_add`.
+        """
         rotation = None if marker.axis is None else frame_about(marker.along())
         self._add(marker.body, mesh.moved(pose_at(marker.point, rotation)), colour, opacity)
 

@@ -76,7 +76,7 @@ class View:
         **Returns:** the path of the file.
 
         **Raises:** `ValueError` for another suffix, for an animation of a single state, and for an
-        MP4 without ffmpeg.
+        MP4 without ffmpeg; `ImportError` for a page without the package k3d.
 
         ```python
         import clearjoint as cj

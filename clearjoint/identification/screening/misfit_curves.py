@@ -43,7 +43,8 @@ class SideBySide:
     runs: Experiment
     data: Samples
     _batches: list[Batch] = field(default_factory=list, repr=False, compare=False)
-    """The latest batch, whose compiled programs the next one reuses; empty at first."""
+    """The latest batch, whose compiled programs the next one reuses; empty at first. It is in a
+    list because no field of a frozen dataclass can be replaced."""
 
     @property
     def times(self) -> Float[np.ndarray, " T"]:
@@ -208,6 +209,7 @@ class SideBySide:
         """Data that all lanes share: the method, the outputs, and the part of the scene that is
         independent of the parameters."""
         runs = self.runs
+        # The lanes compute no reductions, sections or impacts; they only save states.
         plan = Plan(runs.scheme, {}, {}, True, runs.max_steps)
         folded_scene = fold_constants(runs.family.base[0], self._varied)
         return Common(plan, folded_scene, runs.start_time, {}, {LOG: runs.outputs}, LOG)

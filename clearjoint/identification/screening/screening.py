@@ -177,7 +177,7 @@ def screen(
                 starts = kept[apart(kept, screening.finish)]
                 return Screened(kept, misfits[best], starts, tuple(times), runs, complete)
             # If enough points fit all of these runs, the runs were too short to choose among them:
-            # the same points run farther.
+            # the same points run half as far again.
             if count >= ahead:
                 ahead = min(lanes.count, ahead + ahead // 2 + 1)
                 continue
@@ -205,6 +205,9 @@ def search_screened(
     derivatives; it also keeps its result for the caller. The others are those of `screen`.
 
     **Returns:** the result of each screening pass.
+
+    **Raises:** `ValueError` as `screen`, and the errors of `search_from`, by which it ends the
+    passes if the user interrupts it.
     """
     degrees_of_freedom = lanes.data.count - len(names)
     searches: list[Search] = []
