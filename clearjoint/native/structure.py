@@ -292,6 +292,8 @@ def _dot_general(lower: Lowering, equation: Equation, first: Array, second: Arra
         count, length = (math.prod(shape[k] for k in axes) for axes in (batch, along))
         return values.transpose([*batch, *others, *along]).reshape(count, -1, length).tolist()
 
+    if math.prod(aval_of(equation.invars[0]).shape) == 0:
+        raise UnsupportedPrimitiveError("dot_general of no elements")
     # Each element of the result is the inner product of a row of one array and a row of the other.
     add, multiply = (partial(apply, lower.ops, name) for name in ("add", "mul"))
     left_rows, right_rows = rows(first, 0, left_batch, left), rows(second, 1, right_batch, right)

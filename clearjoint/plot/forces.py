@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
-from ..fields.checks import require
+from ..fields.checks import require, require_count
 from ..fields.drawn_text import shown
 from ..model.clearance_joints.journal_bases import BASES
 from ..simulation.results.impact_table import Impacts
@@ -190,13 +190,14 @@ def hysteresis(
 
     **Returns:** the axes; penetration with a suitable prefix of m, force in N or kN.
 
-    **Raises:** `ValueError` if `impacts` is empty, or if fewer than three observed instants lie in
-    one of the drawn impacts.
+    **Raises:** `ValueError` if `impacts` is empty, if `count` is not a positive integer, or if fewer
+    than three observed instants lie in one of the drawn impacts.
 
     >>> axes = plot.hysteresis(observed, solution.impacts.of("shoulder", "V"), count=1)
     """
     remedy = "take another contact, or a longer run"
     require(len(impacts) > 0, "impacts", len(impacts), "at least one impact", remedy)
+    require_count("count", count, "give a number of impacts")
     axes = axes_or_new(axes)
     # Each loop is the penetration (n,), m, and the force (n,), N, of an impact.
     loops = [_loop(observation, impacts, k) for k in range(min(count, len(impacts)))]

@@ -130,6 +130,12 @@ def show(axes: Axes, times: np.ndarray, window: TimeSpan | None) -> np.ndarray:
 
 def inside(times: np.ndarray, window: TimeSpan | None) -> np.ndarray:
     """Return a mask (N,) that is true for those of the times (N,) that lie in the window or at its
-    ends, or for all times if `window` is None. Times and window have the same unit."""
+    ends, or for all times if `window` is None. Times and window have the same unit.
+
+    **Raises:** `ValueError` if no time lies in the window.
+    """
     first, last = (-np.inf, np.inf) if window is None else window
-    return (times >= first) & (times <= last)
+    mask = (times >= first) & (times <= last)
+    expected, remedy = "an interval with observed times", "widen it, or observe at more instants"
+    require(window is None or mask.any(), "window", window, expected, remedy)
+    return mask

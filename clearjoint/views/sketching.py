@@ -414,12 +414,15 @@ class SketchingPen(AbstractPen):
         `distance`: outer radius of the wall, m.
         """
         point = np.asarray(marker.point, dtype=float)
-        inwards = -self._sizes.up if marker.body == GROUND else -point
+        on_ground = marker.body == GROUND
+        inwards = -self._sizes.up if on_ground else -point
         if marker.axis is not None:
             axis = marker.along()
             inwards = inwards - axis * (inwards @ axis)
         size = np.linalg.norm(inwards)
-        return inwards * (distance / size) if size > distance else np.zeros(3)
+        # The ground has no centre of mass: its bar has any length, unless the axis is vertical.
+        has_bar = size > (1e-6 if on_ground else distance)
+        return inwards * (distance / size) if has_bar else np.zeros(3)
 
     def _moved_back(self, marker: Marker, distance: float) -> Marker:
         """Return a marker that is moved along its axis by a distance, m, away from the viewer in

@@ -21,7 +21,7 @@ from ...fields.conversion import on_device
 from ...math.interpolation import secant_root
 from ...math.vectors import Scalar
 from ...model.scene import Scene
-from ...quantities.base import Quantity, check_quantity
+from ...quantities.base import Quantity, check_quantity, require_quantity
 from ...quantities.instant import Instant
 from ..results.solution import TIME, Crossings
 from ..step.dense_output import Snapshot, on_constraints
@@ -38,7 +38,7 @@ def check_channels(channels: Channels) -> None:
 
     A name becomes the name of an array in results and files.
 
-    **Raises:** `ValueError` if `channels` is not a mapping, is empty, or has a value that is not a
+    **Raises:** `ValueError` if `crossing` is not a function, if `channels` is not a mapping, is empty, or has a value that is not a
     tuple of a function and a text; and for a name that is not a non-empty string, contains a slash
     or backslash, begins with "." or "__", or is "time" or "count".
     """
@@ -212,6 +212,7 @@ class Section:
     after: float = 0.0
 
     def __post_init__(self) -> None:
+        require_quantity("crossing", self.crossing)
         check_channels(self.channels)
         require_count("count", self.count, "pass a number of crossings")
         require_finite("after", self.after)
