@@ -293,8 +293,9 @@ class State(AbstractReadable):
 
     - `bodies`: `BodyState` of each body by name, without the ground.
     - `entry_speeds[joint][contact]`: entry speed of the current contact, m/s, by name of the joint
-      and label of the contact; zero without contact, and 1e9 if the contact began before the start
-      of the run. Empty for scenes whose laws don't use entry speeds.
+      and label of the contact; zero without contact, and 1e9, which makes the damping negligible,
+      if the contact began before the start of the run. Empty for scenes whose laws don't use entry
+      speeds.
     - `work`: energies supplied to the bodies or taken from them since the start, J, by name; empty
       unless the run keeps this energy ledger.
     - `bristles[joint][contact]`: bristle deflections, (3,) m in the axes of the joint's first body;

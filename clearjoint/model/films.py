@@ -117,7 +117,8 @@ class AbstractFilm(AbstractConverting):
     def limits(self, bearing_radius: Scalar, length: Scalar) -> tuple[Limit, ...]:
         """Return the quantities on which the validity of the film law depends, with their ranges.
 
-        A warning is issued for a value outside its range. The default is an empty tuple.
+        A warning is issued for a value outside its range when a joint with the film is made. The
+        default is an empty tuple.
 
         **Arguments:** `bearing_radius`, `length`: of the bearing and the film, m.
         """
@@ -215,6 +216,9 @@ class PinkusSternlichtFilm(AbstractFilm):
         moves = speed > 0.0
         numerator = k_product + jnp.where(closing > 0.0, 3.0, 0.0) * size
         factor = jnp.where(moves, numerator / jnp.where(moves, k_product + 1.5 * size, 1.0), 1.0)
+        # The component of the rate along the offset is e', the one across it -e w/2. A force along
+        # the rate thus contains the whole tangential force, and `squeeze` adds the rest of the
+        # radial force.
         rotation = rate * (12.0 * math.pi / root)
         squeeze = offset * ((18.0 * math.pi * closing + 24.0 * k_product) / (rho * root))
         scale = self.viscosity * gap.length * gap.bearing_radius**3 / gap.clearance**2
@@ -311,8 +315,9 @@ class ButenschoenFilm(AbstractFilm):
 def load_slope(width: Scalar, ratio: Scalar) -> Scalar:
     """Return the load number So_D of steady rotation, dimensionless, over the eccentricity ratio.
 
-    Its product with this ratio, a rotational speed and a factor of the size gives the load of
-    `ButenschoenFilm`. `width` is the width-to-diameter ratio B/D, `ratio` the eccentricity ratio.
+    Its product with this ratio and with B D mu |Omega|/psi^2 is the load that rotation carries in
+    `ButenschoenFilm`, where the symbols are explained. The quotient is finite for a centred
+    journal. `width` is the width-to-diameter ratio B/D, `ratio` the eccentricity ratio.
     """
     numerator, shift = (polynomial(fit, width) for fit in LOAD)
     square = ratio * ratio

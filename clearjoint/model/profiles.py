@@ -32,9 +32,14 @@ from ..math.functions import polar_angle
 from ..math.vectors import Scalar, library
 
 NEWTON_STEPS = 4
-"""Number of Newton steps from the best of the evenly spaced angles to the closest approach."""
+"""Number of Newton steps from the best of the evenly spaced angles to the closest approach.
+
+With eight angles a wave the search starts at most a sixteenth of a wave from it. Each step roughly
+squares this error, so that four steps reach rounding accuracy.
+"""
 FEWEST_ANGLES = 16
-"""Smallest number of evenly spaced angles at which `closest_approach` begins to search."""
+"""Smallest number of evenly spaced angles at which `closest_approach` begins to search: that for
+two waves around the circumference."""
 MOST_ANGLES = 48
 """Largest number of these angles. The compiler of native code (`clearjoint.native`) turns an array
 of up to this length into separate numbers; a longer one is kept in memory and processed by slower
@@ -68,8 +73,9 @@ class AbstractProfile(AbstractConverting):
     """Base class of periodic deviations of a bearing's wall or of a journal from a circle.
 
     A subclass defines `at`, which must be twice continuously differentiable, and `angles`. The
-    angle is measured about the axis, from the x axis towards the y axis of the part's own frame,
-    whose z axis is that of the part (the frame of `clearjoint.quantities.JournalOffset`). A
+    angle is measured about the part's axis, from the x axis towards the y axis of a frame that is
+    fixed to the part and has its z axis along this axis. For a part with the axis (0, 0, 1) it is
+    the frame of its body; in general its x and y axes are those that `transverse_axes` returns. A
     positive deviation enlarges the radius: it removes material from a bearing and adds material to
     a journal.
 

@@ -130,6 +130,10 @@ class Scene(AbstractReadable):
             caution_above("gravity", size, "m/s^2", STRONGEST_GRAVITY, "give it in m/s^2")
 
     def _caution_together(self) -> None:
+        """Issue the warnings about loose bodies that the class docstring lists.
+
+        `AbstractReadable` calls it when a scene has been made.
+        """
         elements = (*self.joints.values(), *self.forces.values())
         connected = {body for element in elements for body in element.body_names()}
         for name in self.bodies:

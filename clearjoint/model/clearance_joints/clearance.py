@@ -65,7 +65,7 @@ LARGEST_BEARING = 2.0
 SHOULDERS = ("lower shoulder", "upper shoulder")
 """Contact labels of the shoulders: at the lower and at the upper end of the bearing's axis."""
 MOST_POINTS = 64
-"""Largest number of points along the journal."""
+"""Largest number of points along the journal, since each is a contact of its own."""
 LONGEST_JOURNAL = 100.0
 """Ratio of journal length to bearing radius above which a warning is issued."""
 
@@ -295,6 +295,8 @@ class ClearanceJoint(AbstractCentredJoint):
         slip = None
         if self.friction is not None:
             slip = slip_at(bearing, journal, on_bearing, on_journal, normal)
+        # Without friction the force acts along the line through the bearing's axis and the base's
+        # centre, at these two points.
         on_axis = self.bearing_point + unit(self.bearing_axis) * base.height
         return Contact(gap, normal, on_bearing, on_journal, slip, on_axis, base.local)
 
@@ -382,7 +384,8 @@ class ClearanceJoint(AbstractCentredJoint):
         return friction.force(normal_force, contact.slip)
 
     def journal_bases(self, motions: Motions) -> JournalBases:
-        """Return the calculator of position and velocity of the journal's bases."""
+        """Return an object that computes the position and velocity of the journal's bases, and of
+        points between them, relative to the bearing."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         points = self.bearing_point, self.journal_point
         axis, half = bearing.direction(unit(self.bearing_axis)), self._half()

@@ -29,7 +29,8 @@ from ..joints.base import (
 FLANKS = {"lower flank": -1.0, "upper flank": 1.0}
 """Labels of two flanks, and the sign of the second body's rotation that each flank stops."""
 RIGHT_ANGLE = 1e-9
-"""Largest cosine of the angle between two directions that count as perpendicular."""
+"""Largest cosine of the angle between two directions that count as perpendicular; it allows for the
+rounding of given numbers."""
 
 LEAST_TRANSVERSE_LOAD = 1e-6
 """Ratio of a load's component across the axis to the load, below which it counts as rounding
@@ -84,7 +85,10 @@ class AbstractFlankJoint(AbstractFrictionlessJoint):
 
 
 class CentredInPlay(AbstractConstraint):
-    """Constraint that holds two bodies in the middle of their backlash; one row."""
+    """Constraint that holds two bodies in the middle of their backlash; one row.
+
+    `assemble` places the bodies with it if they start outside the play.
+    """
 
     joint: AbstractFlankJoint
 

@@ -29,7 +29,8 @@ LARGEST_MODULE = 0.1
 WIDEST_BACKLASH = 0.2
 """Ratio of the backlash to the pitch pi m above which a warning is issued."""
 PRESSURE_ANGLES = 0.1, 0.8
-"""Smallest and largest allowed pressure angle, rad."""
+"""Smallest and largest allowed pressure angle, rad. Common gears have 14.5 to 30 degrees, 0.25 to
+0.52 rad; an angle in degrees is refused."""
 
 
 def involute(sine: Scalar, cosine: Scalar) -> Scalar:

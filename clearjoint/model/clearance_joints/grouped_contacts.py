@@ -56,7 +56,8 @@ class GroupedContactJoint(AbstractContactJoint):
     def _each_at(self, motions: Motions, method: str) -> PyTree:
         """Return the results of a method whose only argument is `motions`, with arrays (N,).
 
-        **Arguments:** `motions`: of the groups of bodies, by name. `method`: its name.
+        **Arguments:** `motions`: of the groups of bodies, by name of the group. `method`: the
+        method's name.
         """
         # A single joint looks up its bodies by the names of the first joint's bodies.
         names = self.joint.pair()

@@ -41,7 +41,8 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
       applies the full law: use half the journal's length, or the whole length with `line_points`.
 
     **Raises:** `ValueError` if a modulus or the length is not positive, or a Poisson's ratio is
-    outside [-1, 0.5].
+    outside [-1, 0.5]. **Warns:** `UnusualValueWarning` for moduli outside 1e9 to 2e12 Pa, or a
+    length outside 1e-5 to 10 m.
 
     ```python
     import clearjoint as cj

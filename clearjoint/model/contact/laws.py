@@ -1,9 +1,9 @@
 """Interfaces of the laws of the normal force of a contact, and of their elastic force.
 
 A law computes the force from the penetration delta, m, its rate, m/s, and the entry speed, m/s,
-which is the rate at the onset of the contact. Laws of the Hunt-Crossley
-family are in `hunt_crossley` and `damping_factors`, laws with a parallel dashpot in `dashpots`.
-Other laws subclass `AbstractContactLaw`; test them with `clearjoint.testing.check_law`.
+which is the rate at the onset of the contact. Laws of the Hunt-Crossley family are in
+`hunt_crossley` and `damping_factors`, laws with a parallel dashpot in `dashpots`. Other laws
+subclass `AbstractContactLaw`; test them with `clearjoint.testing.check_law`.
 """
 
 import abc
@@ -165,6 +165,7 @@ class RavnStiffness(AbstractMaterialPair, AbstractStiffness):
     - `journal_young_modulus`, `journal_poisson_ratio`: of the journal; the bearing's by default.
 
     **Raises:** `ValueError` if a modulus is not positive, or a ratio is outside [-1, 0.5].
+    **Warns:** `UnusualValueWarning` for moduli outside 1e9 to 2e12 Pa.
 
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.5e-3)
     >>> print(f"{cj.laws.RavnStiffness(207e9, 0.3).value(gap):.4g} N/m^1.5")
@@ -278,7 +279,9 @@ class AbstractContactLaw(AbstractConverting):
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
         """Return the quantities on which the validity of the law depends, with their ranges.
 
-        A warning is issued for a value outside its range. The default is an empty tuple.
+        A warning is issued for a clearance outside its range when a `ClearanceJoint` or
+        `BallInSocket` is made, and for a penetration outside its range after a run that records
+        impacts. The default is an empty tuple.
         """
         return ()
 

@@ -186,6 +186,7 @@ def turning_angle(
     motions = dict(zip(names, (first, second), strict=True))
     c_rate, s_rate = rate_of(cosine, motions), rate_of(sine, motions)
     rate = (c * s_rate - s * c_rate) * inverse
+    # The derivative of the rate by time; the last term is that of `inverse`.
     bias = c * sine.bias - s * cosine.bias - 2.0 * rate * (c * c_rate + s * s_rate)
     return Row(polar_angle(s, c), jacobian, bias * inverse)
 

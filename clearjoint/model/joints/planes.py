@@ -189,7 +189,11 @@ class PlanarJoint(AbstractAxisJoint):
     """
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the "height" of the second point, m, and the cosines "tilt 1" and "tilt 2"."""
+        """Return the "height" of the second point above the plane, m, and "tilt 1" and "tilt 2".
+
+        The tilts are the cosines of the angles between the first body's normal and two directions
+        across the second body's normal.
+        """
         return self._height(motions, self.axis_first) | self._tilts(motions)
 
     def motion_subspace(self, parent: str) -> PlanarMotion:
