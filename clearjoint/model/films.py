@@ -138,7 +138,9 @@ class CaponeFilm(AbstractFilm):
     Q = q/(1 - q^2). The force is exact in the limit of a small length-to-diameter ratio L/D. At an
     eccentricity ratio of 0.5 it is too large by 6 % for L/D = 1/4, and by 69 % for L/D = 1.
 
-    **Arguments:** `viscosity`: mu, Pa s, positive.
+    **Arguments:** `viscosity`: mu, Pa s.
+
+    **Raises:** `ValueError` if the viscosity is not positive.
 
     **Source:** G. Capone 1986, 1991; G. Adiletta, A. R. Guido, C. Rossi 1996 (there in components
     along fixed axes).
@@ -188,7 +190,9 @@ class PinkusSternlichtFilm(AbstractFilm):
     The formula is approximate: its error is 1 to 23 % for moderate squeeze and 34 % where squeeze
     dominates. An infinitely long bearing carries far more than a short one.
 
-    **Arguments:** `viscosity`: mu, Pa s, positive.
+    **Arguments:** `viscosity`: mu, Pa s.
+
+    **Raises:** `ValueError` if the viscosity is not positive.
 
     **Source:** O. Pinkus, B. Sternlicht 1961, as in P. Ravn, S. Shivaswamy, B. J. Alshaer, H. M.
     Lankarani 2000 and P. Flores, J. Ambrosio, J. C. P. Claro, H. M. Lankarani, C. S. Koshy 2006.
@@ -268,8 +272,9 @@ class ButenschoenFilm(AbstractFilm):
     a short bearing use `CaponeFilm`. A centred journal has no line of centres, so the load along
     this line falls smoothly to zero below an eccentricity ratio of 0.001.
 
-    **Arguments:** `viscosity`: mu, Pa s, positive.
+    **Arguments:** `viscosity`: mu, Pa s.
 
+    **Raises:** `ValueError` if the viscosity is not positive.
     **Warns:** `LawRangeWarning` if B/D is outside 1/8 to 1, when a joint with the film is made.
 
     **Source:** H.-J. Butenschoen 1976 (thesis, Karlsruhe), "Das hydrodynamische, zylindrische

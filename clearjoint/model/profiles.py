@@ -46,7 +46,7 @@ of up to this length into separate numbers; a longer one is kept in memory and p
 loops."""
 ANGLES_PER_WAVE = 8
 """Number of evenly spaced angles for each wave of the highest harmonic, at which to search for the
-closest approach."""
+closest approach. From within a sixteenth of a wave, Newton's method converges to the maximum."""
 
 
 NumberOrArray: TypeAlias = Float[Any, "..."]
@@ -228,7 +228,7 @@ class PeriodicSpline(AbstractPeriodicSpline):
     def through(values: ArrayLike) -> "PeriodicSpline":
         """Return the spline through values (N,), m, at the angles 0, 2 pi/N, 4 pi/N, ...
 
-        **Raises:** `ValueError` if there are less than four values, or one is not finite.
+        **Raises:** `ValueError` if the values are not a row of at least four finite numbers.
         """
         values = jnp.asarray(values) if isinstance(values, jax.Array) else np.asarray(values, float)
         library = jnp if isinstance(values, jax.Array) else np

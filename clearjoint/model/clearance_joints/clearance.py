@@ -59,15 +59,17 @@ from .common import (
 from .journal_bases import BASES, SIDES, AxialPoint, JournalBase, JournalBases, axial_points
 
 WIDEST_CLEARANCE = 0.1
-"""Ratio of clearance to bearing radius above which a warning is issued."""
+"""Ratio of clearance to bearing radius above which a warning is issued, since the unit of one of
+them is probably wrong."""
 LARGEST_BEARING = 2.0
-"""Bearing radius above which a warning is issued, m."""
+"""Bearing radius above which a warning is issued, m, since it may have been given in mm."""
 SHOULDERS = ("lower shoulder", "upper shoulder")
 """Contact labels of the shoulders: at the lower and at the upper end of the bearing's axis."""
 MOST_POINTS = 64
 """Largest number of points along the journal, since each is a contact of its own."""
 LONGEST_JOURNAL = 100.0
-"""Ratio of journal length to bearing radius above which a warning is issued."""
+"""Ratio of journal length to bearing radius above which a warning is issued, since the length may
+have been given in mm."""
 
 
 class ClearanceJoint(AbstractCentredJoint):

@@ -25,9 +25,10 @@ from ..pen import AbstractPen
 from .common import FLANKS, AbstractFlankJoint
 
 LARGEST_MODULE = 0.1
-"""Module above which a warning is issued, m."""
+"""Module above which a warning is issued, m, since it may have been given in mm."""
 WIDEST_BACKLASH = 0.2
-"""Ratio of the backlash to the pitch pi m above which a warning is issued."""
+"""Ratio of the backlash to the pitch, pi times the module, above which a warning is issued, since a
+unit is probably wrong."""
 PRESSURE_ANGLES = 0.1, 0.8
 """Smallest and largest allowed pressure angle, rad. Common gears have 14.5 to 30 degrees, 0.25 to
 0.52 rad; an angle in degrees is refused."""

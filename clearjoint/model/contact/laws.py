@@ -46,7 +46,8 @@ class AbstractElasticity(AbstractConverting):
     def force(self, gap: Gap, exponent: float) -> Scalar:
         """Return the elastic force, N, zero without penetration.
 
-        **Arguments:** `gap`: penetration, m, and radii, m. `exponent`: n of a law K delta^n.
+        **Arguments:** `gap`: penetration, m, and radii, m. `exponent`: n of a law K delta^n; an
+        elasticity that is not a power of the penetration ignores it.
         """
 
     @abc.abstractmethod
