@@ -430,6 +430,7 @@ def require_room(
     if bearing is None and journal is None:
         return
     deviations = _sampled(bearing).value, _sampled(journal).value
+    # ``None`` stands for numbers that JAX traces, which can't be checked here.
     if (known := checkable(clearance, *deviations)) is None:
         return
     width, wall, part = known
@@ -461,6 +462,7 @@ def caution_two_contacts(
     wall, part = _sampled(bearing), _sampled(journal)
     curvatures = concrete(wall.value + wall.bend), concrete(part.value + part.bend)
     width = concrete(clearance)
+    # ``None`` stands for numbers that JAX traces, which are unknown.
     if width is None or curvatures[0] is None or curvatures[1] is None:
         return
     # The radius of the bearing's circle exceeds that of the journal's by the clearance.

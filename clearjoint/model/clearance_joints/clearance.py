@@ -167,6 +167,8 @@ class ClearanceJoint(AbstractCentredJoint):
         one = (journal_radius is None) != (clearance is None)
         expected = "given if and only if `journal_radius` is not"
         require(one, "clearance", clearance, expected, "pass one of the two, in m")
+        # Of the two, the joint stores the clearance: it is small, and a difference of stored radii
+        # would lose its digits.
         outer = as_number(bearing_radius, "bearing_radius", "m")
         if clearance is not None:
             difference = as_number(clearance, "clearance", "m")

@@ -76,6 +76,7 @@ def quick_return(
             law=_line_law() if law is None else law,
             friction=friction,
         )
+    # The driver's angle is that of the crank's x axis from X, while `angle` is from the vertical.
     joints = {
         "crank bearing": RevoluteJoint(
             GROUND, "crank", ORIGIN, (-0.5 * CRANK, 0.0, 0.0), Z_AXIS, Z_AXIS
