@@ -38,7 +38,10 @@ error."""
 
 
 class AbstractFrictionlessJoint(AbstractContactJoint):
-    """Base class of joints whose contacts share the normal law `law` and have no friction."""
+    """Base class of joints whose contacts share the normal law `law`.
+
+    There is no friction unless a subclass overrides `friction_force`.
+    """
 
     if TYPE_CHECKING:  # pyright mistakes AbstractVar for a field
         law: ClassVar[AbstractContactLaw]

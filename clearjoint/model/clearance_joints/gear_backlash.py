@@ -76,7 +76,13 @@ class LineOfCentres:
         return LineOfCentres(axis, along, axis.cross(along), distance, height)
 
     def angle_in(self, gear: Motion, axis: Vector) -> Scalar:
-        """Return the line's angle in a gear's axes, rad, from the first of `transverse_axes`."""
+        """Return the angle of the line about a gear's axis, rad, as seen from the gear.
+
+        It is measured from the first of the `transverse_axes` of the gear's axis, two unit vectors
+        across it that are fixed to the gear.
+
+        **Arguments:** `gear`: motion of the gear's body. `axis`: of the gear, in its body's axes.
+        """
         start, quarter = transverse_axes(unit(axis))
         line = gear.components(self.along)
         return polar_angle(line.dot(quarter), line.dot(start))
