@@ -476,7 +476,10 @@ class ClearanceJoint(AbstractCentredJoint):
         return unit(self.journal_axis) * (0.5 * self.journal_length)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the distance "axial" of the journal's centre from the middle plane, m, if held."""
+        """Return the row "axial" if the axial policy holds the journal's centre, and no row if not.
+
+        The row's value is the distance of the centre from the bearing's middle plane, m.
+        """
         if not self.axial.holds_centre:
             return {}
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]

@@ -80,7 +80,8 @@ class AbstractFlankJoint(AbstractFrictionlessJoint):
 
     @abc.abstractmethod
     def centred_rows(self, motions: Motions) -> dict[str, Row]:
-        """Return the row that holds the second body in the middle of the play."""
+        """Return the row that holds the second body in the middle of the play, by label; its value
+        is zero there."""
 
     def centred_joint(self) -> AbstractConstraint:
         """Return the constraint that holds the second body in the middle of the play."""
@@ -100,7 +101,7 @@ class CentredInPlay(AbstractConstraint):
         return self.joint.pair()
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the row of the joint."""
+        """Return the joint's `centred_rows`, whose value is zero in the middle of the play."""
         return self.joint.centred_rows(motions)
 
 
@@ -237,7 +238,8 @@ class FlatWall:
 
     - `origin`: a point in front of the wall, m in the first body's axes.
     - `normal`: unit vector in the first body's axes, from the origin to the wall.
-    - `room`: distance of the part's centre from the origin when it touches the wall, m.
+    - `room`: distance along the normal of the part's centre from the origin when the part touches
+      the wall, m.
     """
 
     origin: Vector

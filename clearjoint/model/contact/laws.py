@@ -310,7 +310,8 @@ class AbstractElasticLaw(AbstractContactLaw):
 class AbstractPowerLaw(AbstractElasticLaw):
     """Base class of laws with the elastic force K delta^n, N, for the penetration delta, m.
 
-    `stiffness` is K in N/m^n or an `AbstractElasticity`; `exponent` is n.
+    `stiffness` is K in N/m^n, or an `AbstractElasticity` whose force replaces K delta^n. `exponent`
+    is n.
     """
 
     exponent: eqx.AbstractVar[float]
@@ -346,8 +347,8 @@ def require_rebound(restitution: Single) -> None:
 def require_instance(argument: str, value: object, *kinds: type, remedy: str = "") -> None:
     """Check that a value is an object of one of the given classes.
 
-    **Arguments:** `remedy`: advice in the message; by default to call the class if the value is a
-    class, and otherwise to pass an object of this package or of a subclass.
+    **Arguments:** `remedy`: advice in the message; by default to pass an object of this package or
+    of a subclass. If the value is a class, the advice is always to call it.
 
     **Raises:** `ValueError` that names the argument.
     """
