@@ -223,7 +223,8 @@ def offset_at_flat_wall(
 def slip_at(
     first: Motion, second: Motion, on_first: Vector, on_second: Vector, normal: Vector
 ) -> Vector:
-    """Return the slip of the second body's surface on the first body's, m/s in global axes.
+    """Return the tangential velocity of the second body's surface relative to the first body's,
+    m/s in global axes.
 
     **Arguments:** `first`, `second`: motions of the bodies. `on_first`, `on_second`: contact point
     on each body, m in its axes. `normal`: of the contact, a global unit vector.
