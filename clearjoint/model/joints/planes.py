@@ -93,9 +93,9 @@ class PlanarMotion(AbstractMotionAtPoints):
     - `reference`: Euler parameters that transform the child's components to the parent's at angle
       zero.
 
-    The distances are along the two transverse axes of `normal_parent`, which are fixed to the
-    parent. Along axes of the child, the directions of motion would be constant, but the distances
-    would oscillate as the child rotates.
+    The distances are along the two transverse axes of `normal_parent`, unit vectors across it that
+    are fixed to the parent. Along axes of the child, the directions of motion would be constant,
+    but the distances would oscillate as the child rotates.
     """
 
     normal_parent: Vector
