@@ -17,7 +17,8 @@ from .survey import survey
 
 CLOSED = 1e-6
 """Tolerance of `is_closed`. It limits the distance between the two points of a joint, relative to
-their distance from the bodies' centres of mass, and the sine of the angle between its axes."""
+their distance from the bodies' centres of mass, and the sine of the angle between its axes. It is
+far above rounding errors, and far below common clearances over the size of a body."""
 Pose: TypeAlias = tuple[np.ndarray, Rotation]
 """Position of a body's centre of mass, (3,) m in global axes, and rotation from body to global
 axes."""

@@ -45,7 +45,11 @@ estimated. A rod or plate with idealised moments of inertia would have no thickn
 
 
 def _require_inertia(argument: str, value: ArrayLike) -> None:
-    """Check principal moments, (3,), or an inertia matrix, (3, 3), kg m^2."""
+    """Check principal moments, (3,), or an inertia matrix, (3, 3), kg m^2.
+
+    **Raises:** `ValueError` for another shape, a number that is not finite, or an inertia that no
+    rigid body has.
+    """
     fine, expected = np.shape(value) in ((3,), (3, 3)), "of shape (3,) or (3, 3)"
     remedy = "give three principal moments or the whole inertia matrix in kg m^2"
     require(fine, argument, value, expected, remedy)
@@ -55,7 +59,11 @@ def _require_inertia(argument: str, value: ArrayLike) -> None:
 
 
 def _check_moments(inertia: np.ndarray) -> None:
-    """Check that a rigid body can have given principal moments, (3,), or inertia matrix, (3, 3)."""
+    """Check that a rigid body can have given principal moments, (3,), or inertia matrix, (3, 3).
+
+    **Raises:** `ValueError` if the matrix is not symmetric, a principal moment is not positive, or
+    one exceeds the sum of the other two.
+    """
     # NumPy, or JAX for traced values. Both inequalities allow for the rounding of given numbers.
     xp, moments = inertia.__array_namespace__(), inertia
     if inertia.ndim == 2:
@@ -293,8 +301,9 @@ class State(AbstractReadable):
 
     - `bodies`: `BodyState` of each body by name, without the ground.
     - `entry_speeds[joint][contact]`: entry speed of the current contact, m/s, by name of the joint
-      and label of the contact; zero without contact, and 1e9 if the contact began before the start
-      of the run. Empty for scenes whose laws don't use entry speeds.
+      and label of the contact; zero without contact, and 1e9, which makes the damping negligible,
+      if the contact began before the start of the run. Empty for scenes whose laws don't use entry
+      speeds.
     - `work`: energies supplied to the bodies or taken from them since the start, J, by name; empty
       unless the run keeps this energy ledger.
     - `bristles[joint][contact]`: bristle deflections, (3,) m in the axes of the joint's first body;

@@ -117,7 +117,8 @@ class AbstractFilm(AbstractConverting):
     def limits(self, bearing_radius: Scalar, length: Scalar) -> tuple[Limit, ...]:
         """Return the quantities on which the validity of the film law depends, with their ranges.
 
-        A warning is issued for a value outside its range. The default is an empty tuple.
+        A warning is issued for a value outside its range when a joint with the film is made. The
+        default is an empty tuple.
 
         **Arguments:** `bearing_radius`, `length`: of the bearing and the film, m.
         """
@@ -137,7 +138,9 @@ class CaponeFilm(AbstractFilm):
     Q = q/(1 - q^2). The force is exact in the limit of a small length-to-diameter ratio L/D. At an
     eccentricity ratio of 0.5 it is too large by 6 % for L/D = 1/4, and by 69 % for L/D = 1.
 
-    **Arguments:** `viscosity`: mu, Pa s, positive.
+    **Arguments:** `viscosity`: mu, Pa s.
+
+    **Raises:** `ValueError` if the viscosity is not positive.
 
     **Source:** G. Capone 1986, 1991; G. Adiletta, A. R. Guido, C. Rossi 1996 (there in components
     along fixed axes).
@@ -187,7 +190,9 @@ class PinkusSternlichtFilm(AbstractFilm):
     The formula is approximate: its error is 1 to 23 % for moderate squeeze and 34 % where squeeze
     dominates. An infinitely long bearing carries far more than a short one.
 
-    **Arguments:** `viscosity`: mu, Pa s, positive.
+    **Arguments:** `viscosity`: mu, Pa s.
+
+    **Raises:** `ValueError` if the viscosity is not positive.
 
     **Source:** O. Pinkus, B. Sternlicht 1961, as in P. Ravn, S. Shivaswamy, B. J. Alshaer, H. M.
     Lankarani 2000 and P. Flores, J. Ambrosio, J. C. P. Claro, H. M. Lankarani, C. S. Koshy 2006.
@@ -215,6 +220,9 @@ class PinkusSternlichtFilm(AbstractFilm):
         moves = speed > 0.0
         numerator = k_product + jnp.where(closing > 0.0, 3.0, 0.0) * size
         factor = jnp.where(moves, numerator / jnp.where(moves, k_product + 1.5 * size, 1.0), 1.0)
+        # The component of the rate along the offset is e', the one across it -e w/2. A force along
+        # the rate thus contains the whole tangential force, and `squeeze` adds the rest of the
+        # radial force.
         rotation = rate * (12.0 * math.pi / root)
         squeeze = offset * ((18.0 * math.pi * closing + 24.0 * k_product) / (rho * root))
         scale = self.viscosity * gap.length * gap.bearing_radius**3 / gap.clearance**2
@@ -264,8 +272,9 @@ class ButenschoenFilm(AbstractFilm):
     a short bearing use `CaponeFilm`. A centred journal has no line of centres, so the load along
     this line falls smoothly to zero below an eccentricity ratio of 0.001.
 
-    **Arguments:** `viscosity`: mu, Pa s, positive.
+    **Arguments:** `viscosity`: mu, Pa s.
 
+    **Raises:** `ValueError` if the viscosity is not positive.
     **Warns:** `LawRangeWarning` if B/D is outside 1/8 to 1, when a joint with the film is made.
 
     **Source:** H.-J. Butenschoen 1976 (thesis, Karlsruhe), "Das hydrodynamische, zylindrische
@@ -311,8 +320,9 @@ class ButenschoenFilm(AbstractFilm):
 def load_slope(width: Scalar, ratio: Scalar) -> Scalar:
     """Return the load number So_D of steady rotation, dimensionless, over the eccentricity ratio.
 
-    Its product with this ratio, a rotational speed and a factor of the size gives the load of
-    `ButenschoenFilm`. `width` is the width-to-diameter ratio B/D, `ratio` the eccentricity ratio.
+    Its product with this ratio and with B D mu |Omega|/psi^2 is the load that rotation carries in
+    `ButenschoenFilm`, where the symbols are explained. The quotient is finite for a centred
+    journal. `width` is the width-to-diameter ratio B/D, `ratio` the eccentricity ratio.
     """
     numerator, shift = (polynomial(fit, width) for fit in LOAD)
     square = ratio * ratio

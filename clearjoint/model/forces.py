@@ -38,7 +38,8 @@ class SpringDamper(AbstractPairAtPoints, AbstractForce):
     - `damping`: N s/m, not negative; zero by default.
     - `free_length`: length without spring force, m, not negative; zero by default.
 
-    **Raises:** `ValueError` if a value is outside its range, or the bodies are the same.
+    **Raises:** `ValueError` if a value is outside its range, a point is invalid, or the bodies are
+    the same.
 
     >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
     >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
@@ -98,10 +99,11 @@ class TorsionalSpring(AbstractDriveAboutAxis, AbstractDriveTorque):
     - `axis`: of rotation, (3,) in the first body's axes, any length.
     - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
       body's frame to the first body's frame at angle zero; parallel frames by default.
-    - `stiffness`: N m/rad. `damping`: N m s/rad. Neither is negative.
+    - `stiffness`: N m/rad. `damping`: N m s/rad, zero by default. Neither is negative.
     - `rest_angle`: angle of the unloaded spring, rad; zero by default.
 
-    **Raises:** `ValueError` if a value is outside its range, or the bodies are the same.
+    **Raises:** `ValueError` if a value is outside its range, the axis or orientation is invalid, or
+    the bodies are the same.
 
     >>> spring = cj.TorsionalSpring("ground", "lever", (0, 0, 1), stiffness=5.0, damping=0.1)
     >>> spring.body_names()

@@ -168,5 +168,6 @@ class AbstractPen(abc.ABC):
         - `radius`: of the pitch circle, m, negative for an internal gear.
         - `teeth`: number of teeth.
         - `phase`: angle of the middle of a tooth about the gear's axis, rad, from a direction that
-          depends on the axis only: the first of its `transverse_axes`.
+          depends on the axis only: the first of the two unit vectors across it that
+          `transverse_axes` returns.
         """

@@ -32,16 +32,21 @@ from ..math.functions import polar_angle
 from ..math.vectors import Scalar, library
 
 NEWTON_STEPS = 4
-"""Number of Newton steps from the best of the evenly spaced angles to the closest approach."""
+"""Number of Newton steps from the best of the evenly spaced angles to the closest approach.
+
+With eight angles a wave the search starts at most a sixteenth of a wave from it. Each step roughly
+squares this error, so that four steps reach rounding accuracy.
+"""
 FEWEST_ANGLES = 16
-"""Smallest number of evenly spaced angles at which `closest_approach` begins to search."""
+"""Smallest number of evenly spaced angles at which `closest_approach` begins to search: that for
+two waves around the circumference."""
 MOST_ANGLES = 48
 """Largest number of these angles. The compiler of native code (`clearjoint.native`) turns an array
 of up to this length into separate numbers; a longer one is kept in memory and processed by slower
 loops."""
 ANGLES_PER_WAVE = 8
 """Number of evenly spaced angles for each wave of the highest harmonic, at which to search for the
-closest approach."""
+closest approach. From within a sixteenth of a wave, Newton's method converges to the maximum."""
 
 
 NumberOrArray: TypeAlias = Float[Any, "..."]
@@ -68,8 +73,9 @@ class AbstractProfile(AbstractConverting):
     """Base class of periodic deviations of a bearing's wall or of a journal from a circle.
 
     A subclass defines `at`, which must be twice continuously differentiable, and `angles`. The
-    angle is measured about the axis, from the x axis towards the y axis of the part's own frame,
-    whose z axis is that of the part (the frame of `clearjoint.quantities.JournalOffset`). A
+    angle is measured about the part's axis, from the x axis towards the y axis of a frame that is
+    fixed to the part and has its z axis along this axis. For a part with the axis (0, 0, 1) it is
+    the frame of its body; in general its x and y axes are those that `transverse_axes` returns. A
     positive deviation enlarges the radius: it removes material from a bearing and adds material to
     a journal.
 
@@ -222,7 +228,7 @@ class PeriodicSpline(AbstractPeriodicSpline):
     def through(values: ArrayLike) -> "PeriodicSpline":
         """Return the spline through values (N,), m, at the angles 0, 2 pi/N, 4 pi/N, ...
 
-        **Raises:** `ValueError` if there are less than four values, or one is not finite.
+        **Raises:** `ValueError` if the values are not a row of at least four finite numbers.
         """
         values = jnp.asarray(values) if isinstance(values, jax.Array) else np.asarray(values, float)
         library = jnp if isinstance(values, jax.Array) else np
@@ -424,6 +430,7 @@ def require_room(
     if bearing is None and journal is None:
         return
     deviations = _sampled(bearing).value, _sampled(journal).value
+    # ``None`` stands for numbers that JAX traces, which can't be checked here.
     if (known := checkable(clearance, *deviations)) is None:
         return
     width, wall, part = known
@@ -455,6 +462,7 @@ def caution_two_contacts(
     wall, part = _sampled(bearing), _sampled(journal)
     curvatures = concrete(wall.value + wall.bend), concrete(part.value + part.bend)
     width = concrete(clearance)
+    # ``None`` stands for numbers that JAX traces, which are unknown.
     if width is None or curvatures[0] is None or curvatures[1] is None:
         return
     # The radius of the bearing's circle exceeds that of the journal's by the clearance.

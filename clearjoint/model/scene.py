@@ -125,11 +125,16 @@ class Scene(AbstractReadable):
         # Elements are also looked up by name among joints and forces together.
         shared = sorted(set(self.joints) & set(self.forces))
         require(not shared, "forces", shared, "of other names than the joints", "rename them")
+        # A gravity that JAX traces is unknown.
         if self.gravity is not None and concrete(self.gravity) is not None:
             size = np.linalg.norm(self.gravity)
             caution_above("gravity", size, "m/s^2", STRONGEST_GRAVITY, "give it in m/s^2")
 
     def _caution_together(self) -> None:
+        """Issue the warnings about loose bodies that the class docstring lists.
+
+        `AbstractReadable` calls it when a scene has been made.
+        """
         elements = (*self.joints.values(), *self.forces.values())
         connected = {body for element in elements for body in element.body_names()}
         for name in self.bodies:
@@ -140,6 +145,7 @@ class Scene(AbstractReadable):
                     "or remove it.",
                     LooseBodyWarning,
                 )
+        # Its two bodies would move apart, since a drive holds neither of them.
         for name in unheld_drives(self.joints, self.forces):
             caution(
                 f"Drive {name!r} rotates a body about an axis that no joint holds: add a joint, "

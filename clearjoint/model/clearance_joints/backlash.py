@@ -26,9 +26,9 @@ from .common import FLANKS, AbstractFlankJoint
 
 TURN = 2.0 * math.pi
 WIDE_BACKLASH = 0.5
-"""Backlash above which a warning is issued, rad."""
+"""Backlash above which a warning is issued, rad, since it may have been given in degrees."""
 LARGEST_RADIUS = 10.0
-"""Flank radius above which a warning is issued, m."""
+"""Flank radius above which a warning is issued, m, since it may have been given in mm."""
 DEFAULT_RADIUS = 0.01
 """Flank radius with a torsional stiffness, m; the motion doesn't depend on it."""
 
@@ -144,6 +144,8 @@ class Backlash(AbstractFlankJoint):
         expected = "given if and only if `play_length` is not"
         remedy = "pass one of the two: an angle in rad, or a length at the radius in m"
         require(one, "play", play, expected, remedy)
+        # A torsional stiffness takes the place of a law. It makes the radius arbitrary, since the
+        # law's stiffness is that of the couple over the square of the radius.
         if law is None:
             radius = DEFAULT_RADIUS if radius is None else radius
             law = _flank_law(radius, torsional_stiffness, restitution)

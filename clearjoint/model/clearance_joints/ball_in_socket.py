@@ -103,6 +103,7 @@ class BallInSocket(AbstractCentredJoint):
         slip = None
         if self.friction is not None:
             slip = slip_at(socket, ball, on_socket, on_ball, normal)
+        # Without friction the force acts at the two centres, which are on its line of action.
         return {CONTACT: Contact(gap, normal, on_socket, on_ball, slip, *centres)}
 
     def deepest(self) -> dict[str, Scalar]:

@@ -38,9 +38,10 @@ class PinInSlot(AbstractSharedLawJoint):
 
     The contact is a line across the plate's thickness, perpendicular to axis and normal, and the
     force acts at its middle. On a flat wall a line of length L has the stiffness (pi/4) E* L N/m
-    with the exponent 1, where E* is the contact modulus (V. L. Popov, Contact Mechanics and
-    Friction, chapter 5): use `Hertz((pi/4) * E * L, exponent=1.0)`. Only the walls and ends hold
-    the pin: the other joints of a planar mechanism have to hold both bodies in the plane.
+    with the exponent 1, where 1/E* is the sum of (1 - nu^2)/E of both materials (V. L. Popov,
+    Contact Mechanics and Friction, chapter 5): pass this number as the stiffness of a law, such as
+    `Hertz(stiffness, exponent=1.0)`. Only the walls and ends hold the pin: the other joints of a
+    planar mechanism have to hold both bodies in the plane.
 
     **Arguments:**
 
@@ -120,7 +121,10 @@ class PinInSlot(AbstractSharedLawJoint):
         return contacts
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return the largest meaningful penetration of each contact by label, m: `pin_radius`."""
+        """Return the largest meaningful penetration of each contact by label, m.
+
+        It is `pin_radius`, at which the pin's centre is at the wall.
+        """
         deepest: Scalar = self.pin_radius
         return dict.fromkeys(self.contact_labels(), deepest)
 

@@ -59,15 +59,17 @@ from .common import (
 from .journal_bases import BASES, SIDES, AxialPoint, JournalBase, JournalBases, axial_points
 
 WIDEST_CLEARANCE = 0.1
-"""Ratio of clearance to bearing radius above which a warning is issued."""
+"""Ratio of clearance to bearing radius above which a warning is issued, since the unit of one of
+them is probably wrong."""
 LARGEST_BEARING = 2.0
-"""Bearing radius above which a warning is issued, m."""
+"""Bearing radius above which a warning is issued, m, since it may have been given in mm."""
 SHOULDERS = ("lower shoulder", "upper shoulder")
 """Contact labels of the shoulders: at the lower and at the upper end of the bearing's axis."""
 MOST_POINTS = 64
-"""Largest number of points along the journal."""
+"""Largest number of points along the journal, since each is a contact of its own."""
 LONGEST_JOURNAL = 100.0
-"""Ratio of journal length to bearing radius above which a warning is issued."""
+"""Ratio of journal length to bearing radius above which a warning is issued, since the length may
+have been given in mm."""
 
 
 class ClearanceJoint(AbstractCentredJoint):
@@ -165,6 +167,8 @@ class ClearanceJoint(AbstractCentredJoint):
         one = (journal_radius is None) != (clearance is None)
         expected = "given if and only if `journal_radius` is not"
         require(one, "clearance", clearance, expected, "pass one of the two, in m")
+        # Of the two, the joint stores the clearance: it is small, and a difference of stored radii
+        # would lose its digits.
         outer = as_number(bearing_radius, "bearing_radius", "m")
         if clearance is not None:
             difference = as_number(clearance, "clearance", "m")
@@ -295,6 +299,8 @@ class ClearanceJoint(AbstractCentredJoint):
         slip = None
         if self.friction is not None:
             slip = slip_at(bearing, journal, on_bearing, on_journal, normal)
+        # Without friction the force acts along the line through the bearing's axis and the base's
+        # centre, at these two points.
         on_axis = self.bearing_point + unit(self.bearing_axis) * base.height
         return Contact(gap, normal, on_bearing, on_journal, slip, on_axis, base.local)
 
@@ -382,7 +388,8 @@ class ClearanceJoint(AbstractCentredJoint):
         return friction.force(normal_force, contact.slip)
 
     def journal_bases(self, motions: Motions) -> JournalBases:
-        """Return the calculator of position and velocity of the journal's bases."""
+        """Return an object that computes the position and velocity of the journal's bases, and of
+        points between them, relative to the bearing."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         points = self.bearing_point, self.journal_point
         axis, half = bearing.direction(unit(self.bearing_axis)), self._half()
@@ -469,7 +476,10 @@ class ClearanceJoint(AbstractCentredJoint):
         return unit(self.journal_axis) * (0.5 * self.journal_length)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the distance "axial" of the journal's centre from the middle plane, m, if held."""
+        """Return the row "axial" if the axial policy holds the journal's centre, and no row if not.
+
+        The row's value is the distance of the centre from the bearing's middle plane, m.
+        """
         if not self.axial.holds_centre:
             return {}
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]

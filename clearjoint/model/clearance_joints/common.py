@@ -29,7 +29,8 @@ from ..joints.base import (
 FLANKS = {"lower flank": -1.0, "upper flank": 1.0}
 """Labels of two flanks, and the sign of the second body's rotation that each flank stops."""
 RIGHT_ANGLE = 1e-9
-"""Largest cosine of the angle between two directions that count as perpendicular."""
+"""Largest cosine of the angle between two directions that count as perpendicular; it allows for the
+rounding of given numbers."""
 
 LEAST_TRANSVERSE_LOAD = 1e-6
 """Ratio of a load's component across the axis to the load, below which it counts as rounding
@@ -37,7 +38,10 @@ error."""
 
 
 class AbstractFrictionlessJoint(AbstractContactJoint):
-    """Base class of joints whose contacts share the normal law `law` and have no friction."""
+    """Base class of joints whose contacts share the normal law `law`.
+
+    There is no friction unless a subclass overrides `friction_force`.
+    """
 
     if TYPE_CHECKING:  # pyright mistakes AbstractVar for a field
         law: ClassVar[AbstractContactLaw]
@@ -76,7 +80,8 @@ class AbstractFlankJoint(AbstractFrictionlessJoint):
 
     @abc.abstractmethod
     def centred_rows(self, motions: Motions) -> dict[str, Row]:
-        """Return the row that holds the second body in the middle of the play."""
+        """Return the row that holds the second body in the middle of the play, by label; its value
+        is zero there."""
 
     def centred_joint(self) -> AbstractConstraint:
         """Return the constraint that holds the second body in the middle of the play."""
@@ -84,7 +89,10 @@ class AbstractFlankJoint(AbstractFrictionlessJoint):
 
 
 class CentredInPlay(AbstractConstraint):
-    """Constraint that holds two bodies in the middle of their backlash; one row."""
+    """Constraint that holds two bodies in the middle of their backlash; one row.
+
+    `assemble` places the bodies with it if they start outside the play.
+    """
 
     joint: AbstractFlankJoint
 
@@ -93,7 +101,7 @@ class CentredInPlay(AbstractConstraint):
         return self.joint.pair()
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the row of the joint."""
+        """Return the joint's `centred_rows`, whose value is zero in the middle of the play."""
         return self.joint.centred_rows(motions)
 
 
@@ -215,7 +223,8 @@ def offset_at_flat_wall(
 def slip_at(
     first: Motion, second: Motion, on_first: Vector, on_second: Vector, normal: Vector
 ) -> Vector:
-    """Return the slip of the second body's surface on the first body's, m/s in global axes.
+    """Return the tangential velocity of the second body's surface relative to the first body's,
+    m/s in global axes.
 
     **Arguments:** `first`, `second`: motions of the bodies. `on_first`, `on_second`: contact point
     on each body, m in its axes. `normal`: of the contact, a global unit vector.
@@ -230,7 +239,8 @@ class FlatWall:
 
     - `origin`: a point in front of the wall, m in the first body's axes.
     - `normal`: unit vector in the first body's axes, from the origin to the wall.
-    - `room`: distance of the part's centre from the origin when it touches the wall, m.
+    - `room`: distance along the normal of the part's centre from the origin when the part touches
+      the wall, m.
     """
 
     origin: Vector

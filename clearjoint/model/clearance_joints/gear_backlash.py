@@ -25,11 +25,13 @@ from ..pen import AbstractPen
 from .common import FLANKS, AbstractFlankJoint
 
 LARGEST_MODULE = 0.1
-"""Module above which a warning is issued, m."""
+"""Module above which a warning is issued, m, since it may have been given in mm."""
 WIDEST_BACKLASH = 0.2
-"""Ratio of the backlash to the pitch pi m above which a warning is issued."""
+"""Ratio of the backlash to the pitch, pi times the module, above which a warning is issued, since a
+unit is probably wrong."""
 PRESSURE_ANGLES = 0.1, 0.8
-"""Smallest and largest allowed pressure angle, rad."""
+"""Smallest and largest allowed pressure angle, rad. Common gears have 14.5 to 30 degrees, 0.25 to
+0.52 rad; an angle in degrees is refused."""
 
 
 def involute(sine: Scalar, cosine: Scalar) -> Scalar:
@@ -74,7 +76,13 @@ class LineOfCentres:
         return LineOfCentres(axis, along, axis.cross(along), distance, height)
 
     def angle_in(self, gear: Motion, axis: Vector) -> Scalar:
-        """Return the line's angle in a gear's axes, rad, from the first of `transverse_axes`."""
+        """Return the angle of the line about a gear's axis, rad, as seen from the gear.
+
+        It is measured from the first of the `transverse_axes` of the gear's axis, two unit vectors
+        across it that are fixed to the gear.
+
+        **Arguments:** `gear`: motion of the gear's body. `axis`: of the gear, in its body's axes.
+        """
         start, quarter = transverse_axes(unit(axis))
         line = gear.components(self.along)
         return polar_angle(line.dot(quarter), line.dot(start))

@@ -56,7 +56,8 @@ class GroupedContactJoint(AbstractContactJoint):
     def _each_at(self, motions: Motions, method: str) -> PyTree:
         """Return the results of a method whose only argument is `motions`, with arrays (N,).
 
-        **Arguments:** `motions`: of the groups of bodies, by name. `method`: its name.
+        **Arguments:** `motions`: of the groups of bodies, by name of the group. `method`: the
+        method's name.
         """
         # A single joint looks up its bodies by the names of the first joint's bodies.
         names = self.joint.pair()
@@ -86,8 +87,12 @@ class GroupedContactJoint(AbstractContactJoint):
 
 
 def _of_each_law(laws: str, name: str) -> PyTree:
-    """Return a method of a grouped law that calls the method `name` of each single law; the method
-    `laws` of a joint returns its laws by label."""
+    """Return a method for a grouped law, which calls the method `name` of the single laws of all
+    joints in the group and returns arrays (N,).
+
+    **Arguments:** `laws`: name of the joint's method that returns its laws by label, "laws" or
+    "bristle_laws".
+    """
 
     def method(self: "GroupedContactLaw | GroupedBristleLaw", *arguments: PyTree) -> PyTree:
         def of(joint: AbstractContactJoint, *arguments: PyTree) -> PyTree:

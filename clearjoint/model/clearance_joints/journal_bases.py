@@ -54,9 +54,11 @@ def axial_points(count: int) -> dict[str, AxialPoint]:
 
 
 def axial_positions(labels: Iterable[str]) -> dict[str, float]:
-    """Return the position on the journal's axis, -1 at base V and 1 at base W, by label, of those
-    contacts of a joint that are on its journal's axis. `labels` are those of all its contacts; if
-    the joint has no journal, the result is empty.
+    """Return the positions on the journal's axis of the contacts of a joint, by label: -1 for base
+    V, 1 for base W, and a number between for a point between them.
+
+    **Arguments:** `labels`: of all contacts of the joint. Those that are not on the journal's axis,
+    such as shoulders, are left out; without a journal the result is empty.
     """
     on_axis = [label for label in labels if label in BASES or label.startswith(BETWEEN)]
     points = axial_points(len(on_axis)) if len(on_axis) >= len(BASES) else {}
@@ -65,7 +67,7 @@ def axial_positions(labels: Iterable[str]) -> dict[str, float]:
 
 def require_bases_only(argument: str, name: str, labels: Iterable[str]) -> None:
     """Check that the journal of the joint `name` has no contacts between its bases; `labels` are
-    those of all contacts.
+    those of all contacts. Models of wear, which know the two bases only, need this.
 
     **Raises:** `ValueError` that names `argument` and the joint.
     """
@@ -76,7 +78,11 @@ def require_bases_only(argument: str, name: str, labels: Iterable[str]) -> None:
 
 @runtime_checkable
 class HasJournal(Protocol):
-    """Interface of a joint with a journal whose bases touch the wall at the radial clearance."""
+    """Interface of a joint with a journal whose bases touch the wall at the radial clearance.
+
+    Functions that need the journal's offset find its joints by ``isinstance``, so that joints of
+    several classes, dry and lubricated, serve.
+    """
 
     @property
     def clearance(self) -> Single:

@@ -30,7 +30,9 @@ NODES, WEIGHTS = (
     0.5 * (rule + shift)
     for rule, shift in zip(np.polynomial.legendre.leggauss(8), (1.0, 0.0), strict=True)
 )
-"""Nodes and weights of Gauss's quadrature with eight points from 0 to 1."""
+"""Nodes and weights of Gauss's quadrature with eight points from 0 to 1, for the energy of
+`BlendedContactLaw`. They are exact for the exponents 1 and 1.5 of a power law, for which the
+integrand is a polynomial of degree 9 and 10."""
 
 
 def blending_factor(depth: Scalar, transition: Scalar) -> Scalar:

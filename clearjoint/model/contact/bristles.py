@@ -163,6 +163,9 @@ class AbstractDampedBristles(AbstractBristleFriction):
     the slip v, m/s. In steady sliding its dry part, without sigma2 v, falls from `breakaway` to
     `kinetic` around the `stribeck_speed`, m/s. `stiffness` is sigma0, 1/m, `damping` sigma1 and
     `viscosity` sigma2, s/m.
+
+    **Raises:** `ValueError` if `breakaway`, `kinetic` or `stribeck_speed` is not positive, or
+    `breakaway` is below `kinetic`.
     """
 
     stiffness: eqx.AbstractVar[Single]

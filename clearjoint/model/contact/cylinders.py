@@ -41,7 +41,8 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
       applies the full law: use half the journal's length, or the whole length with `line_points`.
 
     **Raises:** `ValueError` if a modulus or the length is not positive, or a Poisson's ratio is
-    outside [-1, 0.5].
+    outside [-1, 0.5]. **Warns:** `UnusualValueWarning` for moduli outside 1e9 to 2e12 Pa, or a
+    length outside 1e-5 to 10 m.
 
     ```python
     import clearjoint as cj
@@ -154,7 +155,8 @@ class LiuCylinder(AbstractCylinder):
     $$F = \frac{\pi}{2} E^* L \delta \sqrt{\frac{\delta}{2 (\Delta R + \delta)}}$$
 
     dR is the clearance, and 1/E* the sum of (1 - nu^2)/E of both materials. The formula is valid
-    for conformal contact too. Source: C. Liu, K. Zhang, R. Yang 2007.
+    for conformal contact too. The arguments are those of `AbstractCylinder`. Source: C. Liu,
+    K. Zhang, R. Yang 2007.
 
     >>> cylinder = cj.laws.LiuCylinder(207e9, 0.3, length=20e-3)
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
@@ -178,7 +180,8 @@ class PereiraCylinder(AbstractCylinder):
     and MPa, but all arguments are in SI units. The exponent is
     n = Y dR^-0.005, with Y = 1.51 ln(1000 dR)^-0.151 for clearances dR below 0.34954 mm and
     Y = 0.0151 dR + 1.151 above. It is valid for clearances from 0.005 to 10 mm. The authors use the
-    damping of `LankaraniNikravesh`. Source: C. Pereira et al. 2011, 2014.
+    damping of `LankaraniNikravesh`. The arguments are those of `AbstractCylinder`. Source: C.
+    Pereira et al. 2011, 2014.
 
     >>> cylinder = cj.laws.PereiraCylinder(207e9, 0.3, length=20e-3)
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
@@ -220,7 +223,7 @@ class PerssonCylinder(AbstractCylinder):
     dR/(dR + delta). For small penetrations the force is then several times that of the other
     formulas for line contacts. `half_angle` and `load` show where a contact is too conformal for
     formulas that assume a small half-angle. For different materials, E' is replaced by 2 E*, where
-    1/E* is the sum of (1 - nu^2)/E of both.
+    1/E* is the sum of (1 - nu^2)/E of both. The arguments are those of `AbstractCylinder`.
 
     >>> cylinder = cj.laws.PerssonCylinder(207e9, 0.3, length=20e-3)
     >>> load = cylinder.load(np.pi / 4, clearance=0.1e-3)  # of a half-angle of 45 degrees

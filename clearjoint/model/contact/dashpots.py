@@ -153,7 +153,7 @@ class KelvinVoigt(AbstractClampedDashpotLaw):
     restitution would be delivered if the force could pull until the surfaces separate. Since it
     can't, the requested values 0.1, 0.5 and 0.9 deliver 0.253, 0.550 and 0.902. At the onset the
     force jumps to D times the entry speed. S. A. Anagnostopoulos 1988 uses the same law for
-    colliding buildings.
+    colliding buildings. The arguments are those of `AbstractTunedDashpotLaw`.
 
     >>> law = cj.laws.KelvinVoigt(restitution=0.5, stiffness=1e6, effective_mass=1.0)
     >>> print(f"{law.delivered_restitution():.3f}")
@@ -175,7 +175,8 @@ class Tsuji(AbstractClampedDashpotLaw):
     $$F = K \delta^{3/2} + \sqrt{5} z \sqrt{K m}\, \delta^{1/4} \dot\delta$$
 
     m is the effective mass, and z the `damping_ratio` for the requested restitution (D. Antypov,
-    J. A. Elliott 2011). The delivered restitution is that of `KelvinVoigt`.
+    J. A. Elliott 2011). The delivered restitution is that of `KelvinVoigt`. The arguments are those
+    of `AbstractTunedDashpotLaw`.
 
     >>> law = cj.laws.Tsuji(restitution=0.9, stiffness=1e9, effective_mass=1.0)
     >>> print(f"{law.delivered_restitution():.3f}")
@@ -198,7 +199,7 @@ class Jankowski(AbstractTunedDashpotLaw):
 
     The damping applies while the penetration increases; in the rebound the force is K delta^1.5. It
     never pulls, and the delivered restitution is close to the requested one, c. m is the effective
-    mass.
+    mass. The arguments are those of `AbstractTunedDashpotLaw`.
 
     >>> law = cj.laws.Jankowski(restitution=0.5, stiffness=1e9, effective_mass=1.0)
     >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=-0.1), None):.1f}")  # N, on the rebound
@@ -245,9 +246,9 @@ class KuwabaraKono(AbstractGivenDashpotLaw):
 
     $$F = K \delta^{3/2} + D \delta^{1/2} \dot\delta$$
 
-    The damping coefficient D is in N s/m^1.5. The restitution decreases with the entry speed, as
-    with metals. At the onset the force is zero but the derivative of the damping force is
-    unbounded.
+    The damping coefficient D is in N s/m^1.5, the stiffness K in N/m^1.5. The restitution decreases
+    with the entry speed, as with metals. At the onset the force is zero but the derivative of the
+    damping force is unbounded.
 
     Source: G. Kuwabara, K. Kono 1987; N. V. Brilliantov et al. 1996.
 
@@ -265,7 +266,7 @@ class BordbarHyppanen(AbstractGivenDashpotLaw):
 
     $$F = K \delta^{1.5} + D \delta^{0.65} \dot\delta$$
 
-    The damping coefficient D is in N s/m^1.65.
+    The damping coefficient D is in N s/m^1.65, the stiffness K in N/m^1.5.
 
     >>> law = cj.laws.BordbarHyppanen(stiffness=1e9, damping_coefficient=1e6)
     >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=0.1), None):.1f}")
@@ -281,7 +282,7 @@ class Ristow(AbstractGivenDashpotLaw):
 
     $$F = K \delta^{3/2} + D \dot\delta$$
 
-    The damping coefficient D is in N s/m. The force jumps at the onset.
+    The damping coefficient D is in N s/m, the stiffness K in N/m^1.5. The force jumps at the onset.
 
     >>> law = cj.laws.Ristow(stiffness=1e9, damping_coefficient=2e3)
     >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 + 200

@@ -84,7 +84,9 @@ class RegularisedCoulomb(AbstractRegularisedFriction):
 
     $$\mu(v) = \mu \tanh\frac{v}{v_d}$$
 
-    **Arguments:** `coefficient`: mu. `regularisation_speed`: v_d, m/s.
+    **Arguments:** `coefficient`: mu. `regularisation_speed`: v_d, m/s; 1e-3 by default.
+
+    **Raises:** `ValueError` if mu is negative or v_d is not positive.
 
     >>> friction = cj.frictions.RegularisedCoulomb(0.1, regularisation_speed=1e-3)
     >>> print(f"{friction.ratio(1e-3):.4f}")  # 0.1 tanh(1)
@@ -101,7 +103,9 @@ class LinearCoulomb(AbstractRegularisedFriction):
 
     $$\mu(v) = \mu \min\left(\frac{v}{v_d}, 1\right)$$
 
-    **Arguments:** `coefficient`: mu. `regularisation_speed`: v_d, m/s.
+    **Arguments:** `coefficient`: mu. `regularisation_speed`: v_d, m/s; 1e-3 by default.
+
+    **Raises:** `ValueError` if mu is negative or v_d is not positive.
 
     >>> friction = cj.frictions.LinearCoulomb(0.1, regularisation_speed=1e-3)
     >>> print(f"{friction.ratio(0.5e-3):.4f}")
@@ -121,7 +125,9 @@ class Threlfall(AbstractRegularisedFriction):
     Above the speed v_d it has the constant value (1 - exp(-3)) mu = 0.9502 mu. With the value
     0.95 mu, which is often printed, the law would jump at v_d. It creeps under load.
 
-    **Arguments:** `coefficient`: mu. `regularisation_speed`: v_d, m/s.
+    **Arguments:** `coefficient`: mu. `regularisation_speed`: v_d, m/s; 1e-3 by default.
+
+    **Raises:** `ValueError` if mu is negative or v_d is not positive.
 
     >>> friction = cj.frictions.Threlfall(0.1, regularisation_speed=1e-3)
     >>> print(f"{friction.ratio(0.5):.4f}")  # 0.1 (1 - exp(-3))
@@ -141,7 +147,8 @@ class Ambrosio(AbstractFriction):
 
     Below v0 it is zero, above v1 it is mu.
 
-    **Arguments:** `coefficient`: mu. `lower_speed`, `upper_speed`: v0 and v1, m/s.
+    **Arguments:** `coefficient`: mu. `lower_speed`, `upper_speed`: v0 and v1, m/s; 1e-4 and 1e-3 by
+    default.
 
     **Raises:** `ValueError` if mu or v0 is negative, or v1 is not above v0.
 
@@ -202,7 +209,8 @@ class Stribeck(AbstractFallingFriction):
     - `breakaway`, `kinetic`: mu_S and mu_C, with mu_S >= mu_C.
     - `stribeck_speed`: v_S, m/s.
     - `exponent`: delta, at least 1; 2 by default.
-    - `regularisation_speed`: v_d, m/s, well below v_S; otherwise the peak is below mu_S.
+    - `regularisation_speed`: v_d, m/s, well below v_S, otherwise the peak is below mu_S; 1e-4 by
+      default.
 
     **Raises:** `ValueError` if a value is outside its range, or mu_S is below mu_C.
 
@@ -240,8 +248,8 @@ class BengisuAkay(AbstractFallingFriction):
     **Arguments:**
 
     - `breakaway`, `kinetic`: mu_S and mu_C, with mu_S >= mu_C.
-    - `breakaway_speed`: v0, m/s, positive.
-    - `decay`: xi, s/m, positive.
+    - `breakaway_speed`: v0, m/s, positive; 1e-3 by default.
+    - `decay`: xi, s/m, positive; 100 by default.
 
     **Raises:** `ValueError` if a value is outside its range, or mu_S is below mu_C.
 
@@ -272,7 +280,7 @@ class BrownMcPhee(AbstractFallingFriction):
     **Arguments:**
 
     - `breakaway`, `kinetic`: mu_S and mu_C, with mu_S >= mu_C.
-    - `transition_speed`: v_t, m/s, positive.
+    - `transition_speed`: v_t, m/s, positive; 1e-3 by default.
 
     **Raises:** `ValueError` if a value is outside its range, or mu_S is below mu_C.
 

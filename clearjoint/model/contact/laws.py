@@ -1,9 +1,9 @@
 """Interfaces of the laws of the normal force of a contact, and of their elastic force.
 
 A law computes the force from the penetration delta, m, its rate, m/s, and the entry speed, m/s,
-which is the rate at the onset of the contact. Laws of the Hunt-Crossley
-family are in `hunt_crossley` and `damping_factors`, laws with a parallel dashpot in `dashpots`.
-Other laws subclass `AbstractContactLaw`; test them with `clearjoint.testing.check_law`.
+which is the rate at the onset of the contact. Laws of the Hunt-Crossley family are in
+`hunt_crossley` and `damping_factors`, laws with a parallel dashpot in `dashpots`. Other laws
+subclass `AbstractContactLaw`; test them with `clearjoint.testing.check_law`.
 """
 
 import abc
@@ -46,7 +46,8 @@ class AbstractElasticity(AbstractConverting):
     def force(self, gap: Gap, exponent: float) -> Scalar:
         """Return the elastic force, N, zero without penetration.
 
-        **Arguments:** `gap`: penetration, m, and radii, m. `exponent`: n of a law K delta^n.
+        **Arguments:** `gap`: penetration, m, and radii, m. `exponent`: n of a law K delta^n; an
+        elasticity that is not a power of the penetration ignores it.
         """
 
     @abc.abstractmethod
@@ -165,6 +166,7 @@ class RavnStiffness(AbstractMaterialPair, AbstractStiffness):
     - `journal_young_modulus`, `journal_poisson_ratio`: of the journal; the bearing's by default.
 
     **Raises:** `ValueError` if a modulus is not positive, or a ratio is outside [-1, 0.5].
+    **Warns:** `UnusualValueWarning` for moduli outside 1e9 to 2e12 Pa.
 
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.5e-3)
     >>> print(f"{cj.laws.RavnStiffness(207e9, 0.3).value(gap):.4g} N/m^1.5")
@@ -278,7 +280,9 @@ class AbstractContactLaw(AbstractConverting):
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
         """Return the quantities on which the validity of the law depends, with their ranges.
 
-        A warning is issued for a value outside its range. The default is an empty tuple.
+        A warning is issued for a clearance outside its range when a `ClearanceJoint` or
+        `BallInSocket` is made, and for a penetration outside its range after a run that records
+        impacts. The default is an empty tuple.
         """
         return ()
 
@@ -306,7 +310,8 @@ class AbstractElasticLaw(AbstractContactLaw):
 class AbstractPowerLaw(AbstractElasticLaw):
     """Base class of laws with the elastic force K delta^n, N, for the penetration delta, m.
 
-    `stiffness` is K in N/m^n or an `AbstractElasticity`; `exponent` is n.
+    `stiffness` is K in N/m^n, or an `AbstractElasticity` whose force replaces K delta^n. `exponent`
+    is n.
     """
 
     exponent: eqx.AbstractVar[float]
@@ -342,8 +347,8 @@ def require_rebound(restitution: Single) -> None:
 def require_instance(argument: str, value: object, *kinds: type, remedy: str = "") -> None:
     """Check that a value is an object of one of the given classes.
 
-    **Arguments:** `remedy`: advice in the message; by default to call the class if the value is a
-    class, and otherwise to pass an object of this package or of a subclass.
+    **Arguments:** `remedy`: advice in the message; by default to pass an object of this package or
+    of a subclass. If the value is a class, the advice is always to call it.
 
     **Raises:** `ValueError` that names the argument.
     """

@@ -3,9 +3,9 @@
 delta is the penetration, P the force per length, and S = 1/(pi E*) with the contact modulus E*,
 whose inverse is the sum of (1 - nu^2)/E of both materials. The laws differ in the load A and the
 number k. The penetration has a maximum at the load A exp(k - 1), beyond which the formula is
-invalid. With u = ln(A/P) + k and the length L the force is L delta/(S u). u follows from the ratio
-d of the penetration to its maximum: u - 1 - ln u = -ln d, for all laws. In the formulas dR is the
-clearance, and R_i and R_j are the radii of bearing and journal.
+invalid. With u = ln(A/P) + k and the length L the force F = P L is L delta/(S u). u follows from
+the ratio d of the penetration to its maximum: u - 1 - ln u = -ln d, for all laws. In the formulas
+dR is the clearance, and R_i and R_j are the radii of bearing and journal.
 
 The arguments of all classes are those of `AbstractCylinder`: `young_modulus`, Pa, and
 `poisson_ratio` of the bearing, those of the journal (`journal_young_modulus`,
@@ -154,6 +154,8 @@ class DubowskyFreudensteinCylinder(AbstractLoadByLength):
 
     $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{L^3 \Delta R}{F R_i R_j S} + 1\right)$$
 
+    F = P L is the force, and S = 1/(pi E*).
+
     >>> cylinder = cj.laws.DubowskyFreudensteinCylinder(207e9, 0.3, length=20e-3)
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
     >>> print(f"{cj.laws.Hertz(cylinder).elastic_force(gap):.0f} N")
@@ -167,8 +169,8 @@ class GoldsmithCylinder(AbstractLoadByLength):
     $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{L^3}{F R S} + 1\right), \quad R = \frac{R_i
     R_j}{\Delta R}$$
 
-    The exponent of L is printed as 1, which is dimensionally inconsistent. With 3, used here, the
-    law equals that of Dubowsky and Freudenstein.
+    F = P L is the force, and S = 1/(pi E*). The exponent of L is printed as 1, which is
+    dimensionally inconsistent. With 3, used here, the law equals that of Dubowsky and Freudenstein.
 
     >>> cylinder = cj.laws.GoldsmithCylinder(207e9, 0.3, length=20e-3)
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)

@@ -93,7 +93,7 @@ def _logarithm(e: Scalar) -> Scalar:
     Unlike chi e, y doesn't lose digits where chi e rounds to one.
     """
     # Start from the factor of Carvalho and Martins, which is accurate to four digits above 0.5, or
-    # for small e from one above the asymptote y = 1 + 1/e - ln(1 + 1/e). The minimum keeps the
+    # for e up to 0.4 from one above the asymptote y = 1 + 1/e - ln(1 + 1/e). The minimum keeps the
     # logarithm finite where the other start is used.
     approximate = 1.5 * (1.0 - e) * (11.0 - e) / (1.0 + 9.0 * e)
     start = jnp.where(

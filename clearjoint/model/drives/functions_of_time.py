@@ -313,7 +313,8 @@ ALTERNATIVES = "a table (PiecewiseConstant, PiecewiseLinear or Spline), or a fun
 def single_in_time(unit: str, **options: PyTree) -> PyTree:
     """Declare a field of an element that holds a number or a function of time.
 
-    `unit` is that of the value, and `options` are those of `quantity`.
+    `unit` is that of the value, and `options` are further ones of `quantity`, which declares a
+    field with its unit and checks, such as `default`.
     """
     return quantity(
         unit, converter=as_single_in_time, check=partial(_require_single, unit), **options
@@ -324,7 +325,8 @@ def triple_in_time(unit: str, **options: PyTree) -> PyTree:
     """Declare a field of an element that holds a vector, constant or a function of time.
 
     It consists of three numbers or functions, or is one function that returns three numbers. `unit`
-    is that of the components, and `options` are those of `quantity`.
+    is that of the components, and `options` are further ones of `quantity`, which declares a field
+    with its unit and checks, such as `default`.
     """
     return quantity(
         unit, converter=as_triple_in_time, check=partial(_require_triple, unit), **options

@@ -416,7 +416,7 @@ def require_distinct(first: str, second: str) -> None:
 class AbstractPair(AbstractElement):
     """Base class of elements between two different bodies.
 
-    **Raises:** `ValueError` if the two names are equal or no strings.
+    **Raises:** `ValueError` if the two names are equal or not strings.
     """
 
     first: eqx.AbstractVar[str]

@@ -154,9 +154,10 @@ def turning_angle(
 ) -> Row:
     """Return the angle of a direction of the second body about an axis of the first, as a row.
 
-    The angle is measured from the first of the axis' `transverse_axes` to the projection of the
-    direction on the plane across the axis. It is the row's value, rad within (-pi, pi]. Jacobian
-    and bias are exact even if the direction is not perpendicular to the axis.
+    The angle is measured from the first of the axis' `transverse_axes`, two unit vectors across it,
+    to the projection of the direction on the plane across the axis. It is the row's value, rad
+    within (-pi, pi]. Jacobian and bias are exact even if the direction is not perpendicular to the
+    axis.
 
     **Arguments:**
 
@@ -186,6 +187,7 @@ def turning_angle(
     motions = dict(zip(names, (first, second), strict=True))
     c_rate, s_rate = rate_of(cosine, motions), rate_of(sine, motions)
     rate = (c * s_rate - s * c_rate) * inverse
+    # The derivative of the rate by time; the last term is that of `inverse`.
     bias = c * sine.bias - s * cosine.bias - 2.0 * rate * (c * c_rate + s * s_rate)
     return Row(polar_angle(s, c), jacobian, bias * inverse)
 

@@ -28,7 +28,7 @@ T = TypeVar("T")
 class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
     """Base class of ideal joints between a point of one body and a point of another.
 
-    Its private methods return the constraint rows of which the joints are composed, by label.
+    Its private methods return the constraint rows of which the joints are composed.
     """
 
     def _ordered(self, parent: str, of_first: T, of_second: T) -> tuple[T, T]:

@@ -93,9 +93,9 @@ class PlanarMotion(AbstractMotionAtPoints):
     - `reference`: Euler parameters that transform the child's components to the parent's at angle
       zero.
 
-    The distances are along the two transverse axes of `normal_parent`, which are fixed to the
-    parent. Along axes of the child, the directions of motion would be constant, but the distances
-    would oscillate as the child rotates.
+    The distances are along the two transverse axes of `normal_parent`, unit vectors across it that
+    are fixed to the parent. Along axes of the child, the directions of motion would be constant,
+    but the distances would oscillate as the child rotates.
     """
 
     normal_parent: Vector
@@ -189,7 +189,11 @@ class PlanarJoint(AbstractAxisJoint):
     """
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the "height" of the second point, m, and the cosines "tilt 1" and "tilt 2"."""
+        """Return the "height" of the second point above the plane, m, and "tilt 1" and "tilt 2".
+
+        The tilts are the cosines of the angles between the first body's normal and two directions
+        across the second body's normal.
+        """
         return self._height(motions, self.axis_first) | self._tilts(motions)
 
     def motion_subspace(self, parent: str) -> PlanarMotion:

@@ -78,8 +78,8 @@ def four_bar(
     - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``, the default.
     - `gravity`: (3,) m/s^2, 9.81 along -Y by default; ``None`` for none.
 
-    **Raises:** `ValueError` for a clearance without the name of its pin, an unknown pin, or rods
-    that can't be connected at the angle.
+    **Raises:** `ValueError` for a clearance without the name of its pin, an unknown pin, rods that
+    can't be connected at the angle, or a value outside its range.
     """
     remedy = 'pass for example {"crank pin": 0.1e-3}'
     require(isinstance(clearance, Mapping), "clearance", clearance, "by the pin's name", remedy)

@@ -22,7 +22,8 @@ SLOT = 0.13
 """Length that the slot leaves for the pin's centre, m, with its middle at the crank's axis. The pin
 needs 0.1 m of it, twice the radius of the crank."""
 LINE_STIFFNESS = 1e9
-"""Stiffness of the pin on 10 mm of a flat steel wall, N/m, rounded from (pi/4) E* L."""
+"""Stiffness of the pin on 10 mm of a flat steel wall, N/m, rounded from (pi/4) E* L with the length
+L, where 1/E* is the sum of (1 - nu^2)/E of both materials."""
 
 
 def quick_return(
@@ -75,6 +76,7 @@ def quick_return(
             law=_line_law() if law is None else law,
             friction=friction,
         )
+    # The driver's angle is that of the crank's x axis from X, while `angle` is from the vertical.
     joints = {
         "crank bearing": RevoluteJoint(
             GROUND, "crank", ORIGIN, (-0.5 * CRANK, 0.0, 0.0), Z_AXIS, Z_AXIS

@@ -55,7 +55,8 @@ class ArmLink:
         return np.array([0.0, math.sin(self.twist), math.cos(self.twist)])
 
     def joint(self) -> Components:
-        """Return the origin of the parent's frame, (3,) m in the link's frame."""
+        """Return the position of the link's joint, the origin of the parent's frame, (3,) m in the
+        link's frame."""
         return -np.array([self.length, 0.0, 0.0]) - self.offset * self.axis()
 
 

@@ -199,8 +199,11 @@ def guided_slider_crank(
         "crank pin": RevoluteJoint("crank", "rod", tip, big_end, Z_AXIS, Z_AXIS),
         "slider pin": _pin(pin_clearance, pin_law),
     }
+    # A pin with clearance doesn't hold the slider in the plane, as an ideal one does.
     if pin_clearance is not None:
         joints |= _in_plane()
+    # The ideal guide has two rows, for the height along Y and the rotation about Z. Those of a
+    # prismatic joint would repeat the constraints that hold the slider in the plane.
     if clearance is None:
         joints["guide"] = LineInPlaneJoint(GROUND, "slider", ORIGIN, ORIGIN, Y_AXIS, X_AXIS)
     else:
