@@ -190,7 +190,8 @@ def start_rows_of_lanes(
     count, first = len(jax.tree.leaves(states)[0]), jax.tree.map(lambda leaf: leaf[0], states)
     columns = [*scenes, *[None] * len(jax.tree.leaves(coordinates)), *starts, None]
     arguments = scene, coordinates, first, np.asarray(t, float)
-    # The scenes may use a primitive without a rule; then they are evaluated one by one.
+    # User-defined joints may use a primitive that native code does not support. Then the scenes are
+    # evaluated one by one.
     alike = all(column is None for column in columns)
     if count > FEW and not alike:
         with suppress(UnsupportedPrimitiveError):

@@ -39,8 +39,8 @@ class Uncertain:
 
     Exactly one of the last three is given.
 
-    **Raises:** `ValueError` for none or several of them, for a size that is not positive, and for
-    bounds that don't rise.
+    **Raises:** `ValueError` for none or several of them, for a size that is not positive, for
+    bounds that don't rise, and for a `parameter` that is neither a `Parameter` nor a path.
 
     >>> path = lambda scene: scene.joints["shoulder"].clearance
     >>> cj.Uncertain(path, deviation=5e-6).deviation

@@ -324,7 +324,7 @@ def _known_valid(scene: Scene, state: State, columns: Columns) -> np.ndarray:
     """Return for each lane, (lanes,), whether compiled checks accept the lane's values.
 
     ``False`` means that the lane must be checked in Python; its values may be valid. The array is
-    empty if no leaf changes.
+    empty if no leaf changes, so that no lane is checked.
     """
     if not columns:
         return np.ones(0, bool)

@@ -48,6 +48,8 @@ def compute_missing(
 ) -> "xr.Dataset":
     """Run the lanes that are missing in a store, and return the results of all lanes.
 
+    Lanes that are still missing after `ROUNDS` attempts have the `result` -1 (pending).
+
     **Arguments:**
 
     - `work`: the lanes of the sweep.
@@ -64,6 +66,7 @@ def compute_missing(
             done = len(work) - sum(map(len, missing.values()))
             with lane_progress(len(work), done, progress) as bar:
                 if executor is not None:
+                    # Called without missing lanes too, since it refuses an unsuitable executor.
                     _by_executor(Chunks(work, missing, trace), store, executor, bar)
                 elif missing:
                     _by_threads(work, missing, store, threads, bar)

@@ -252,6 +252,8 @@ def _failures(
             sliding = across - normal * across.dot(normal)
             message = "its slip is not the tangential velocity of the surfaces"
             if contact.face_radius is not None:
+                # The slip of flat faces also has their relative spin about the normal, times their
+                # mean radius, as a component along the normal.
                 spin = second.direction(second.spin) - first.direction(first.spin)
                 sliding = sliding + normal * (spin.dot(normal) * contact.face_radius)
             failed[message] = _is_nonzero(contact.slip - sliding)

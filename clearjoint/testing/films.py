@@ -75,6 +75,7 @@ def complaints_of_film(film: AbstractFilm, *sizes: float) -> Iterator[str]:
 
     def force(film: AbstractFilm, state: jax.Array) -> jax.Array:
         offset, rate = Vector(state[0], state[1], 0.0), Vector(state[2], state[3], 0.0)
+        # The bearing's axis is z, and the spin of the journal relative to the bearing is zero.
         on_journal = film.force(FilmGap(UNIT_Z, offset, rate, 0.0, *sizes))
         return jnp.stack([jnp.asarray(part, float) for part in (on_journal.x, on_journal.y)])
 

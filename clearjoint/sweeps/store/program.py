@@ -89,7 +89,8 @@ def programs(
     numbers, rest = eqx.partition(folded_scene, eqx.is_array_like)
     traced, time = _Traced(plan, channels, rest), jnp.asarray(start_time, dtype=float)
     # The run itself is traced without outputs, so that its digest does not depend on them. A run
-    # begins a lane and then repeats one step: these two programs determine it.
+    # begins a lane and then repeats one step: these two programs determine it. The lengths and end
+    # times of 1.0 s are arbitrary, since digests do not depend on the arguments' numbers.
     start = numbers, state, time, 1.0
     begun = fingerprints(lambda *start: {RUN: traced.begin(traced.run_plan, *start)}, *start)
     lane: Lane = begun.shapes[RUN]
@@ -153,6 +154,7 @@ class _Traced:
         """Return the impacts recorded after one step, by variable of the impact tables."""
         if not lane.run.records[IMPACTS]:
             return {}
+        # One row is asked of each buffer; like all numbers of arguments, this one is arbitrary.
         request = replace(_request(end_time, end_time), wanted=dict.fromkeys(lane.buffers(), 1))
         after = step_lane(self.impacts_plan, self.scene(numbers), lane, request)
         return {
@@ -208,6 +210,8 @@ class _Traced:
 
 
 def _request(end_time: Scalar, first_step: Scalar) -> SegmentRequest:
+    """Return the data with which the loop runs a lane to `end_time`, s, with a first step of the
+    length `first_step`, s, without times to save at and without rows to record."""
     return SegmentRequest(end_time, first_step, jnp.full(WINDOW, jnp.inf), {})
 
 
