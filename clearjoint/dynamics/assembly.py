@@ -49,7 +49,7 @@ def check_names(scene: Scene, state: State) -> None:
     bodies, and that all its numbers are finite, with Euler parameters of about unit norm (0.9 to
     1.1). Numbers that JAX traces are not checked.
 
-    **Raises:** `ValueError` that names the argument and a remedy.
+    **Raises:** `ValueError` if one of these conditions is not met.
     """
     remedy = "pass one; mechanisms come with a state: scene, state = cj.mechanisms.four_bar()"
     require(isinstance(scene, Scene), "scene", type(scene).__name__, "a Scene", remedy)

@@ -132,6 +132,8 @@ class System(eqx.Module):
     ) -> Dynamics:
         """Solve the equations of motion, with the contact forces that follow from the variables.
 
+        The result has the rates of the speeds, the contact forces, and the multipliers of the rows.
+
         **Arguments:**
 
         - `closed`: whether each contact has a force, by joint and contact label; if ``None``, the

@@ -289,8 +289,8 @@ def named(argument: str, given: Mapping[str, T], remedy: str) -> dict[str, T]:
     """Return a dictionary with the entries of a mapping, after `require_names` has checked its
     keys.
 
-    It is used in the ``__init__`` methods of modules. Without it, JAX would sort the keys before
-    they are checked, and fail for keys of mixed types.
+    It is used in the ``__init__`` methods of Equinox modules. Without it, JAX would sort the keys
+    before they are checked, and fail for keys of mixed types.
     """
     require_names(argument, given, remedy)
     return dict(given)

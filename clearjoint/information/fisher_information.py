@@ -94,8 +94,8 @@ def condition(roots: Float[np.ndarray, "*T r p"]) -> np.ndarray:
     """Return the condition number (...) of the derivatives J with columns of unit length.
 
     If it is large, the data hardly determine some combination of the parameters. It is infinite
-    for a singular J, and NaN if J is zero. The condition number of F with its diagonal scaled to
-    one is the square of this number.
+    (with rounding errors, very large) for a singular J, and NaN if J is zero. The condition number
+    of F with its diagonal scaled to one is the square of this number.
     """
     values = _equilibrated(roots)[1]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -122,7 +122,8 @@ def covariance(rows: Float[np.ndarray, "N p"], floor: float = 0.0) -> Float[np.n
 def correlation(covariances: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
     """Return the correlations (p, p) of estimates from their covariance (p, p).
 
-    Correlations with an estimate of zero or infinite variance are NaN.
+    Correlations with an estimate of zero variance are NaN; those with an estimate of infinite
+    variance are zero or NaN.
     """
     deviations = np.sqrt(np.diag(covariances))
     with np.errstate(invalid="ignore"):

@@ -73,6 +73,7 @@ class Uncertain:
             rising = bounds.shape == (2,) and bool(bounds[0] < bounds[1])
             require(rising, "between", between, "two rising bounds", "pass (low, high)")
             between = float(bounds[0]), float(bounds[1])
+        # The class is frozen, so its fields are set by `object`.
         object.__setattr__(self, "parameter", known)
         object.__setattr__(self, "deviation", deviation)
         object.__setattr__(self, "half_width", half_width)

@@ -77,6 +77,7 @@ class Axis:
         is_row, remedy = row.ndim == 1 and row.size > 0, "pass shape (n,), one number at least"
         require(is_row, "values", row, "a row of numbers", remedy)
         require_finite("values", row)
+        # The class is frozen, so its fields are set by `object`.
         object.__setattr__(self, "variation", variation)
         object.__setattr__(self, "values", row)
 

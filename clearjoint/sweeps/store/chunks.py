@@ -64,6 +64,7 @@ def checked_files() -> "type[LocalStore]":
             return prototype.buffer.from_bytes(value)
 
         async def set(self, key: str, value: "Buffer") -> None:
+            # Files of metadata stay plain JSON; the store's own digest covers them.
             if not _is_metadata(key):
                 content = value.to_bytes()
                 value = type(value).from_bytes(content + digest(key, content).encode())
