@@ -50,8 +50,9 @@ class System(eqx.Module):
       floating-point numbers are dense enough for the shortest steps.
 
     In all methods, `variables` are those of the formulation's coordinates, t is in s since
-    `origin`, `entry_speeds` are in m/s by joint and contact label, and joints and bodies are
-    identified by name. A row is one scalar constraint equation.
+    `origin`, `entry_speeds` are penetration rates at the onsets of the present contacts, m/s, by
+    joint and contact label, and joints and bodies are identified by name. A row is one scalar
+    constraint equation.
 
     >>> scene, state = extend.unpack(cj.mechanisms.double_pendulum())
     >>> system = extend.System(scene, extend.Formulation())
@@ -170,7 +171,8 @@ class System(eqx.Module):
         """Return the time derivatives of the variables, and the powers of the energy ledger, W, by
         name.
 
-        The arguments are those of `dynamics`. Without a ledger the powers are an empty dictionary.
+        The arguments are those of `dynamics`. The ledger has the powers of damping, friction,
+        films, drives and stabilisation. Without a ledger the powers are an empty dictionary.
         """
         dynamics = self.dynamics(variables, entry_speeds, t, closed, bristles)
         powers = self.powers(dynamics, t)

@@ -252,7 +252,8 @@ def _columns_by_setters(
 
     - `scene`: the scene that the axes change.
     - `base`: leaves of (scene, state).
-    - `changes`: by name of the axis, its `NumberSetter`.
+    - `changes`: by name of the axis, its `NumberSetter`, which lists the leaves, and the components
+      of their arrays, that the axis sets.
     - `values`: by name of the axis, its values in every lane, (lanes,).
     """
     columns: Columns = {}

@@ -198,7 +198,7 @@ class FreeBranch(AbstractBranch):
 @dataclass(frozen=True)
 class JointedBranch(AbstractBranch):
     """A body that an ideal joint carries on its parent; its variables are the `JointState` of that
-    joint.
+    joint, its relative positions and speeds.
 
     - `joint`: name of the joint.
     - `motion_subspace`: the relative motions that the joint allows.

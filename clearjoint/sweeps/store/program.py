@@ -164,7 +164,8 @@ class _Traced:
         }
 
     def instant(self, numbers: PyTree, row: Snapshot, inside: Snapshot) -> Instant:
-        """Return the instant of a snapshot.
+        """Return the instant of a snapshot, from which quantities are computed. A snapshot has the
+        time, the variables and the entry speeds.
 
         A quantity may evaluate the dense output at a fraction of the step. The values there are the
         fraction times the snapshot `inside`, so that the fraction appears in the traced program.
