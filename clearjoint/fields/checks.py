@@ -257,8 +257,8 @@ def require_type(
 def require_types(
     argument: str, given: Mapping[str, object], kind: type | UnionType, expected: str, remedy: str
 ) -> None:
-    """Raise a ``ValueError`` unless a value is a dictionary of instances of `kind` by name, which
-    `require_names` allows."""
+    """Raise a ``ValueError`` unless a value is a dictionary of instances of `kind`, whose keys are
+    non-empty strings. `expected` describes an instance, such as "an Axis"."""
     require_names(argument, given, remedy)
     for name, value in given.items():
         require_type(f"{argument}[{name!r}]", value, kind, expected, remedy)
@@ -336,12 +336,12 @@ def caution_outside(
 ) -> None:
     """Issue an `UnusualValueWarning` if a number is less than `least` or larger than `most`.
 
-    Tracers are not checked.
+    Tracers are not checked, and NaN gives no warning.
     """
     number = concrete(value)
     if number is not None:
         at_least, at_most = f"at least {least:g} {unit}", f"at most {most:g} {unit}"
-        # NaN gives no warning: other checks refuse it.
+        # With `not`, NaN gives no warning: other checks refuse it.
         caution_unless(not number < least, argument, number.item(), unit, at_least, remedy)
         caution_unless(not number > most, argument, number.item(), unit, at_most, remedy)
 
@@ -355,7 +355,8 @@ def require_point(argument: str, value: ArrayLike) -> None:
 
 
 def require_axis(argument: str, value: ArrayLike) -> None:
-    """Raise a ``ValueError`` unless a direction has three finite components, (3,), not all zero.
+    """Raise a ``ValueError`` unless a direction has three finite components, (3,), and a length
+    above 1e-12.
 
     >>> extend.require_axis("axis", (0, 0, 0))
     Traceback (most recent call last):
@@ -369,7 +370,8 @@ def require_axis(argument: str, value: ArrayLike) -> None:
 
 
 def require_euler_parameters(argument: str, value: ArrayLike) -> None:
-    """Raise a ``ValueError`` unless four Euler parameters, (4,), are finite and have unit norm."""
+    """Raise a ``ValueError`` unless four Euler parameters, (4,), are finite and have unit norm to
+    within 1e-6."""
     require_shape(argument, value, (4,), "pass four Euler parameters, scalar part first")
     expected = "Euler parameters of unit norm, scalar part first"
     remedy = "divide them by their norm"

@@ -219,7 +219,7 @@ class Matrix:
         return Matrix(*(own - row * x for own, x in zip(self.rows, column, strict=True)))
 
     def inverse(self) -> "Matrix":
-        """Return the inverse of a regular matrix, computed from its cofactors."""
+        """Return the inverse of a nonsingular matrix, computed from its cofactors."""
         x, y, z = self.rows
         columns = y.cross(z), z.cross(x), x.cross(y)
         scale = 1.0 / x.dot(columns[0])

@@ -163,7 +163,7 @@ def _labelled(
 def _check_members(members: int, parameters: int) -> None:
     """Check that there are enough runs for the regression.
 
-    **Raises:** `ValueError` for an odd number, or for too few.
+    **Raises:** `ValueError` for `members` that are not an even, positive whole number, or too few.
     """
     require_count("members", members, "give a number of runs")
     require(members % 2 == 0, "members", members, "even", "add one")

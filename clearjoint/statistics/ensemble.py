@@ -176,7 +176,8 @@ def _check(
 
 
 def failed_runs(results: "xr.Dataset") -> Bool[np.ndarray, " lanes"]:
-    """Return whether each run of a zipped sweep failed, (lanes,)."""
+    """Return whether each run of a zipped sweep failed, (lanes,): any run whose result code is not
+    that of `successful`, also if it was not run."""
     return results["result"].values != result_number(RESULTS.successful)
 
 

@@ -177,7 +177,8 @@ class _Writer:
 
     def write_if_due(self) -> None:
         """Write lanes of incomplete chunks if they are as many as a chunk has, or have waited for
-        `WRITE_PERIOD` seconds."""
+        `WRITE_PERIOD` seconds, unless such writes would take more than `WRITE_SHARE` of the
+        time."""
         since = time.monotonic() - self._last_write
         many = sum(map(self._lanes_waiting, self._waiting)) >= self._store.layout.chunk
         # On a slow disk, the time since the last write must be long relative to its duration.

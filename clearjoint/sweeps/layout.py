@@ -72,7 +72,8 @@ class Variable(NamedTuple):
         return fills.get(np.dtype(self.dtype).kind, np.nan)
 
     def pending(self, lanes: int) -> np.ndarray:
-        """Return the entries of a number of `lanes` that have not been computed, (lanes, ...)."""
+        """Return the entries for a number of lanes that have not been computed, (lanes, ...), all
+        with the value `fill`."""
         return np.full((lanes, *self.shape), self.fill, self.dtype)
 
     @property

@@ -144,7 +144,8 @@ class GroupedMechanics(AbstractMechanics):
         return self._rest.accelerations(rest) | by_name(self._groups.accelerations(groups))
 
     def variable_rates(self, rates: Speeds) -> GroupedVariables:
-        """Return the time derivatives of the variables for given rates of the speeds."""
+        """Return the time derivatives of the variables, a pair as in `GroupedVariables`, for given
+        rates of the speeds."""
         rest, groups = self._split(rates)
         return self._rest.variable_rates(rest), self._groups.variable_rates(groups)
 

@@ -168,7 +168,8 @@ class JointMechanics(AbstractMechanics):
         return self._along_columns(list(self._loads(wrenches)))
 
     def _loads(self, wrenches: Wrenches) -> Iterator[ForceAndMoment]:
-        """Yield force and moment on each link in its tree's axes, for wrenches by name of body."""
+        """Yield force, N, and moment about the centre of mass, N m, on each link, in its tree's
+        axes, for wrenches by name of body."""
         for axes, (branch, link) in zip(self._axes, self._pairs(), strict=True):
             wrench = wrenches.get(branch.body, NO_WRENCH)
             yield axes.transposed_times(wrench.force), link.rotation @ wrench.moment

@@ -98,7 +98,10 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def opened(group: "zarr.Group", name: str) -> "zarr.Array":
-    """Open the array with the given name in a group."""
+    """Open the array with the given name in a group.
+
+    A chunk that is written to it has a file even if it contains fill values only.
+    """
     import zarr
 
     # By default Zarr writes no file for a chunk of fill values, so a lost file would look like one.

@@ -145,13 +145,15 @@ class _Traced:
         return begin_lane(plan, self.scene(numbers), state, time, request)
 
     def step(self, numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
-        """Return the lane after one step, and the outcome of a run that ends before this step."""
+        """Return, under the key `RUN`, the lane after one step, and the outcome of a run that ends
+        before this step."""
         plan, scene = self.run_plan, self.scene(numbers)
         after = step_lane(plan, scene, lane, _request(end_time, end_time))
         return {RUN: (after, outcome(plan, scene, lane, end_time))}
 
     def impact_tables(self, numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
-        """Return the impacts recorded after one step, by variable of the impact tables."""
+        """Return the impacts recorded after one step, by variable of the impact tables; an empty
+        dictionary without tables."""
         if not lane.run.records[IMPACTS]:
             return {}
         # One row is asked of each buffer; like all numbers of arguments, this one is arbitrary.
