@@ -134,6 +134,7 @@ def _in_bearings(
     **Arguments:** `ideal`: the ideal joints, by name of the clearance joint that each replaces; the
     further ones are added to this dictionary.
     """
+    # The loop ends, because each pass adds at least one of the scene's clearance joints.
     while True:
         state = _satisfying(with_ideal(scene, ideal), state, t)
         added = centring_joints(scene, outside(scene, state) - set(ideal))

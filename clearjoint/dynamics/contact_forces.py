@@ -119,6 +119,8 @@ def contact_wrenches(
     push = -(contact.normal * normal_force)
     if friction is not None:
         push = push + friction
+    # Without friction, the force may act at any point of its line of action, and points are chosen
+    # that take less arithmetic.
     on_first, on_second = contact.points_of_force(friction is not None)
     turning = None if friction_moment is None else contact.normal * friction_moment
     if second != GROUND:
@@ -174,6 +176,7 @@ def contact_force(
         to_first = motions[joint.pair()[0]]
         deflection = to_first.direction(bristles[label])
         friction, rate = _bristle_friction(bristle_law, contact, deflection, normal)
+        # The deflection of an open contact stays zero.
         rate = Vector(*(jnp.where(exists, part, 0.0) for part in to_first.components(rate)))
         return LoadedContact(contact, normal, elastic, friction, rate)
     if closed is None or not law.slope_jumps():

@@ -282,6 +282,7 @@ class System(eqx.Module):
         prescribed: ByLabel[Row] = {}
         for name, family in self.rows(motions, t).items():
             for label, row in family.items():
+                # The rate is the Python number zero for a row that does not depend on time.
                 if not is_zero(row.time_rate):
                     prescribed.setdefault(name, {})[label] = replace(row, jacobian={})
         return prescribed
@@ -293,6 +294,7 @@ class System(eqx.Module):
             return None
         motions = self.motions(variables)
         values = [jnp.abs(row.value) for row in flattened(self.rows(motions, t))]
+        # A violation as large as a clearance would be as large as the motion in that joint.
         farthest: Scalar = FARTHEST
         for joint in self.scene.contact_joints().values():
             for contact in joint.contacts(motions).values():

@@ -52,6 +52,7 @@ def as_number(value: object, argument: str = "value", unit: str = "1") -> np.nda
     if isinstance(value, jax.Array):
         return value
     if isinstance(value, list | tuple):
+        # NumPy can't make an array of traced numbers.
         kinds = {type(leaf) for leaf in jax.tree.leaves(value)}
         if any(issubclass(kind, Tracer) for kind in kinds):
             return jnp.asarray(value, dtype=float)

@@ -156,6 +156,7 @@ def _complaints_of_drag(film: AbstractFilm, *sizes: float) -> Iterator[str]:
 def _complaints_of_slopes(force: Force, film: AbstractFilm) -> Iterator[str]:
     """Yield a message if derivatives of the force by offset, rate or parameters are not finite, or
     if those by offset and rate differ from central differences."""
+    # The smooth states are turned too, since a number that is zero would get a step of zero below.
     states, smooth = _states(), _rotated(jnp.asarray(SMOOTH), 0.3)
     slopes_at, forces_at = _at_all(jax.jacfwd(force, argnums=1)), _at_all(force)
     if not jnp.isfinite(slopes_at(film, states)).all():
