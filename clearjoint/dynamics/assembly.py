@@ -158,8 +158,8 @@ def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
             break
         bodies = _corrected(System.project_positions, scene, formulation, bodies, t)
     report = constraint_report(scene, State(bodies), t)
-    # The iteration aims at TOLERANCE, but rounding errors in large mechanisms may keep the values
-    # above it. A thousand times as much, 1e-9 m or rad, is still small beside ACCEPTED_VIOLATION.
+    # The iteration aims at TOLERANCE, but with lengths above a metre, rounding errors may keep the
+    # values above it. A thousand times as much, 1e-9 m or rad, is small beside ACCEPTED_VIOLATION.
     _require_satisfied(report.names, report.values, TOLERANCE * 1e3, "assembled", "positions")
     # For velocities the constraints are linear: one projection solves them, and a second one
     # removes the rounding errors of the first.

@@ -231,7 +231,7 @@ def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, j
     rest at time t, s.
 
     A load is the force that the second body of the joint exerts on the first, (3,) in the axes of
-    the first body. It is due to gravity, force elements and films, without the forces of contacts.
+    the first body. Gravity, force elements, films and drivers cause it, but no contact has a force.
     In scene and states of the bodies, vectors are arrays (3,).
     """
     # Absolute coordinates keep the rows of all ideal joints, and with them the reactions. Least
