@@ -156,7 +156,7 @@ class _Traced:
         dictionary without tables."""
         if not lane.run.records[IMPACTS]:
             return {}
-        # One row is asked of each buffer; like all numbers of arguments, this one is arbitrary.
+        # A row is still wanted in each log, so that the code that records an impact is traced.
         request = replace(_request(end_time, end_time), wanted=dict.fromkeys(lane.buffers(), 1))
         after = step_lane(self.impacts_plan, self.scene(numbers), lane, request)
         return {
