@@ -49,7 +49,7 @@ def check_names(scene: Scene, state: State) -> None:
     bodies, and that all its numbers are finite, with Euler parameters of about unit norm (0.9 to
     1.1). Numbers that JAX traces are not checked.
 
-    **Raises:** `ValueError` that names the argument and a remedy.
+    **Raises:** `ValueError` if one of these conditions is not met.
     """
     remedy = "pass one; mechanisms come with a state: scene, state = cj.mechanisms.four_bar()"
     require(isinstance(scene, Scene), "scene", type(scene).__name__, "a Scene", remedy)
@@ -90,7 +90,7 @@ def assemble(
     - `resting`: names of clearance joints whose journals are put in contact with the wall, on the
       side to which gravity and the scene's forces press them while all bodies are at rest.
 
-    **Returns:** the assembled state.
+    **Returns:** the assembled state, with the entry speeds, work and bristles of the guess.
 
     **Raises:** `ValueError`
 
@@ -134,6 +134,7 @@ def _in_bearings(
     **Arguments:** `ideal`: the ideal joints, by name of the clearance joint that each replaces; the
     further ones are added to this dictionary.
     """
+    # The loop ends, because each pass adds at least one of the scene's clearance joints.
     while True:
         state = _satisfying(with_ideal(scene, ideal), state, t)
         added = centring_joints(scene, outside(scene, state) - set(ideal))
@@ -157,14 +158,15 @@ def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
             break
         bodies = _corrected(System.project_positions, scene, formulation, bodies, t)
     report = constraint_report(scene, State(bodies), t)
-    # The iteration aims at TOLERANCE, but rounding errors may keep the values slightly above it.
+    # The iteration aims at TOLERANCE, but with lengths above a metre, rounding errors may keep the
+    # values above it. A thousand times as much, 1e-9 m or rad, is small beside ACCEPTED_VIOLATION.
     _require_satisfied(report.names, report.values, TOLERANCE * 1e3, "assembled", "positions")
     # For velocities the constraints are linear: one projection solves them, and a second one
     # removes the rounding errors of the first.
     for _ in range(2):
         bodies = _corrected(System.project_velocities, scene, formulation, bodies, t)
     report = constraint_report(scene, State(bodies), t)
-    # The same limit as for positions, per second.
+    # The same limit as for positions, 1e-9, per second.
     _require_satisfied(report.names, report.rates, 1e-9, "assembled", "velocities")
     return State(bodies, state.entry_speeds, state.work, state.bristles)
 

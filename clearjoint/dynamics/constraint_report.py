@@ -183,14 +183,15 @@ def start_rows_of_lanes(
     - `t`: s, the same for all.
     - `coordinates`: the coordinates of the runs.
     """
-    # For each number of the arguments, a column is the array of its N values, or None if the number
-    # is the same in all scenes and states.
+    # For each number of `arguments`, in their order, a column is the array of its N values, or None
+    # if the number is the same in all scenes and states.
     scenes = jax.tree.structure(scene).flatten_up_to(varied)
     starts = [None if (leaf == leaf[:1]).all() else leaf for leaf in jax.tree.leaves(states)]
     count, first = len(jax.tree.leaves(states)[0]), jax.tree.map(lambda leaf: leaf[0], states)
     columns = [*scenes, *[None] * len(jax.tree.leaves(coordinates)), *starts, None]
     arguments = scene, coordinates, first, np.asarray(t, float)
-    # The scenes may use a primitive without a rule; then they are evaluated one by one.
+    # User-defined joints may use a primitive that native code does not support. Then the scenes are
+    # evaluated one by one.
     alike = all(column is None for column in columns)
     if count > FEW and not alike:
         with suppress(UnsupportedPrimitiveError):

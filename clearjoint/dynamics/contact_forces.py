@@ -46,8 +46,8 @@ class LoadedContact:
     - `friction`: force on the second body, N, in global axes; ``None`` without friction.
     - `bristle_rate`: rate of the bristles' deflection, m/s, in the axes of the first body; ``None``
       without bristles.
-    - `friction_moment`: on the second body about the normal, N m; ``None`` except for faces with a
-      `face_radius`.
+    - `friction_moment`: on the second body about the normal, N m; ``None`` except for two flat
+      faces, whose contact has a `face_radius`, the mean radius of the faces, m.
     """
 
     contact: Contact
@@ -72,7 +72,7 @@ def contact_forces(
     - `motions`: pose and velocities of each body.
     - `entry_speeds`: m/s, by joint and contact label. If `closed` is given, a closed contact whose
       entry speed is zero is treated as elastic, like a contact that exists at the start of a run.
-      Otherwise, its present penetration rate replaces the entry speed.
+      If `closed` is ``None``, the present penetration rate replaces an entry speed of zero.
     - `closed`: whether each contact has a force, whatever its depth (see `contact_force`); if
       ``None``, the contacts that penetrate have one.
     - `bristles`: deflections, m, of the contacts with bristle laws.
@@ -85,7 +85,8 @@ def contact_forces(
             entry_speed = entry_speeds[name][label] if laws[label].uses_entry_speed else None
             is_closed = None if closed is None else closed[name][label]
             if is_closed is not None and entry_speed is not None:
-                # The present rate cannot stand in for it: it differs between the stages of a step.
+                # The present penetration rate cannot replace a missing entry speed, because it
+                # differs between the stages of a step.
                 entry_speed = jnp.where(entry_speed > 0.0, entry_speed, UNKNOWN_ENTRY_SPEED)
             given = contact, entry_speed, is_closed, motions, bristles.get(name, {})
             forces[name][label] = contact_force(joint, label, laws[label], *given)
@@ -118,6 +119,8 @@ def contact_wrenches(
     push = -(contact.normal * normal_force)
     if friction is not None:
         push = push + friction
+    # Without friction, the force may act at any point of its line of action, and points are chosen
+    # that take less arithmetic.
     on_first, on_second = contact.points_of_force(friction is not None)
     turning = None if friction_moment is None else contact.normal * friction_moment
     if second != GROUND:
@@ -173,6 +176,7 @@ def contact_force(
         to_first = motions[joint.pair()[0]]
         deflection = to_first.direction(bristles[label])
         friction, rate = _bristle_friction(bristle_law, contact, deflection, normal)
+        # The deflection of an open contact stays zero.
         rate = Vector(*(jnp.where(exists, part, 0.0) for part in to_first.components(rate)))
         return LoadedContact(contact, normal, elastic, friction, rate)
     if closed is None or not law.slope_jumps():
@@ -189,7 +193,12 @@ def contact_force(
 def _with_friction(
     contact: Contact, normal: Scalar, elastic: Scalar, friction: Vector | None
 ) -> LoadedContact:
-    """Return a contact with its forces, N; friction between faces acts partly as a moment."""
+    """Return a contact with its forces, N.
+
+    The slip of two flat faces has a component along the normal: their relative spin about it times
+    the mean radius of the faces. So has their friction, and this component times the radius is the
+    moment of friction about the normal.
+    """
     if friction is None or contact.face_radius is None:
         return LoadedContact(contact, normal, elastic, friction)
     along = friction.dot(contact.normal)

@@ -90,7 +90,7 @@ class AbstractMechanics(abc.ABC):
     @abc.abstractmethod
     def bias(self, row: Row) -> Scalar:
         """Return the second time derivative that a constraint row's value has if u' = 0, without
-        the row's own `bias`.
+        the row's own `bias`, the part at constant velocities and spins of the bodies.
 
         The speeds u themselves need not be zero. The result is the row's Jacobian times the
         accelerations H' u of the bodies. If the rates u' are relative to free fall, the
@@ -178,9 +178,11 @@ class AbstractCoordinates(eqx.Module):
 def anchors(scene: Scene) -> dict[str, tuple[Vector, Vector]]:
     """Return the two points of the `Anchor` of each body that has one, by name of body.
 
-    Each value is a pair: the point on the body, m in body axes, and the fixed point of the ground
-    near it, m in global coordinates. A body with several anchored joints gets the points of the
-    first.
+    A body with a clearance joint to the ground may have an anchor, the centres of journal and
+    bearing. The vector between these two points, as a variable, keeps digits that a difference of
+    global positions would lose. Each value is a pair: the point on the body, m in body axes, and
+    the fixed point of the ground near it, m in global coordinates. A body with several anchored
+    joints gets the points of the first.
     """
     points = {}
     for joint in scene.contact_joints().values():

@@ -37,6 +37,8 @@ def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scal
             if force.friction is not None and force.contact.slip is not None:
                 book("friction", -force.friction.dot(force.contact.slip))
                 if force.friction_moment is not None and force.contact.face_radius is not None:
+                    # The slip of flat faces has a component along the normal: their relative spin
+                    # about it times the face radius.
                     along = force.contact.slip.dot(force.contact.normal)
                     book("friction", -force.friction_moment * along / force.contact.face_radius)
     for joint in scene.contact_joints().values():

@@ -101,6 +101,7 @@ def resting_joints(
 
 def with_ideal(scene: Scene, ideal: Mapping[str, AbstractConstraint]) -> Scene:
     """Return the scene with joints replaced by the joints of the same names in `ideal`."""
+    # The user has had the warnings of the scene's constructor already.
     with quiet():
         return replace(scene, joints={**scene.joints, **ideal})
 
@@ -166,7 +167,8 @@ def slid_out(
     """Return the distance, (N,), m, by which each journal has slid beyond its bearing, by name of
     joint.
 
-    It is positive outside the bearing. Joints whose journal cannot slide axially are left out.
+    It is positive outside the bearing and negative inside. Joints whose journal cannot slide
+    axially are left out.
 
     **Arguments:** `joints`: by name, each vector as three separate scalars or arrays (N,);
     `bodies`: N states of each body, by name, with a first axis of length N in each array.
@@ -229,7 +231,8 @@ def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, j
     rest at time t, s.
 
     A load is the force that the second body of the joint exerts on the first, (3,) in the axes of
-    the first body. In scene and states of the bodies, vectors are arrays (3,).
+    the first body. Gravity, force elements, films and drivers cause it, but no contact has a force.
+    In scene and states of the bodies, vectors are arrays (3,).
     """
     # Absolute coordinates keep the rows of all ideal joints, and with them the reactions. Least
     # norm makes the reactions unique if constraints are redundant.

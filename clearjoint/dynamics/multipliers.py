@@ -36,6 +36,7 @@ def response(
 
     **Arguments:**
 
+    - `mechanics`: equations of motion, which solve linear equations with the mass matrix M.
     - `directions`: the rows of D, one list for each constraint row, with one number for each speed.
     - `targets`: one number for each constraint row.
     - `solver`: solver of the linear equations.

@@ -50,8 +50,9 @@ class System(eqx.Module):
       floating-point numbers are dense enough for the shortest steps.
 
     In all methods, `variables` are those of the formulation's coordinates, t is in s since
-    `origin`, `entry_speeds` are in m/s by joint and contact label, and joints and bodies are
-    identified by name. A row is one scalar constraint equation.
+    `origin`, `entry_speeds` are penetration rates at the onsets of the present contacts, m/s, by
+    joint and contact label, and joints and bodies are identified by name. A row is one scalar
+    constraint equation.
 
     >>> scene, state = extend.unpack(cj.mechanisms.double_pendulum())
     >>> system = extend.System(scene, extend.Formulation())
@@ -132,6 +133,8 @@ class System(eqx.Module):
     ) -> Dynamics:
         """Solve the equations of motion, with the contact forces that follow from the variables.
 
+        The result has the rates of the speeds, the contact forces, and the multipliers of the rows.
+
         **Arguments:**
 
         - `closed`: whether each contact has a force, by joint and contact label; if ``None``, the
@@ -168,7 +171,8 @@ class System(eqx.Module):
         """Return the time derivatives of the variables, and the powers of the energy ledger, W, by
         name.
 
-        The arguments are those of `dynamics`. Without a ledger the powers are an empty dictionary.
+        The arguments are those of `dynamics`. The ledger has the powers of damping, friction,
+        films, drives and stabilisation. Without a ledger the powers are an empty dictionary.
         """
         dynamics = self.dynamics(variables, entry_speeds, t, closed, bristles)
         powers = self.powers(dynamics, t)
@@ -278,6 +282,7 @@ class System(eqx.Module):
         prescribed: ByLabel[Row] = {}
         for name, family in self.rows(motions, t).items():
             for label, row in family.items():
+                # The rate is the Python number zero for a row that does not depend on time.
                 if not is_zero(row.time_rate):
                     prescribed.setdefault(name, {})[label] = replace(row, jacobian={})
         return prescribed
@@ -289,6 +294,7 @@ class System(eqx.Module):
             return None
         motions = self.motions(variables)
         values = [jnp.abs(row.value) for row in flattened(self.rows(motions, t))]
+        # A violation as large as a clearance would be as large as the motion in that joint.
         farthest: Scalar = FARTHEST
         for joint in self.scene.contact_joints().values():
             for contact in joint.contacts(motions).values():

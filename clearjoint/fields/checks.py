@@ -52,6 +52,7 @@ def as_number(value: object, argument: str = "value", unit: str = "1") -> np.nda
     if isinstance(value, jax.Array):
         return value
     if isinstance(value, list | tuple):
+        # NumPy can't make an array of traced numbers.
         kinds = {type(leaf) for leaf in jax.tree.leaves(value)}
         if any(issubclass(kind, Tracer) for kind in kinds):
             return jnp.asarray(value, dtype=float)
@@ -257,8 +258,8 @@ def require_type(
 def require_types(
     argument: str, given: Mapping[str, object], kind: type | UnionType, expected: str, remedy: str
 ) -> None:
-    """Raise a ``ValueError`` unless a value is a dictionary of instances of `kind` by name, which
-    `require_names` allows."""
+    """Raise a ``ValueError`` unless a value is a dictionary of instances of `kind`, whose keys are
+    non-empty strings. `expected` describes an instance, such as "an Axis"."""
     require_names(argument, given, remedy)
     for name, value in given.items():
         require_type(f"{argument}[{name!r}]", value, kind, expected, remedy)
@@ -289,8 +290,8 @@ def named(argument: str, given: Mapping[str, T], remedy: str) -> dict[str, T]:
     """Return a dictionary with the entries of a mapping, after `require_names` has checked its
     keys.
 
-    It is used in the ``__init__`` methods of modules. Without it, JAX would sort the keys before
-    they are checked, and fail for keys of mixed types.
+    It is used in the ``__init__`` methods of Equinox modules. Without it, JAX would sort the keys
+    before they are checked, and fail for keys of mixed types.
     """
     require_names(argument, given, remedy)
     return dict(given)
@@ -336,12 +337,12 @@ def caution_outside(
 ) -> None:
     """Issue an `UnusualValueWarning` if a number is less than `least` or larger than `most`.
 
-    Tracers are not checked.
+    Tracers are not checked, and NaN gives no warning.
     """
     number = concrete(value)
     if number is not None:
         at_least, at_most = f"at least {least:g} {unit}", f"at most {most:g} {unit}"
-        # NaN gives no warning: other checks refuse it.
+        # With `not`, NaN gives no warning: other checks refuse it.
         caution_unless(not number < least, argument, number.item(), unit, at_least, remedy)
         caution_unless(not number > most, argument, number.item(), unit, at_most, remedy)
 
@@ -355,7 +356,8 @@ def require_point(argument: str, value: ArrayLike) -> None:
 
 
 def require_axis(argument: str, value: ArrayLike) -> None:
-    """Raise a ``ValueError`` unless a direction has three finite components, (3,), not all zero.
+    """Raise a ``ValueError`` unless a direction has three finite components, (3,), and a length
+    above 1e-12.
 
     >>> extend.require_axis("axis", (0, 0, 0))
     Traceback (most recent call last):
@@ -369,7 +371,8 @@ def require_axis(argument: str, value: ArrayLike) -> None:
 
 
 def require_euler_parameters(argument: str, value: ArrayLike) -> None:
-    """Raise a ``ValueError`` unless four Euler parameters, (4,), are finite and have unit norm."""
+    """Raise a ``ValueError`` unless four Euler parameters, (4,), are finite and have unit norm to
+    within 1e-6."""
     require_shape(argument, value, (4,), "pass four Euler parameters, scalar part first")
     expected = "Euler parameters of unit norm, scalar part first"
     remedy = "divide them by their norm"

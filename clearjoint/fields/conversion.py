@@ -50,8 +50,8 @@ class AbstractConverting(AbstractReadable):
     def field_converter(cls, name: str) -> Callable[[PyTree], PyTree]:
         """Return the function that converts the values given for the field `name`.
 
-        It applies to a field that does not declare a converter. A subclass may override this
-        method, which returns `as_numbers` by default.
+        It is called when a class is defined, for each field that is not static and does not declare
+        a converter. A subclass may override this method, which returns `as_numbers` by default.
         """
         del name
         return as_numbers

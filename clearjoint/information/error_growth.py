@@ -35,7 +35,8 @@ class _Push:
     """Function that adds a perturbation of a given size, m/s, to the initial velocities.
 
     Every body gets the same additional velocity, and a spin that moves points at its radius of
-    gyration with this speed. The result is projected on the velocities that the ideal joints allow.
+    gyration with this speed. The part that ideal joints forbid is dropped, except for joints that
+    close a loop.
 
     - `radii`: pairs of a body's name and its radius of gyration, m.
     """

@@ -53,7 +53,8 @@ def together(roots: Float[np.ndarray, "*T r p"], accuracy: float) -> Float[np.nd
 
     A combination of parameters is undetermined if its singular value is at most `accuracy` times
     the largest one, with the columns of the root scaled to unit length. The bound is infinite for a
-    parameter whose component in such a combination, a unit vector, exceeds the root of `accuracy`.
+    parameter whose component in such a combination, a unit vector, exceeds the square root of
+    `accuracy`.
 
     **Arguments:** `roots`: roots (..., r, p) of the information; `accuracy`: relative error of the
     derivatives.
@@ -92,8 +93,9 @@ def rank(roots: Float[np.ndarray, "*T r p"], accuracy: float) -> np.ndarray:
 def condition(roots: Float[np.ndarray, "*T r p"]) -> np.ndarray:
     """Return the condition number (...) of the derivatives J with columns of unit length.
 
-    If it is large, the data hardly determine some combination of the parameters. The condition
-    number of F is the square of this number.
+    If it is large, the data hardly determine some combination of the parameters. It is infinite
+    (with rounding errors, very large) for a singular J, and NaN if J is zero. The condition number
+    of F with its diagonal scaled to one is the square of this number.
     """
     values = _equilibrated(roots)[1]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -108,6 +110,8 @@ def covariance(rows: Float[np.ndarray, "N p"], floor: float = 0.0) -> Float[np.n
     that the covariance is finite. With zero, the covariance of a singular F has infinities or NaN.
     """
     lengths, values, directions = _equilibrated(rows)
+    # The largest singular value is at least 1 unless all columns are zero; 1 replaces it then.
+    # Likewise, a column of zeros gets a length relative to the longest column, or to 1.
     values = np.maximum(values, floor * max(values[0], 1.0))
     lengths = np.where(lengths > 0.0, lengths, floor * max(lengths.max(), 1.0))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -118,7 +122,8 @@ def covariance(rows: Float[np.ndarray, "N p"], floor: float = 0.0) -> Float[np.n
 def correlation(covariances: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
     """Return the correlations (p, p) of estimates from their covariance (p, p).
 
-    Correlations with an estimate of zero variance are NaN.
+    Correlations with an estimate of zero variance are NaN; those with an estimate of infinite
+    variance are zero or NaN.
     """
     deviations = np.sqrt(np.diag(covariances))
     with np.errstate(invalid="ignore"):

@@ -47,7 +47,8 @@ ALL_CORNERS = 3
 combination of signs, up to eight; for more parameters, eight random combinations are tested."""
 FLAT = 1e-6
 """Absolute cosine of the angle between the residuals and their derivatives along a path, below
-which the misfit counts as constant along the path."""
+which the misfit counts as constant along the path. Where the path has no effect on the data, the
+cosine is not exactly zero, because of rounding and integration errors."""
 
 
 @dataclass(frozen=True)
@@ -221,8 +222,8 @@ def fit_horizon(
 
     **Returns:** a `FitHorizon`, whose `single_shot` is the end of that record, s.
 
-    **Raises:** `ValueError` for unsupported arguments; `SimulationError` if the run with the
-    parameters' values fails.
+    **Raises:** `ValueError` for unsupported arguments; `SimulationError` if one of the runs with
+    the parameters' values fails.
 
     >>> probe = cj.Sensor(x, times, noise=1e-4)
     >>> limits = cj.fit_horizon(

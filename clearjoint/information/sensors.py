@@ -51,6 +51,7 @@ class Sensor:
         fine = bool((np.isfinite(deviation) & (deviation > 0.0)).all())
         remedy = "give the standard deviation of the samples"
         require(fine, "noise", deviation, "finite and positive", remedy)
+        # The class is frozen, so its fields are set by `object`.
         object.__setattr__(self, "channels", several)
         object.__setattr__(self, "times", row)
         object.__setattr__(self, "noise", deviation * np.ones(len(row)))

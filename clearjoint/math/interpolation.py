@@ -225,9 +225,11 @@ def highest_after(
     **Arguments:** `value_at`: function of x; `before`, `first`, `last`: points of the function in
     order of x. The maximum between `first` and `last` is estimated.
 
-    **Returns:** a point. Its value is the largest of the function's values at all points, as in
-    `highest`. Its position is the maximum of the last parabola, which is nearer to the function's
-    maximum than the evaluated points.
+    **Returns:** a point. Its value is the largest of the function's values from `first` to `last`,
+    at these two points and at the two evaluations. If the higher evaluation is above its
+    neighbours, the position is the maximum of the parabola through these three points, which is
+    nearer to the function's maximum than the evaluated points. Otherwise it is the higher one of
+    `first` and `last`.
     """
     margin = GUESS_MARGIN * (last.x - first.x)
     # If the extrapolated parabola has no maximum, the search begins in the middle.

@@ -133,7 +133,7 @@ class AbstractSolver:
 
 
 class Exact(AbstractSolver):
-    """Direct solver, for regular matrices only."""
+    """Direct solver, for nonsingular matrices only."""
 
     def unrolled(self, matrix: Rows, right: Sequence[Scalar]) -> list[Scalar]:
         """Return the solution by an L D L^T factorisation in scalar arithmetic."""

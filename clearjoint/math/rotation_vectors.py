@@ -17,7 +17,8 @@ class RotationVector(NamedTuple):
     """Rotation vector of a frame relative to a fixed frame.
 
     - `vector`: axis times angle, rad, with an angle from 0 to pi.
-    - `factor`: factor of the double vector product in `rate` and `torque`.
+    - `factor`: (1 - (angle/2) cot(angle/2))/angle^2, the factor of the double vector product in
+      `rate` and `torque`.
     """
 
     vector: Vector

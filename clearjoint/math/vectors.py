@@ -27,13 +27,15 @@ from jaxtyping import PyTree
 from numpy.typing import ArrayLike
 
 Scalar: TypeAlias = float | jax.Array
-"""A number: a float of Python or NumPy, or a JAX array of shape (), in groups (n,).
+"""A number: a float of Python or NumPy, or a JAX array of shape (); for a group of n elements that
+are computed together, an array of shape (n,).
 
 >>> def stiffening(depth: extend.Scalar) -> extend.Scalar:
 ...     return 1.0 + depth
 """
 Condition: TypeAlias = bool | jax.Array
-"""A truth value: a Python bool, or a boolean JAX array of shape (), in groups (n,)."""
+"""A truth value: a Python bool, or a boolean JAX array of shape (); (n,) for a group of n elements
+that are computed together."""
 
 
 def _is(value: Scalar, number: float) -> bool:
@@ -217,7 +219,7 @@ class Matrix:
         return Matrix(*(own - row * x for own, x in zip(self.rows, column, strict=True)))
 
     def inverse(self) -> "Matrix":
-        """Return the inverse of a regular matrix, computed from its cofactors."""
+        """Return the inverse of a nonsingular matrix, computed from its cofactors."""
         x, y, z = self.rows
         columns = y.cross(z), z.cross(x), x.cross(y)
         scale = 1.0 / x.dot(columns[0])

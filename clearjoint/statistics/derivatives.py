@@ -76,7 +76,8 @@ def statistics_derivatives(
     - `members`: number of runs with their own draws of all parameters. It must be even, because the
       further runs come in pairs, and at least 10 for each of the 1 + 3 p + p (p - 1)/2 coefficients
       of the regression.
-    - `disturbance`, `seed`: of the starts, as in `ensemble`.
+    - `disturbance`: m/s, root mean square speed by which the starts differ; `seed`: of all draws.
+      Both are as in `ensemble`.
     - `confidence`: level of the intervals, between 0 and 1.
 
     **Returns:** an `xarray.Dataset`. For each output "force" with one number in each run (others
@@ -87,6 +88,8 @@ def statistics_derivatives(
     nominal value. ``failed`` counts the failed runs, which are left out.
 
     **Raises:** `ValueError` for unsupported arguments, and if too few runs succeed.
+
+    **Warns:** as `sweep` does, for example of failed runs.
 
     >>> tolerance = cj.Uncertain(cj.Parameter(stiffness.variation, cj.Log()), deviation=0.02)
     >>> speed = {"speed": cj.Peak(cj.quantities.Velocity("ball"), "m/s")}
@@ -160,7 +163,7 @@ def _labelled(
 def _check_members(members: int, parameters: int) -> None:
     """Check that there are enough runs for the regression.
 
-    **Raises:** `ValueError` for an odd number, or for too few.
+    **Raises:** `ValueError` for `members` that are not an even, positive whole number, or too few.
     """
     require_count("members", members, "give a number of runs")
     require(members % 2 == 0, "members", members, "even", "add one")

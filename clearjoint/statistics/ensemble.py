@@ -88,7 +88,9 @@ def ensemble(
       deviation);
     - ``force_quantile`` and ``force_quantile_standard_error`` along "quantile".
 
-    ``failed`` counts the failed runs, which are left out of the statistics. ``lyapunov_exponent``,
+    ``failed`` counts the failed runs, which are left out of the statistics. Statistics are NaN at a
+    point where all runs failed; so are ``force_deviation`` and ``force_standard_error`` where only
+    one run succeeded. ``lyapunov_exponent``,
     1/s, is the growth rate of a disturbance in the second half of the run, on average over the
     members, and ``lyapunov_exponent_standard_error`` the standard error of this average; both are
     NaN if fewer than two of these runs succeed. The disturbance is a tangent: the derivative of the
@@ -97,7 +99,9 @@ def ensemble(
     motion.
 
     **Raises:** `ValueError` for unsupported arguments, such as an axis named "member" or
-    "quantile", which are dimensions of the result.
+    "quantile", which are dimensions of the result, and for constraints that leave no velocity free.
+
+    **Warns:** as `sweep` does, for example of failed runs.
 
     >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
     >>> found = cj.ensemble(
@@ -172,7 +176,8 @@ def _check(
 
 
 def failed_runs(results: "xr.Dataset") -> Bool[np.ndarray, " lanes"]:
-    """Return whether each run of a zipped sweep failed, (lanes,)."""
+    """Return whether each run of a zipped sweep failed, (lanes,): any run whose result code is not
+    that of `successful`, also if it was not run."""
     return results["result"].values != result_number(RESULTS.successful)
 
 

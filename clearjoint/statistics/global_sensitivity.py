@@ -53,7 +53,7 @@ def sobol_indices(
     - `scene`, `state`, `end_time` s, `outputs`, `settings`, and the options `start_time`, `path`,
       `executor`, `threads`, `chunk`, `progress`: as in `sweep`.
     - `uncertain`: p parameters, two or more, `Uncertain` by name.
-    - `count`: n, a power of two; n (p + 2) runs are made.
+    - `count`: n, a power of two, 2 or more; n (p + 2) runs are made.
     - `seed`: of the scrambled Sobol points and of the bootstrap.
     - `confidence`: level of the intervals, between 0 and 1.
 
@@ -67,7 +67,7 @@ def sobol_indices(
     **Raises:** `ValueError` for unsupported arguments, and if fewer than two groups have no failed
     run.
 
-    **Warns:** `UserWarning` if groups are left out.
+    **Warns:** `UserWarning` if groups are left out; also as `sweep` does, such as of failed runs.
 
     >>> stiffness = lambda scene: scene.forces["spring"].stiffness
     >>> mass = lambda scene: scene.bodies["ball"].mass
@@ -136,6 +136,8 @@ def _indices(groups: np.ndarray, confidence: float, seed: int) -> dict[str, np.n
     if used < len(groups):
         warnings.warn(f"{used} of {len(groups)} groups of runs are used.", stacklevel=4)
 
+    # SciPy takes arrays (1, n) of the runs at the points A and B, and (p, 1, n) of those at A with
+    # one parameter from B. The bootstrap resamples the indices of the groups.
     def both_orders(rows: np.ndarray) -> np.ndarray:
         a, b, ab = whole[rows, :1].T, whole[rows, 1:2].T, whole[rows, 2:].T[:, None]
         found = stats.sobol_indices(func={"f_A": a, "f_B": b, "f_AB": ab}, n=used)

@@ -122,7 +122,8 @@ def _component(state: State, body: str, part: str, k: int) -> float:
 
 
 def velocities_of(scene: Scene, state: State) -> Float[np.ndarray, " v"]:
-    """Return velocity and spin of each body in a state, (v,), in the scene's order of bodies."""
+    """Return velocity (m/s, global) and spin (rad/s, body axes) of each body in a state, (v,), in
+    the scene's order of bodies."""
     bodies = [state.bodies[name] for name in scene.bodies]
     return np.concatenate([[*body.velocity, *body.spin] for body in bodies]).astype(float)
 

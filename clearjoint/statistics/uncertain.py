@@ -39,8 +39,8 @@ class Uncertain:
 
     Exactly one of the last three is given.
 
-    **Raises:** `ValueError` for none or several of them, for a size that is not positive, and for
-    bounds that don't rise.
+    **Raises:** `ValueError` for none or several of them, for a size that is not positive, for
+    bounds that don't rise, and for a `parameter` that is neither a `Parameter` nor a path.
 
     >>> path = lambda scene: scene.joints["shoulder"].clearance
     >>> cj.Uncertain(path, deviation=5e-6).deviation
@@ -73,6 +73,7 @@ class Uncertain:
             rising = bounds.shape == (2,) and bool(bounds[0] < bounds[1])
             require(rising, "between", between, "two rising bounds", "pass (low, high)")
             between = float(bounds[0]), float(bounds[1])
+        # The class is frozen, so its fields are set by `object`.
         object.__setattr__(self, "parameter", known)
         object.__setattr__(self, "deviation", deviation)
         object.__setattr__(self, "half_width", half_width)

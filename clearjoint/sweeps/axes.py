@@ -77,6 +77,7 @@ class Axis:
         is_row, remedy = row.ndim == 1 and row.size > 0, "pass shape (n,), one number at least"
         require(is_row, "values", row, "a row of numbers", remedy)
         require_finite("values", row)
+        # The class is frozen, so its fields are set by `object`.
         object.__setattr__(self, "variation", variation)
         object.__setattr__(self, "values", row)
 
@@ -251,7 +252,8 @@ def _columns_by_setters(
 
     - `scene`: the scene that the axes change.
     - `base`: leaves of (scene, state).
-    - `changes`: by name of the axis, its `NumberSetter`.
+    - `changes`: by name of the axis, its `NumberSetter`, which lists the leaves, and the components
+      of their arrays, that the axis sets.
     - `values`: by name of the axis, its values in every lane, (lanes,).
     """
     columns: Columns = {}
@@ -324,7 +326,7 @@ def _known_valid(scene: Scene, state: State, columns: Columns) -> np.ndarray:
     """Return for each lane, (lanes,), whether compiled checks accept the lane's values.
 
     ``False`` means that the lane must be checked in Python; its values may be valid. The array is
-    empty if no leaf changes.
+    empty if no leaf changes, so that no lane is checked.
     """
     if not columns:
         return np.ones(0, bool)

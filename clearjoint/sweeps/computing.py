@@ -48,6 +48,8 @@ def compute_missing(
 ) -> "xr.Dataset":
     """Run the lanes that are missing in a store, and return the results of all lanes.
 
+    Lanes that are still missing after `ROUNDS` attempts have the `result` -1 (pending).
+
     **Arguments:**
 
     - `work`: the lanes of the sweep.
@@ -64,6 +66,7 @@ def compute_missing(
             done = len(work) - sum(map(len, missing.values()))
             with lane_progress(len(work), done, progress) as bar:
                 if executor is not None:
+                    # Called without missing lanes too, since it refuses an unsuitable executor.
                     _by_executor(Chunks(work, missing, trace), store, executor, bar)
                 elif missing:
                     _by_threads(work, missing, store, threads, bar)
@@ -174,7 +177,8 @@ class _Writer:
 
     def write_if_due(self) -> None:
         """Write lanes of incomplete chunks if they are as many as a chunk has, or have waited for
-        `WRITE_PERIOD` seconds."""
+        `WRITE_PERIOD` seconds, unless such writes would take more than `WRITE_SHARE` of the
+        time."""
         since = time.monotonic() - self._last_write
         many = sum(map(self._lanes_waiting, self._waiting)) >= self._store.layout.chunk
         # On a slow disk, the time since the last write must be long relative to its duration.

@@ -53,6 +53,8 @@ def variables_of(
         *(Coordinate(name, np.array(labels)) for name, labels in LABELS.items()),
     ]
     for name, output in outputs.items():
+        # Tables of impacts have a dimension of contacts, and saved states one of times; both are
+        # named after the output, since their labels may differ between outputs.
         if isinstance(output, ImpactTable):
             labels = [contact_label(*contact) for contact in output.contacts(scene)]
             coordinates.append(Coordinate(variable_name(name, CONTACT), np.array(labels)))
@@ -159,6 +161,7 @@ def notes_for_readers(
     choices = {
         "end_time": end_time,
         **{name: getattr(settings, name) for name in names},
+        # An attribute "coordinates" of a dataset is one that xarray itself writes to files.
         "method: coordinates": settings.coordinates,
         **{f"output {name}": output for name, output in outputs.items()},
     }

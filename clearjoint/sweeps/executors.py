@@ -285,7 +285,10 @@ def _end_with_parent() -> None:
 
 
 def _call(payload: bytes, chunk: int) -> LaneArrays:
-    """Compute a chunk in a worker, from the bytes of `_payload`."""
+    """Compute a chunk in a worker, from the bytes of `_payload`.
+
+    **Raises:** the error of the function; a `RuntimeError` with its text if it can't be pickled.
+    """
     with _decoding:  # One thread decodes the task, and the others take it from the cache.
         task = _decoded(payload)
     try:

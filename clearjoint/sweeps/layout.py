@@ -72,7 +72,8 @@ class Variable(NamedTuple):
         return fills.get(np.dtype(self.dtype).kind, np.nan)
 
     def pending(self, lanes: int) -> np.ndarray:
-        """Return the entries of a number of `lanes` that have not been computed, (lanes, ...)."""
+        """Return the entries for a number of lanes that have not been computed, (lanes, ...), all
+        with the value `fill`."""
         return np.full((lanes, *self.shape), self.fill, self.dtype)
 
     @property
@@ -200,8 +201,8 @@ def dataset(layout: Layout, arrays: Mapping[str, np.ndarray]) -> "xr.Dataset":
 
 
 def _with_array(coordinate: Coordinate) -> Coordinate:
-    """Return a coordinate whose values are an array of numbers or truth values, or of texts if they
-    are anything else."""
+    """Return a coordinate whose values are an array of numbers or truth values. If they are
+    anything else, it is an array of texts, and the unit is dropped."""
     values = np.asarray(coordinate.values)
     if values.dtype.kind in "bif":
         return coordinate._replace(values=values)

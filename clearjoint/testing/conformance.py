@@ -53,7 +53,8 @@ TOLERANCE = 1e-5
 """Largest accepted error of a derivative, relative to its size plus a thousandth of the force, far
 above the errors of finite differences."""
 SINGLE = 9
-"""Number of points at which a function is also evaluated without `jax.vmap`, which is slow."""
+"""Number of points at which a function is also evaluated singly, without `jax.vmap`. It is small,
+since single evaluations are slow."""
 
 Points: TypeAlias = Float[jax.Array, " N"]
 """Depths in m, rates or speeds in m/s, or forces in N at N points."""
@@ -148,6 +149,7 @@ def check_law(
     dissipation = (forces - jax.vmap(elastic)(depth)) * rate
     scale = 1e-9 * (1.0 + jnp.abs(forces * rate))
     ensure(dissipation >= -scale, "The law creates energy: (force - elastic_force) rate < 0.")
+    # The derivative of the energy by the depth is the elastic force, except for rounding errors.
     depths = jnp.asarray([-1e-3, 0.0, 1e-9, 1e-6, 1e-5])
     slopes = jax.vmap(jax.grad(energy))(depths)
     close = jnp.allclose(slopes, jax.vmap(elastic)(depths), rtol=1e-9, atol=1e-12)
@@ -155,7 +157,8 @@ def check_law(
     ensure_finite_slopes(force, law, depth=depth, rate=rate, entry_speed=entry)
     forces_at = jax.vmap(force, in_axes=(None, 0, 0, 0))
     _check_differences(forces_at, law)
-    # A contact that exists at the start of a run has no known entry speed, and no damping.
+    # A contact that exists at the start of a run has no known entry speed, and no damping. It is
+    # represented by a finite speed, so that a damping of about 1e-9 of the force remains.
     if law.uses_entry_speed:
         depth, rate = _grid(DEPTHS, RATES)
         unknown = forces_at(law, depth, rate, jnp.full_like(depth, UNKNOWN_ENTRY_SPEED))
@@ -299,7 +302,8 @@ def check_bristles(friction: AbstractBristleFriction) -> None:
     one in steady sliding, and slips up to 1 m/s. It demands that
 
     - the full deflection is positive;
-    - the deflection is constant without slip, and shrinks in sliding if it is too large;
+    - the deflection is constant without slip, and shrinks in sliding if it is ten times the full
+      one;
     - the friction is zero without deflection and slip, and doesn't drive steady sliding;
     - the stored energy is zero without deflection and never negative;
     - the derivatives by the deflection, the slip and the parameters of the law are finite, even
@@ -316,7 +320,8 @@ def check_bristles(friction: AbstractBristleFriction) -> None:
     speeds = jnp.asarray([0.0, 1e-9, 1e-4, 1e-2, 1.0])
     deflection, speed = (a.ravel() for a in jnp.meshgrid(ratios * full, speeds, indexing="ij"))
 
-    # Deflections are in a direction oblique to the slip, which is along x.
+    # Deflections are in a direction oblique to the slip, which is along x. `growth` is the rate of
+    # a deflection times the deflection, which is negative if the deflection shrinks.
     def growth(law: AbstractBristleFriction, z: Scalar, v: Scalar) -> Scalar:
         bristles = Vector(z * 0.6, z * 0.8, 0.0)
         return law.rate(bristles, Vector(v, 0.0, 0.0)).dot(bristles)
@@ -329,7 +334,7 @@ def check_bristles(friction: AbstractBristleFriction) -> None:
     rates = evaluated("rate()", growth, friction, deflection, speed)
     sticks = speed == 0.0
     ensure(jnp.where(sticks, rates, 0.0) == 0.0, "rate() without slip is not zero: it creeps.")
-    slides = (deflection > 5.0 * full) & ~sticks
+    slides = (deflection > 5.0 * full) & ~sticks  # of the tested deflections, the tenfold one
     message = "A deflection of ten times full_deflection() does not shrink in sliding."
     ensure(~slides | (rates < 0.0), message)
     none = Vector(0.0, 0.0, 0.0)

@@ -54,8 +54,9 @@ def check_contact_joint(
       each parameter of the joint agrees with finite differences;
     - `jax.vmap` gives the same result as a single evaluation.
 
-    The joint is tested at the given motions, at the onset of each contact, a micrometre deeper,
-    with its attachment points coincident, and at all these positions at rest.
+    The joint is tested at the given motions, at zero penetration of each contact, a micrometre
+    deeper, with its attachment points on both bodies (those of its method `attachments`)
+    coincident, and at all these positions at rest.
 
     **Arguments:**
 
@@ -163,9 +164,9 @@ def _require(condition: Condition, label: str, message: str) -> None:
 def _positions(joint: AbstractContactJoint, motions: Motions, together: bool) -> list[Motions]:
     """Return the motions of the bodies at which the joint is tested.
 
-    These are the given motions; motions in which the second body is shifted to the onset of each
-    contact, 1 µm deeper, and, if `together` is true, to coincident attachment points; and all of
-    these with bodies at rest.
+    These are the given motions; motions in which the second body is shifted to zero penetration of
+    each contact, 1 µm deeper, and, if `together` is true, to coincident attachment points; and all
+    of these with bodies at rest.
     """
     moving, scalar = [motions], unpack(joint)
     # A shift of the second body along the normal increases the penetration by its length.
@@ -252,6 +253,8 @@ def _failures(
             sliding = across - normal * across.dot(normal)
             message = "its slip is not the tangential velocity of the surfaces"
             if contact.face_radius is not None:
+                # The slip of flat faces also has their relative spin about the normal, times their
+                # mean radius, as a component along the normal.
                 spin = second.direction(second.spin) - first.direction(first.spin)
                 sliding = sliding + normal * (spin.dot(normal) * contact.face_radius)
             failed[message] = _is_nonzero(contact.slip - sliding)

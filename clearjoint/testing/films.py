@@ -75,6 +75,7 @@ def complaints_of_film(film: AbstractFilm, *sizes: float) -> Iterator[str]:
 
     def force(film: AbstractFilm, state: jax.Array) -> jax.Array:
         offset, rate = Vector(state[0], state[1], 0.0), Vector(state[2], state[3], 0.0)
+        # The bearing's axis is z, and the spin of the journal relative to the bearing is zero.
         on_journal = film.force(FilmGap(UNIT_Z, offset, rate, 0.0, *sizes))
         return jnp.stack([jnp.asarray(part, float) for part in (on_journal.x, on_journal.y)])
 
@@ -155,6 +156,7 @@ def _complaints_of_drag(film: AbstractFilm, *sizes: float) -> Iterator[str]:
 def _complaints_of_slopes(force: Force, film: AbstractFilm) -> Iterator[str]:
     """Yield a message if derivatives of the force by offset, rate or parameters are not finite, or
     if those by offset and rate differ from central differences."""
+    # The smooth states are turned too, since a number that is zero would get a step of zero below.
     states, smooth = _states(), _rotated(jnp.asarray(SMOOTH), 0.3)
     slopes_at, forces_at = _at_all(jax.jacfwd(force, argnums=1)), _at_all(force)
     if not jnp.isfinite(slopes_at(film, states)).all():

@@ -80,7 +80,7 @@ def _wrenches(force: AbstractForce, motions: Mapping[str, Motion], time: Scalar)
 
 def _check_balance(wrenches: Wrenches, motions: Mapping[str, Motion], tolerance: float) -> None:
     """Check that the forces on all bodies, and their moments about the global origin, add up to
-    zero."""
+    zero, within `tolerance` times the largest of them."""
     forces = [wrench.force for wrench in wrenches.values()]
     moments = [
         motions[name].direction(wrench.moment) + motions[name].position.cross(wrench.force)

@@ -5,12 +5,13 @@ If each element were written out in the compiled program, each would cost machin
 loop of a chain of 16 rods exceeds the processor's caches and takes minutes to compile. The elements
 of a group share code, and are computed as arrays by the processor's vector units.
 
-Bodies form a group if they move freely (no ideal joint and no `Anchor`) and their numbers have the
-same pattern of exact zeros and ones. Clearance joints form a group under two conditions: they
-differ only in numbers and in names of bodies; and the first bodies of all of them are the same body
-or are in the same group, as are the second bodies. A run keeps the state of a group as arrays,
-which are made at its start and split by names at its end. Groups are found while JAX traces, from
-names and structure alone. A scene in which groups replace the single elements is called condensed.
+Bodies form a group if they move freely (no ideal joint, and no `Anchor`, a fixed point near the
+body from which its position is measured) and their numbers have the same pattern of exact zeros and
+ones. Clearance joints form a group under two conditions: they differ only in numbers and in names
+of bodies; and the first bodies of all of them are the same body or are in the same group, as are
+the second bodies. A run keeps the state of a group as arrays, which are made at its start and split
+by names at its end. Groups are found while JAX traces, from names and structure alone. A scene in
+which groups replace the single elements is called condensed.
 """
 
 import copy
@@ -43,7 +44,8 @@ other."""
 def condensed(scene: Scene) -> Scene:
     """Return a scene in which groups replace elements that differ only in their numbers.
 
-    The keys of the groups in ``bodies`` and ``joints`` are `GroupName`s.
+    The keys of the groups in ``bodies`` and ``joints`` are `GroupName`s: strings with the names of
+    the members.
 
     **Arguments:** `scene`: a scene with each vector as three separate scalars. In a group of n
     elements, each of the returned scene's scalars is an array (n,), except exact zeros and ones,

@@ -133,8 +133,8 @@ class GroupedMechanics(AbstractMechanics):
 
     def bias(self, row: Row) -> Scalar:
         """Return the second time derivative that a constraint row's value has if the time
-        derivatives of all speeds are zero, without the row's own `bias`. Only single bodies have
-        constraints."""
+        derivatives of all speeds are zero, without the row's own `bias`, the part at constant
+        velocities and spins of the bodies. Only single bodies have constraints."""
         return self._rest.bias(row)
 
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
@@ -144,7 +144,8 @@ class GroupedMechanics(AbstractMechanics):
         return self._rest.accelerations(rest) | by_name(self._groups.accelerations(groups))
 
     def variable_rates(self, rates: Speeds) -> GroupedVariables:
-        """Return the time derivatives of the variables for given rates of the speeds."""
+        """Return the time derivatives of the variables, a pair as in `GroupedVariables`, for given
+        rates of the speeds."""
         rest, groups = self._split(rates)
         return self._rest.variable_rates(rest), self._groups.variable_rates(groups)
 
@@ -169,7 +170,7 @@ class GroupedMotions(dict[str, Motion]):
     """Dictionary of motions by the names of single bodies and groups, which computes further
     motions on demand.
 
-    Further keys are
+    A `GroupName` is a string with the names of several members. Further keys are
 
     - the name of one body in a group;
     - a `GroupName` of several bodies of one group, as of the first bodies of a group of joints;

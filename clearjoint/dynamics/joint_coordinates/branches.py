@@ -175,7 +175,7 @@ class FreeBranch(AbstractBranch):
         return BodyState(state.position + shift, orientation, state.velocity, state.spin)
 
     def after_speed_change(self, state: BodyState, changes: Speeds, axes: Matrix) -> BodyState:
-        """Return the state with changes of velocity and spin, both in body axes."""
+        """Return the state with changes of velocity, m/s, and spin, rad/s, both in body axes."""
         velocity = state.velocity + axes @ Vector(*changes[:3])
         spin = state.spin + Vector(*changes[3:])
         return BodyState(state.position, state.orientation, velocity, spin)
@@ -198,7 +198,7 @@ class FreeBranch(AbstractBranch):
 @dataclass(frozen=True)
 class JointedBranch(AbstractBranch):
     """A body that an ideal joint carries on its parent; its variables are the `JointState` of that
-    joint.
+    joint, its relative positions and speeds.
 
     - `joint`: name of the joint.
     - `motion_subspace`: the relative motions that the joint allows.

@@ -44,8 +44,8 @@ ForceAndMoment: TypeAlias = tuple[Vector, Vector]
 
 
 TreeVariables: TypeAlias = dict[str, MotionVariables]
-"""Variables by name of body: a `JointState` if a joint carries the body, a `BodyState` if it is
-free."""
+"""Variables by name of body: a `JointState` (relative positions and speeds) if a joint carries the
+body, a `BodyState` (position, orientation, velocity and spin) if it is free."""
 
 
 class JointMechanics(AbstractMechanics):
@@ -168,7 +168,8 @@ class JointMechanics(AbstractMechanics):
         return self._along_columns(list(self._loads(wrenches)))
 
     def _loads(self, wrenches: Wrenches) -> Iterator[ForceAndMoment]:
-        """Yield force and moment on each link in its tree's axes, for wrenches by name of body."""
+        """Yield force, N, and moment about the centre of mass, N m, on each link, in its tree's
+        axes, for wrenches by name of body."""
         for axes, (branch, link) in zip(self._axes, self._pairs(), strict=True):
             wrench = wrenches.get(branch.body, NO_WRENCH)
             yield axes.transposed_times(wrench.force), link.rotation @ wrench.moment
@@ -192,7 +193,7 @@ class JointMechanics(AbstractMechanics):
 
     def bias(self, row: Row) -> Scalar:
         """Return the second time derivative that a constraint row's value has if all rates r are
-        zero, without the row's own `bias`.
+        zero, without the row's own `bias`, the part at constant velocities and spins of the bodies.
 
         The speeds themselves need not be zero. The result is the row's Jacobian times the bodies'
         accelerations at constant speeds. In a free tree, whose rates are relative to free fall,

@@ -17,7 +17,8 @@ from .composite_rigid_body import JointMechanics, TreeVariables
 class JointCoordinates(AbstractCoordinates):
     """Relative positions and speeds in the ideal joints that carry the bodies.
 
-    A free body has the same variables as in absolute coordinates, including its `Anchor`.
+    A free body has the same variables as in absolute coordinates: a `BodyState`, whose position is
+    relative to the body's `Anchor`, a fixed point near it, if it has one.
 
     These coordinates are the default, because they are faster on every mechanism measured. The
     table shows the time in µs of one evaluation of the equations of motion, in a native loop of one

@@ -64,6 +64,7 @@ def checked_files() -> "type[LocalStore]":
             return prototype.buffer.from_bytes(value)
 
         async def set(self, key: str, value: "Buffer") -> None:
+            # Files of metadata stay plain JSON; the store's own digest covers them.
             if not _is_metadata(key):
                 content = value.to_bytes()
                 value = type(value).from_bytes(content + digest(key, content).encode())
@@ -97,7 +98,10 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def opened(group: "zarr.Group", name: str) -> "zarr.Array":
-    """Open the array with the given name in a group."""
+    """Open the array with the given name in a group.
+
+    A chunk that is written to it has a file even if it contains fill values only.
+    """
     import zarr
 
     # By default Zarr writes no file for a chunk of fill values, so a lost file would look like one.

@@ -92,7 +92,10 @@ def extend(path: Path, contents: Contents) -> None:
 
 
 def remove_abandoned(path: Path) -> None:
-    """Remove incomplete stores that killed processes have left beside the store at a path."""
+    """Remove incomplete stores that killed processes have left beside the store at a path.
+
+    Those younger than `ABANDONED_AFTER` are kept, since another process may still write them.
+    """
     for partial in path.parent.glob(f".{glob.escape(path.name)}.*.partial"):
         with suppress(FileNotFoundError):
             if time.time() - partial.stat().st_mtime > ABANDONED_AFTER:
@@ -102,7 +105,8 @@ def remove_abandoned(path: Path) -> None:
 def contents_of(path: Path) -> Contents:
     """Read the contents, without the results, of the store at a path.
 
-    **Raises:** `ValueError` if there is no sweep's store, or if its metadata or labels are damaged.
+    **Raises:** `ValueError` if there is no sweep's store, if it is of another version, or if its
+    metadata or labels are damaged.
     """
     # Attributes are settings and notes of the sweep, and the store's own, which begin with `_OWN`.
     group, attrs = _opened(path)

@@ -89,7 +89,8 @@ def programs(
     numbers, rest = eqx.partition(folded_scene, eqx.is_array_like)
     traced, time = _Traced(plan, channels, rest), jnp.asarray(start_time, dtype=float)
     # The run itself is traced without outputs, so that its digest does not depend on them. A run
-    # begins a lane and then repeats one step: these two programs determine it.
+    # begins a lane and then repeats one step: these two programs determine it. The lengths and end
+    # times of 1.0 s are arbitrary, since digests do not depend on the arguments' numbers.
     start = numbers, state, time, 1.0
     begun = fingerprints(lambda *start: {RUN: traced.begin(traced.run_plan, *start)}, *start)
     lane: Lane = begun.shapes[RUN]
@@ -144,15 +145,18 @@ class _Traced:
         return begin_lane(plan, self.scene(numbers), state, time, request)
 
     def step(self, numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
-        """Return the lane after one step, and the outcome of a run that ends before this step."""
+        """Return, under the key `RUN`, the lane after one step, and the outcome of a run that ends
+        before this step."""
         plan, scene = self.run_plan, self.scene(numbers)
         after = step_lane(plan, scene, lane, _request(end_time, end_time))
         return {RUN: (after, outcome(plan, scene, lane, end_time))}
 
     def impact_tables(self, numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
-        """Return the impacts recorded after one step, by variable of the impact tables."""
+        """Return the impacts recorded after one step, by variable of the impact tables; an empty
+        dictionary without tables."""
         if not lane.run.records[IMPACTS]:
             return {}
+        # A row is still wanted in each log, so that the code that records an impact is traced.
         request = replace(_request(end_time, end_time), wanted=dict.fromkeys(lane.buffers(), 1))
         after = step_lane(self.impacts_plan, self.scene(numbers), lane, request)
         return {
@@ -162,7 +166,8 @@ class _Traced:
         }
 
     def instant(self, numbers: PyTree, row: Snapshot, inside: Snapshot) -> Instant:
-        """Return the instant of a snapshot.
+        """Return the instant of a snapshot, from which quantities are computed. A snapshot has the
+        time, the variables and the entry speeds.
 
         A quantity may evaluate the dense output at a fraction of the step. The values there are the
         fraction times the snapshot `inside`, so that the fraction appears in the traced program.
@@ -208,6 +213,8 @@ class _Traced:
 
 
 def _request(end_time: Scalar, first_step: Scalar) -> SegmentRequest:
+    """Return the data with which the loop runs a lane to `end_time`, s, with a first step of the
+    length `first_step`, s, without times to save at and without rows to record."""
     return SegmentRequest(end_time, first_step, jnp.full(WINDOW, jnp.inf), {})
 
 

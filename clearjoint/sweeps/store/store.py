@@ -215,7 +215,8 @@ class SweepStore:
             self._grid_seconds = self._grid_written - start
 
     def dataset(self) -> "xr.Dataset":
-        """Return the results of all lanes along the axes; pending lanes have the `result` -1."""
+        """Return the results of all lanes along the axes; pending lanes have the `result` -1. A
+        warning names damaged files, whose lanes are pending."""
         return _labelled(self.path, self._contents)
 
 
@@ -283,7 +284,8 @@ def _missing(codes: np.ndarray, order: np.ndarray, chunk: int) -> dict[int, list
 
 
 def _labelled(path: Path, contents: Contents) -> "xr.Dataset":
-    """Read the results of all lanes of a store, and return them as a dataset along the axes."""
+    """Read the results of all lanes of a store, and return them as a dataset along the axes. Lanes
+    with damaged files are pending, and a warning names the files."""
     arrays = _arrays(path, opened_group(path / BY_LANE, "r"), contents)
     row_of = np.argsort(contents.order)
     return dataset(contents.layout, {name: values[row_of] for name, values in arrays.items()})
