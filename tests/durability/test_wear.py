@@ -11,6 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import clearjoint as cj
+from clearjoint.durability import wear as wear_module
 from clearjoint.durability.wear_depths import (
     SIGNALS,
     depths_from_signals,
@@ -157,6 +158,27 @@ def test_life_is_interpolated(found):
     life = cj.cycles_to_depth(found, 5e-6, "pin")
     assert rate(0.0) * life == pytest.approx(5e-6, rel=0.05)
     assert cj.cycles_to_depth(found, 1.0, "pin") == np.inf
+
+
+def test_a_depth_may_end_the_computation(found):
+    options = OPTIONS | {"largest_change": 2e-6}
+    scene, state = whirling_and_rotating()
+    short = cj.wear(scene, state, CYCLE, RATES, np.inf, depth=5e-6, **options)
+    assert short.attrs["ending"] == "reached the depth"
+    count = short.sizes["stage"]
+    # The stages are those of the computation to a number of cycles, up to the depth.
+    np.testing.assert_array_equal(short["cycles"], found["cycles"][:count])
+    deepest = np.maximum(found["bearing_depth"], found["journal_depth"]).max(["joint", "angle"])
+    assert deepest[count - 2] < 5e-6 <= deepest[count - 1]
+    with pytest.raises(ValueError, match="`cycles` must be finite.*`depth`"):
+        cj.wear(scene, state, CYCLE, RATES, np.inf, **OPTIONS)
+
+
+def test_contacts_that_stay_open_reach_no_depth(monkeypatch):
+    monkeypatch.setattr(wear_module, "wear_depths", lambda *_: (np.zeros((2, 16)), 0.0))
+    scene, state = whirling_and_rotating()
+    with pytest.raises(ValueError, match=r"`cycles` must be finite \(no part wears"):
+        cj.wear(scene, state, CYCLE, RATES, np.inf, depth=1e-6, **OPTIONS)
 
 
 PARAMETERS = {
@@ -357,6 +379,7 @@ def test_a_cycle_that_is_not_periodic_is_refused():
         ({"rates": {"pins": cj.WearRates(bearing=RATE)}}, "rates"),
         ({"cycle": -1.0}, "cycle"),
         ({"cycles": 0.0}, "cycles"),
+        ({"depth": 0.0}, "depth"),
         ({"measured": 3}, "measured"),
         ({"samples": 4}, "samples"),
     ],
