@@ -91,8 +91,8 @@ def wear(
 
     - `scene`, `state`, `start_time` s: as in `simulate`. The drives must repeat after a cycle.
     - `cycle`: duration of a cycle, s.
-    - `rates`: wear rates of the joints that wear, each a `ClearanceJoint` without `line_points`,
-      by name.
+    - `rates`: wear rates of the joints that wear, by name: each a `ClearanceJoint` without
+      `line_points`, since a profile is the same all along the axis.
     - `cycles`: number of cycles to extrapolate to, such as 1e6, or ``np.inf`` if only `depth` ends
       the computation; or the rising numbers of cycles before the stages after the first one, such
       as those of an earlier result with slightly different numbers. The latter fix the stages, and
