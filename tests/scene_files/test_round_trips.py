@@ -190,6 +190,7 @@ def test_every_element_comes_back_exactly(name, suffix, tmp_path):
         *(cj.mechanisms.andrews_squeezer, cj.mechanisms.gear_pair, cj.mechanisms.robot_arm),
         *(
             cj.mechanisms.guided_slider_crank,
+            cj.mechanisms.cycloid_stage,
             cj.mechanisms.quick_return,
             cj.mechanisms.spatial_four_bar,
         ),

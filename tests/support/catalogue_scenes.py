@@ -173,6 +173,7 @@ def catalogue_scenes() -> dict[str, CatalogueScene]:
             ),
             0.01,
         ),
+        "cycloid_stage": (lambda: cj.mechanisms.cycloid_stage(torque=2.0), 3e-3),
         "quick_return": (lambda: cj.mechanisms.quick_return(), 0.04),
         "quick_return without play": (lambda: cj.mechanisms.quick_return(None, angle=0.3), 0.1),
         "spatial_four_bar": (lambda: cj.mechanisms.spatial_four_bar(speed=40.0), 0.01),
