@@ -15,7 +15,7 @@ from ..drives.drivers import DriveTorque, PrescribedRotation
 from ..joints.couplings import GearJoint
 from ..joints.ideal import RevoluteJoint
 from ..scene import Scene
-from .common import ORIGIN, Z_AXIS, Joints, turned_about_z
+from .common import ORIGIN, X_AXIS, Z_AXIS, Joints, turned_about_z
 
 THICKNESS = 10e-3
 """Thickness of the disc, m."""
@@ -76,7 +76,7 @@ def cycloid_stage(
     joints: Joints = {
         "shaft bearing": RevoluteJoint(GROUND, "shaft", ORIGIN, ORIGIN, Z_AXIS, Z_AXIS),
         "disc bearing": RevoluteJoint(
-            "shaft", "disc", (eccentricity, 0.0, 0.0), ORIGIN, Z_AXIS, Z_AXIS
+            "shaft", "disc", np.array(X_AXIS) * eccentricity, ORIGIN, Z_AXIS, Z_AXIS
         ),
         "output bearing": RevoluteJoint(GROUND, "output", ORIGIN, ORIGIN, Z_AXIS, Z_AXIS),
         # Seen from the shaft, the ring and the disc are a ring gear and a pinion inside it.
@@ -89,7 +89,7 @@ def cycloid_stage(
     with quiet():
         for k in range(pins):
             around = 2.0 * math.pi * k / pins
-            point = (pitch_radius * math.cos(around), pitch_radius * math.sin(around), 0.0)
+            point = np.array([math.cos(around), math.sin(around), 0.0]) * pitch_radius
             joints[f"pin {k + 1}"] = ClearanceJoint(
                 "disc",
                 "output",
