@@ -32,11 +32,11 @@ SHARE = 0.9
 """Mean depth at which the pin's life ends, relative to that after all cycles."""
 CHANGES = (2e-6, 1e-6, 5e-7)
 """Largest changes of the depth in a stage, m."""
-DIFFERENCE = 0.01
+DIFFERENCE = 0.001
 """Relative change of a parameter for differences."""
 STEPS = (1e-2, 1e-3, 1e-4)
 """Relative changes of the clearance."""
-TIGHT = cj.Settings(rtol=1e-11, landing_tolerance=1e-14, derivative_tolerance=1.0)
+TIGHT = cj.Settings(rtol=1e-10, landing_tolerance=1e-13, derivative_tolerance=10.0)
 AFTER = np.array([1e5, 3e5])
 """Numbers of cycles after which depths are compared."""
 PARAMETERS = {
