@@ -32,7 +32,7 @@ SHARE = 0.9
 """Mean depth at which the pin's life ends, relative to that after all cycles."""
 CHANGES = (2e-6, 1e-6, 5e-7)
 """Largest changes of the depth in a stage, m."""
-DIFFERENCE = 0.001
+DIFFERENCE = 0.01
 """Relative change of a parameter for differences."""
 STEPS = (1e-2, 1e-3, 1e-4)
 """Relative changes of the clearance."""

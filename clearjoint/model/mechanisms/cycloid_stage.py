@@ -84,7 +84,7 @@ def cycloid_stage(
         "motor": PrescribedRotation(GROUND, "shaft", Z_AXIS, speed, initial_angle=angle),
     }
     if law is None:
-        law = HuntCrossley(0.8, GivenStiffness(END_STIFFNESS), exponent=1.0)
+        law = HuntCrossley(restitution=0.8, stiffness=GivenStiffness(END_STIFFNESS), exponent=1.0)
     # The holes are so much larger than the pins on purpose, which is unusual for bearings.
     with quiet():
         for k in range(pins):
