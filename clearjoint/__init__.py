@@ -87,11 +87,12 @@ from . import presets as presets
 from . import profiles as profiles
 from . import quantities as quantities
 from . import results as results
-from .durability.wear import WearRates as WearRates
 from .durability.wear import cycles_to_depth as cycles_to_depth
 from .durability.wear import life_derivatives as life_derivatives
+from .durability.wear import open_wear as open_wear
 from .durability.wear import wear as wear
 from .durability.wear import worn as worn
+from .durability.wear_rates import WearRates as WearRates
 from .dynamics.absolute_coordinates import AbsoluteCoordinates as AbsoluteCoordinates
 from .dynamics.assembly import assemble as assemble
 from .dynamics.constraint_report import constraint_report as constraint_report

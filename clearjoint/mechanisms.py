@@ -5,6 +5,7 @@ from .model.mechanisms.benchmarks import andrews_squeezer as andrews_squeezer
 from .model.mechanisms.benchmarks import bricard as bricard
 from .model.mechanisms.benchmarks import double_four_bar as double_four_bar
 from .model.mechanisms.common import STEEL as STEEL
+from .model.mechanisms.cycloid_stage import cycloid_stage as cycloid_stage
 from .model.mechanisms.double_pendulum import double_pendulum as double_pendulum
 from .model.mechanisms.four_bars import four_bar as four_bar
 from .model.mechanisms.four_bars import spatial_four_bar as spatial_four_bar

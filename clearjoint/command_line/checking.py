@@ -19,11 +19,12 @@ from ..simulation.run.run_checks import check_start
 from .paths import find_path
 from .study import Study
 from .sweeping import sweep_axes
+from .wearing import check_section
 
 
 def description(study: Study) -> Iterator[str]:
     """Yield the lines of text in which `clearjoint check` describes a study: its scene, and its
-    sections [run], [sweep] and [fit].
+    sections [run], [sweep], [fit] and [wear].
 
     **Raises:** `ValueError`, after the lines about the scene, for a state with which the scene
     can't run, and for a section that names unknown bodies, joints, forces or numbers.
@@ -128,3 +129,8 @@ def _sections(study: Study) -> Iterator[str]:
         quantities = {name: column.quantity for name, column in fit.columns.items()}
         study.check_elements(quantities, "fit", "columns")
         yield f"fit: {', '.join(fit.parameters)} from {fit.measurements}"
+    if (wear := study.parts.wear) is not None:
+        check_section(study, wear)
+        cycles = "cycles" if wear.cycles is None else f"{wear.cycles:g} cycles"
+        end = "" if wear.depth is None else f", to a depth of {_length(wear.depth)}"
+        yield f"wear: {', '.join(wear.rates)} over {cycles} of {wear.cycle:g} s{end}"

@@ -32,12 +32,12 @@ MECHANISMS: dict[str, Callable[[], tuple[Scene, State]]] = {
 }
 """Function that returns the scene and the state of a mechanism, by its name."""
 PLACEHOLDERS = {
-    "double_pendulum": ("shoulder", "arm 2", "50 ms", "0.05 ms", "10 ms"),
-    "four_bar": ("crank pin", "coupler", "200 ms", "0.2 ms", "20 ms"),
-    "slider_crank": ("slider pin", "slider", "24 ms", "0.02 ms", "12 ms"),
+    "double_pendulum": ("shoulder", "arm 2", "50 ms", "0.05 ms", "10 ms", "1 s"),
+    "four_bar": ("crank pin", "coupler", "200 ms", "0.2 ms", "20 ms", "209.43951 ms"),
+    "slider_crank": ("slider pin", "slider", "24 ms", "0.02 ms", "12 ms", "12 ms"),
 }
-"""Joint, body, end, time between saved states, and end of the transient that replace placeholders
-in the template of the study, by the mechanism's name."""
+"""Joint, body, end, time between saved states, end of the transient, and duration of a cycle that
+replace placeholders in the template of the study, by the mechanism's name."""
 
 
 def example_texts(mechanism: str, scene: str, study: str) -> tuple[str, str]:
@@ -51,7 +51,8 @@ def example_texts(mechanism: str, scene: str, study: str) -> tuple[str, str]:
         save(*MECHANISMS[mechanism](), path)
         saved = path.read_text(encoding="utf-8")
     names = {"scene": scene, "study": study, "title": mechanism.replace("_", " ").capitalize()}
-    names |= zip(("joint", "body", "end", "every", "after"), PLACEHOLDERS[mechanism], strict=True)
+    keys = "joint", "body", "end", "every", "after", "cycle"
+    names |= zip(keys, PLACEHOLDERS[mechanism], strict=True)
     text = Template(STUDY.read_text(encoding="utf-8")).substitute(names)
     return SCENE_HEAD.format(scene=scene) + saved, text
 

@@ -1,4 +1,4 @@
-"""Draw the figures of a run, a sweep or a fit as PNG files in the folder of its results."""
+"""Draw the figures of a run, a sweep, a fit or wear as PNG files in the folder of its results."""
 
 from pathlib import Path
 from zlib import crc32
@@ -10,10 +10,11 @@ from matplotlib import pyplot
 from matplotlib.axes import Axes
 
 from .. import plot
+from ..durability.wear_derivatives import PARTS, Part
 from ..identification.fit import Fit
 from ..model.clearance_joints.journal_bases import HasJournal
 from ..model.scene import Scene
-from ..plot.labels import scaled
+from ..plot.labels import fitting_unit, scaled
 from ..plot.sections import section_points
 from ..simulation.results.impact_table import Impacts
 from ..simulation.results.observation import Observation
@@ -83,6 +84,38 @@ def draw_fit(folder: Path, found: Fit) -> None:
     _save(folder, "fitted", plot.fitted(found)[0, 0])
     if len(found.parameters) > 1:
         _save(folder, "correlations", plot.correlations(found))
+
+
+def draw_wear(folder: Path, found: xr.Dataset) -> None:
+    """Draw the figures of a result of `clearjoint.wear`: the depth around each part that has worn,
+    and the largest depths over the cycles."""
+    matplotlib.use("agg")
+    parts = worn_parts(found)
+    if not parts:
+        return
+    deepest = {}
+    for joint, part in parts:
+        _save(folder, f"{part} of {joint}", plot.worn_profile(found, joint, part))
+        depths = found[f"{part}_depth"].sel(joint=joint)
+        deepest[f"{part} of {joint}"] = depths.max("angle").values
+    factor, unit = fitting_unit(np.array(list(deepest.values())), "m")
+    axes = plot.style.axes_or_new(None)
+    cycles = found["cycles"].values
+    plot.style.draw_lines(axes, [(name, cycles, factor * d) for name, d in deepest.items()])
+    plot.style.dress(axes, "cycles", f"largest depth, {unit}")
+    plot.style.legend_above(axes, min(len(parts), 2))
+    _save(folder, "depths", axes)
+
+
+def worn_parts(found: xr.Dataset) -> list[tuple[str, Part]]:
+    """Return the parts that have worn in a result of `clearjoint.wear`, each as the name of its
+    joint and "bearing" or "journal"."""
+    return [
+        (str(joint), part)
+        for joint in found["joint"].values
+        for part in PARTS
+        if (found[f"{part}_depth"].sel(joint=joint) > 0.0).any()
+    ]
 
 
 def _draw_output(folder: Path, dataset: xr.Dataset, name: str, axes: list[str]) -> None:

@@ -32,8 +32,8 @@ NUMBERS = "numbers.csv"
 """File of the outputs that are one number of the run."""
 SECTION = "section "
 """Prefix of the names of the tables of sections."""
-STORE = "sweep.zarr"
-"""Folder of the store of a sweep."""
+STORE, WEAR_STORE = "sweep.zarr", "wear.zarr"
+"""Folders of the store of a sweep, and of wear."""
 FIGURES = "figures"
 """Folder of the figures."""
 PAGE = "index.html"
@@ -46,8 +46,8 @@ Summary = Mapping[str, str | int | float]
 def write_summary(folder: Path, kind: str, study: Study, results: Summary, start: float) -> None:
     """Write the file with the summary of the results, for users and for `clearjoint report`.
 
-    **Arguments:** `kind`: "run", "sweep" or "fit"; `results`: further entries by name; `start`:
-    value of `time.perf_counter` when the command began, s.
+    **Arguments:** `kind`: "run", "sweep", "fit" or "wear"; `results`: further entries by name;
+    `start`: value of `time.perf_counter` when the command began, s.
     """
     seconds = round(time.perf_counter() - start, 2)
     head = {"kind": kind, "title": study.title, "file": str(study.path)}
@@ -63,7 +63,7 @@ def read_summary(folder: Path) -> dict[str, str | int | float]:
     if not (folder / SUMMARY).is_file():
         raise ValueError(
             f"{folder}: found no {SUMMARY}, expected a folder of results: pass the folder that "
-            "`clearjoint run`, `sweep` or `fit` wrote (--out)."
+            "`clearjoint run`, `sweep`, `fit` or `wear` wrote (--out)."
         )
     return json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
 

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from .study import Study
 
 EXITS = """
-Exit codes: 0 success; 1 a run, a sweep or a fit failed (results so far are written); 2 the input
-is wrong; 130 interrupted by Ctrl-C (results so far are written).
+Exit codes: 0 success; 1 a run, a sweep, a fit or wear failed (results so far are written); 2 the
+input is wrong; 130 interrupted by Ctrl-C (results so far are written).
 """
 
 
@@ -50,7 +50,8 @@ def clearjoint() -> None:
     """Simulate mechanisms whose joints have clearance, from scene files and study files.
 
     A scene file (TOML or JSON) contains bodies, joints and forces. A study file names a scene file
-    and defines a run, a sweep and a fit. `clearjoint new four_bar` writes both, with comments.
+    and defines a run, a sweep, a fit and wear. `clearjoint new four_bar` writes both, with
+    comments.
 
     \b
     Examples:
@@ -59,6 +60,7 @@ def clearjoint() -> None:
       clearjoint run four_bar.toml --end 2
       clearjoint sweep study.toml
       clearjoint fit study.toml
+      clearjoint wear study.toml
       clearjoint report results/study/run
     """
 
@@ -103,7 +105,7 @@ def check(file: Path, changes: tuple[str, ...], paths: bool, assemble: Path | No
 
     The command prints bodies, joints, degrees of freedom, constraint errors, contacts and warnings
     of unusual numbers, and tells whether the scene can run. For a study file, it also checks and
-    prints the run, the sweep and the fit.
+    prints the run, the sweep, the fit and the wear.
     """
     study = _study(file, changes)
     from ..dynamics.assembly import assemble as assembled
@@ -187,6 +189,31 @@ def fit(file: Path, changes: tuple[str, ...], out: Path | None) -> None:
 
     folder = out or _default_folder(file, "fit")
     _finish(fit_study(study, folder), folder)
+
+
+@command(
+    "wear",
+    "clearjoint wear study.toml",
+    'clearjoint wear study.toml --set wear.depth="20 um" --out results/deep',
+)
+@FILE
+@PRESET
+@SET
+@OUT
+def wear(file: Path, changes: tuple[str, ...], out: Path | None, **options: str | None) -> None:
+    """Compute how joints wear over many cycles of a periodic motion.
+
+    The section [wear] of the study names the joints with their wear rates, the duration of a cycle,
+    and the number of cycles or the depth at which to end. The command prints the depths before each
+    stage. The folder of the results contains wear.zarr with all stages, stages.csv, profiles.csv
+    with the worn profiles, figures, worn.toml, the scene with the worn profiles, and the page
+    index.html. The same command continues an interrupted computation.
+    """
+    study = _study(file, changes, "wear", options)
+    from .wearing import wear as wear_study
+
+    folder = out or _default_folder(file, "wear")
+    _finish(wear_study(study, folder, _shows_progress()), folder)
 
 
 @command("report", "clearjoint report results/four_bar/run")

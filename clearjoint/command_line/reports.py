@@ -1,5 +1,5 @@
 """Draw the figures and write the page of a folder of results, for `clearjoint report` and at the
-end of the commands `run`, `sweep` and `fit`."""
+end of the commands `run`, `sweep`, `fit` and `wear`."""
 
 import base64
 import re
@@ -10,6 +10,7 @@ from urllib.parse import quote
 import pandas as pd
 import xarray as xr
 
+from ..durability.wear import open_wear
 from ..export.tabular import to_frame
 from ..identification.fit import Fit
 from ..model.scene import Scene
@@ -20,10 +21,13 @@ from ..sweeps.store.store import open_sweep
 from ..views.viewing import view
 from . import figures
 from .endings import say
-from .folders import FIGURES, MOTION, NUMBERS, PAGE, STORE, read_run, read_summary
+from .figures import worn_parts
+from .folders import FIGURES, MOTION, NUMBERS, PAGE, STORE, WEAR_STORE, read_run, read_summary
 
 ROWS = 20
 """Rows of a table that the page shows at most."""
+STAGES, PROFILES = "stages.csv", "profiles.csv"
+"""Files of the tables of wear: depths before each stage, and around each worn part at the end."""
 VIEW = "view.html"
 """File of the page with the animation of a run."""
 STYLE = """
@@ -54,6 +58,8 @@ def write_report(folder: Path) -> None:
         write_run_report(folder)
     elif kind == "sweep":
         write_sweep_report(folder, open_sweep(folder / STORE).load())
+    elif kind == "wear":
+        write_wear_report(folder, open_wear(folder / WEAR_STORE))
     else:
         write_page(folder)
 
@@ -91,6 +97,32 @@ def write_fit_report(folder: Path, found: Fit) -> None:
     """Draw the figures of a fit and write its page."""
     figures.draw_fit(folder, found)
     write_page(folder)
+
+
+def write_wear_report(folder: Path, found: xr.Dataset) -> None:
+    """Draw the figures of a result of `clearjoint.wear`, and write its page and CSV tables of the
+    stages and of the worn profiles."""
+    frame = stage_table(found)
+    frame.to_csv(folder / STAGES, index=False)
+    last = found.isel(stage=-1)
+    profiles = {"angle [rad]": found["angle"].values} | {
+        f"{part} of {joint} [m]": last[f"{part}_depth"].sel(joint=joint).values
+        for joint, part in worn_parts(found)
+    }
+    pd.DataFrame(profiles).to_csv(folder / PROFILES, index=False)
+    figures.draw_wear(folder, found)
+    write_page(folder, _table("Stages", frame, len(frame)))
+
+
+def stage_table(found: xr.Dataset) -> pd.DataFrame:
+    """Return a table with a row for each stage of a result of `clearjoint.wear`: the number of
+    cycles before it, and the largest and the mean depth of each part that has worn, m."""
+    columns = {"cycles": found["cycles"].values}
+    for joint, part in worn_parts(found):
+        depths = found[f"{part}_depth"].sel(joint=joint).transpose("stage", "angle").values
+        columns[f"{part} of {joint}, largest [m]"] = depths.max(axis=1)
+        columns[f"{part} of {joint}, mean [m]"] = depths.mean(axis=1)
+    return pd.DataFrame(columns)
 
 
 def write_page(folder: Path, *parts: str) -> None:

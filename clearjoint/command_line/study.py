@@ -36,7 +36,7 @@ PARTS = tuple(part.name for part in fields(StudyParts))
 
 @dataclass(frozen=True)
 class Study:
-    """A scene with its initial state, and what a study file says about runs, sweeps and fits.
+    """A scene with its initial state, and what a study file says about runs, sweeps, fits and wear.
 
     - `scene`, `state`: the mechanism and its initial state.
     - `parts`: the sections of the study file.
@@ -61,8 +61,8 @@ class Study:
         return self.parts.title or self.path.stem
 
     def settings(self, section: str) -> Settings:
-        """Return the settings of the integration in a section, "run", "sweep" or "fit": those of
-        its preset with the changes that the section makes.
+        """Return the settings of the integration in a section, "run", "sweep", "fit" or "wear":
+        those of its preset with the changes that the section makes.
 
         A section [sweep] without preset and changes has the settings of [run]. The energy ledger is
         switched on if an output of the section needs it.

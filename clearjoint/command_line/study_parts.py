@@ -13,6 +13,7 @@ from typing import Annotated, Literal
 import diffrax
 
 from .. import quantities
+from ..durability.wear_rates import WearRates
 from ..dynamics.absolute_coordinates import AbsoluteCoordinates
 from ..dynamics.formulation import Baumgarte, Projection, Unstabilised
 from ..dynamics.joint_coordinates.coordinates import JointCoordinates
@@ -195,14 +196,50 @@ class FitPart:
 
 
 @dataclass(frozen=True)
+class WearPart:
+    """The section [wear]: wear of joints over many cycles of a periodic motion.
+
+    - `rates`: wear rates of the joints that wear, by name of the joint.
+    - `cycle`: duration of a cycle, s.
+    - `cycles`: number of cycles to extrapolate to; `depth`: worn depth, m, at which the computation
+      ends. At least one of them must be given.
+    - `settle`, `measured`, `tolerance`, `largest_change`, `samples`, `stages`: further arguments of
+      `clearjoint.wear`.
+    - `start`: time at which runs begin, s; `preset`, `settings`: as in [run].
+
+    **Raises:** `ValueError` if both `cycles` and `depth` are missing.
+    """
+
+    rates: Mapping[str, WearRates]
+    cycle: Annotated[float, "s"]
+    cycles: float | None = None
+    depth: Annotated[float | None, "m"] = None
+    settle: int = 1
+    measured: int = 2
+    tolerance: float = 0.1
+    largest_change: Annotated[float | None, "m"] = None
+    samples: int = 96
+    stages: int = 10_000
+    start: Annotated[float, "s"] = 0.0
+    preset: Preset = "default"
+    settings: Settings | None = None
+
+    def __post_init__(self) -> None:
+        given = (self.cycles, self.depth) != (None, None)
+        remedy = 'write cycles = 1e6 or depth = "20 um"'
+        require(given, "cycles", None, "a number, unless `depth` is given", remedy)
+
+
+@dataclass(frozen=True)
 class StudyParts:
     """The sections of a study file, and its title. For a file without [run] that section has its
-    default values; [sweep] and [fit] are None if the file lacks them."""
+    default values; [sweep], [fit] and [wear] are None if the file lacks them."""
 
     title: str = ""
     run: RunPart = field(default_factory=RunPart)
     sweep: SweepPart | None = None
     fit: FitPart | None = None
+    wear: WearPart | None = None
 
 
 def _concrete(module: ModuleType, family: type) -> list[type]:
@@ -217,11 +254,14 @@ CLASSES: tuple[type, ...] = (
     *_concrete(joints, AbstractReduction),
     *(AbsoluteCoordinates, JointCoordinates, Baumgarte, Projection, Unstabilised),
     *(diffrax.Tsit5, diffrax.Dopri5, diffrax.Dopri8, diffrax.Bosh3, diffrax.Heun, diffrax.Euler),
-    *(Linear, Log, Bounded, Starts, Screening, ImpactTable),
+    *(Linear, Log, Bounded, Starts, Screening, ImpactTable, WearRates),
 )
 """Classes that study files may name: quantities, reductions, coordinates, stabilisations, solvers,
-scales, further starts of fits, and tables of impacts."""
-TABLES = (AxisPart, ColumnPart, FitPart, ParameterPart, RunPart, SectionPart, Settings, SweepPart)
+scales, further starts of fits, tables of impacts, and wear rates."""
+TABLES = (
+    *(AxisPart, ColumnPart, FitPart, ParameterPart, RunPart, SectionPart, Settings, SweepPart),
+    WearPart,
+)
 """Classes of the tables of study files. Files do not name them, since their keys tell the class."""
 
 

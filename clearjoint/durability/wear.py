@@ -40,6 +40,7 @@ from .wear_derivatives import (
     derivatives_in_spans,
     directions_of,
 )
+from .wear_rates import WearRates
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -57,30 +58,6 @@ STEPS_PER_SAMPLE = 16
 resolve the passage from one angle to the next of a contact that circles the wall once a cycle."""
 
 
-@dataclass(frozen=True)
-class WearRates:
-    """Specific wear rates of the two parts of a joint, m^2/N: worn volume over force and distance.
-
-    A rate is Archard's coefficient over the hardness, k/H. Tables often have mm^3/(N m), which is
-    1e-9 m^2/N. Zero, the default, is a part that doesn't wear.
-
-    **Raises:** `ValueError` if a rate is negative or not finite, or both are zero.
-
-    >>> cj.WearRates(bearing=5.05e-4 * 1e-9)  # PTFE against steel, 5.05e-4 mm^3/(N m)
-    WearRates(bearing=5.050000000000001e-13, journal=0.0)
-    """
-
-    bearing: float = 0.0
-    journal: float = 0.0
-
-    def __post_init__(self):
-        for part in PARTS:
-            remedy = "give it in m^2/N; 1 mm^3/(N m) is 1e-9 m^2/N"
-            require_positive(part, getattr(self, part), remedy, zero=True)
-        remedy = "give the rate of one part at least"
-        require(self.bearing + self.journal > 0.0, "bearing", 0.0, "positive", remedy)
-
-
 def wear(
     scene: Scene,
     state: State,
@@ -96,6 +73,7 @@ def wear(
     largest_change: float | None = None,
     samples: int = 96,
     stages: int = 10_000,
+    depth: float | None = None,
     start_time: float = 0.0,
     path: str | PathLike[str] | None = None,
     progress: bool = True,
@@ -113,11 +91,12 @@ def wear(
 
     - `scene`, `state`, `start_time` s: as in `simulate`. The drives must repeat after a cycle.
     - `cycle`: duration of a cycle, s.
-    - `rates`: wear rates of the joints that wear, each a `ClearanceJoint` without `line_points`,
-      by name.
-    - `cycles`: number of cycles to extrapolate to, such as 1e6; or the rising numbers of cycles
-      before the stages after the first one, such as those of an earlier result with slightly
-      different numbers. The latter fix the stages, and `largest_change` has no effect.
+    - `rates`: wear rates of the joints that wear, by name: each a `ClearanceJoint` without
+      `line_points`, since a profile is the same all along the axis.
+    - `cycles`: number of cycles to extrapolate to, such as 1e6, or ``np.inf`` if only `depth` ends
+      the computation; or the rising numbers of cycles before the stages after the first one, such
+      as those of an earlier result with slightly different numbers. The latter fix the stages, and
+      `largest_change` has no effect.
     - `settings`: of the runs; by default `clearjoint.presets.default`.
     - `parameters`: by which the depths are differentiated, by names of your choice; they may select
       no number of a profile that wears. The logarithms of the wear rates are additional parameters,
@@ -133,9 +112,11 @@ def wear(
       carries the load in one stage is gone in the next.
     - `samples`: number of angles around the wall and around the journal.
     - `stages`: largest number of stages.
+    - `depth`: m; the computation also ends when the deepest point of a part has lost this depth. By
+      default the depth has no limit.
     - `path`: folder of a Zarr store of the result. Each stage is written; if the folder contains
       an earlier result of the same scene and arguments, computation continues from there.
-      `largest_change` and `stages` may be other ones than before.
+      `largest_change`, `stages` and `depth` may be other ones than before.
     - `progress`: whether to show a progress bar.
 
     **Returns:** an `xarray.Dataset` along "joint", "stage", "angle" and "body", with the names of
@@ -154,10 +135,11 @@ def wear(
     - ``final_position``, ``final_orientation``, ``final_velocity``, ``final_spin``: the state after
       the last run whose wear was used, as in `clearjoint.BodyState`, (body, 3) or (body, 4).
 
-    The attribute ``ending`` is "reached the cycles", or the reason why the computation ended before
-    them. The attribute ``failure`` is this reason if the run of a stage failed or was not periodic,
-    and empty otherwise. `clearjoint.worn` returns the scene of a stage,
-    `clearjoint.cycles_to_depth` a life.
+    The attribute ``ending`` is "reached the cycles", "reached the depth", or the reason why the
+    computation ended before them. The attribute ``failure`` is this reason if the run of a stage
+    failed, was not periodic, or wore nothing although only `depth` ends the computation; otherwise
+    it is empty. `clearjoint.worn` returns the scene of a stage, `clearjoint.cycles_to_depth` a
+    life.
 
     **Raises:** `ValueError` for an empty `rates`, a name or class in it that is not supported, or
     another argument outside its range (`samples` must be 8 or more); if the run of the first stage
@@ -176,7 +158,7 @@ def wear(
     """
     scene, state = with_arrays((scene, state))
     goals = np.asarray(cycles, float)
-    _check(scene, rates, cycle, np.atleast_1d(goals), settle, measured, samples, stages)
+    check_wear(scene, cycle, rates, goals, settle, measured, samples, stages, depth)
     scene = _with_splines(scene, rates, samples)
     directions = {}
     if parameters is not None:
@@ -195,9 +177,11 @@ def wear(
     store = None if path is None else _Store(Path(path), _digest(scene, state, run, goals))
     if store is not None:
         stages_so_far = store.read(stages_so_far)
-    begun = stages_so_far.cycles[-1]
-    with tqdm(total=float(goals.max()), initial=begun, disable=not progress) as bar:
-        while not stages_so_far.has_ended(float(goals.max()), stages):
+    begun, last = stages_so_far.cycles[-1], float(goals.max())
+    total = last if np.isfinite(last) else None
+    units = {"unit": " cycles", "unit_scale": True}
+    with tqdm(total=total, initial=begun, disable=not progress, **units) as bar:
+        while not stages_so_far.has_ended(last, stages, depth):
             stages_so_far.add(run, scene, goals, largest_change)
             bar.update(stages_so_far.cycles[-1] - bar.n)
             if store is not None:
@@ -479,21 +463,30 @@ class _Stages:
         if found.failure or difference > run.tolerance:
             self._refuse(found.failure, difference, run)
             return
+        left = float(goals[goals > self.cycles[-1]].min()) - self.cycles[-1]
+        if np.isinf(left) and not found.halves[:, 0].any():
+            self.failure = "no part wears in the measured cycles"
+            remedy = "check the loads, or give a number of cycles"
+            expected = f"finite ({self.failure})"
+            require(len(self.cycles) > 1, "cycles", left, expected, remedy)
+            return
         self.state = found.state
         self.rates.append(found.halves.mean(axis=0))
         self.penetrations.append(found.penetrations)
-        left = float(goals[goals > self.cycles[-1]].min()) - self.cycles[-1]
         self._extrapolate(left if goals.ndim == 1 else self._length(left, largest_change))
 
-    def has_ended(self, cycles: float, stages: int) -> bool:
+    def has_ended(self, cycles: float, stages: int, depth: float | None) -> bool:
         """Return whether there is nothing more to compute, and set `ending` if so.
 
         **Arguments:** `cycles`: number of cycles to reach. `stages`: largest number of stages.
+        `depth`: to reach, m, or ``None``.
         """
         if self.failure:
             self.ending = self.failure
         elif self.cycles[-1] >= cycles:
             self.ending = "reached the cycles"
+        elif depth is not None and self.depths[-1][0].max() >= depth:
+            self.ending = "reached the depth"
         elif len(self.cycles) >= stages:
             self.ending = f"{stages} stages"
         else:
@@ -612,14 +605,11 @@ class _Store:
 
     def read(self, first: _Stages) -> _Stages:
         """Return the stored stages, or `first` if there is no store."""
-        import xarray as xr
-
         # A process that was killed between the renamings of `write` has left only the old store.
         existing = [path for path in (self.path, self._beside("old")) if path.exists()]
         if not existing:
             return first
-        with xr.open_zarr(existing[0], consolidated=False) as found:
-            found.load()
+        found = open_wear(existing[0])
         require(
             found.attrs.get("digest") == self.digest,
             "path",
@@ -630,9 +620,6 @@ class _Store:
         depths, rates = (_stacked(found, name) for name in ("depth", "rate"))
         # The stages with a run have a penetration that is not NaN.
         measured = int(np.isfinite(found["penetration"].values[0]).sum())
-        numbers = [found[f"final_{field.name}"].values for field in fields(BodyState)]
-        names = [str(name) for name in found["body"].values]
-        bodies = {name: BodyState(*(part[j] for part in numbers)) for j, name in enumerate(names)}
         return _Stages(
             first.names,
             first.parameters,
@@ -640,7 +627,7 @@ class _Store:
             list(depths),
             list(rates[:measured]),
             list(found["penetration"].values.T)[:measured],
-            State(bodies),
+            final_state(found),
             found.attrs["failure"],
         )
 
@@ -648,6 +635,35 @@ class _Store:
         """Return the path of a folder beside the store, on the same file system, so that it can be
         renamed."""
         return self.path.with_name(f"{self.path.name}.{suffix}")
+
+
+def open_wear(path: str | PathLike[str]) -> "xr.Dataset":
+    """Read the result of `clearjoint.wear` from its store, also while it is being computed.
+
+    **Arguments:** `path`: of the store, as it was given to `wear`.
+
+    **Raises:** `ValueError` if there is no store of wear at the path.
+
+    >>> import xarray as xr
+    >>> depth = ("joint", "stage", "angle"), np.zeros((1, 1, 8))
+    >>> _ = xr.Dataset({"bearing_depth": depth}).to_zarr("wear.zarr", consolidated=False)
+    >>> dict(cj.open_wear("wear.zarr").sizes)
+    {'joint': 1, 'stage': 1, 'angle': 8}
+    """
+    import xarray as xr
+
+    remedy = "pass the `path` that was given to wear()"
+    exists = (Path(path) / "bearing_depth").is_dir()
+    require(exists, "path", str(path), "a folder with a result of wear()", remedy)
+    with xr.open_zarr(path, consolidated=False) as found:
+        return found.load()
+
+
+def final_state(found: "xr.Dataset") -> State:
+    """Return the state after the last run whose wear was used, from a result of `wear`."""
+    numbers = [found[f"final_{field.name}"].values for field in fields(BodyState)]
+    names = [str(name) for name in found["body"].values]
+    return State({name: BodyState(*(part[j] for part in numbers)) for j, name in enumerate(names)})
 
 
 def _stacked(found: "xr.Dataset", name: str) -> Float[np.ndarray, "stages rows joints 2 samples"]:
@@ -670,8 +686,8 @@ def _stacked(found: "xr.Dataset", name: str) -> Float[np.ndarray, "stages rows j
 def _digest(scene: Scene, state: State, run: _CycleRun, goals: np.ndarray) -> str:
     """Return a digest of scene, state and arguments, by which a store recognises its computation.
 
-    The arguments `largest_change` and `stages` are left out, so that a user may change them and
-    continue.
+    The arguments `largest_change`, `stages` and `depth` are left out, so that a user may change
+    them and continue.
     """
     # The text of a direction may contain an address, so its effect on scene and state is used.
     named = dataclasses.replace(run, directions=dict.fromkeys(run.directions))
@@ -753,17 +769,18 @@ def _with_depths(
     return scene
 
 
-def _check(
+def check_wear(
     scene: Scene,
-    rates: Mapping[str, WearRates],
     cycle: float,
-    goals: np.ndarray,
+    rates: Mapping[str, WearRates],
+    cycles: float | ArrayLike,
     settle: int,
     measured: int,
     samples: int,
     stages: int,
+    depth: float | None,
 ) -> None:
-    """Check the arguments of `wear` that no other function checks; `goals` is (n,): `cycles`.
+    """Check the arguments of `wear` that no other function checks.
 
     **Raises:** `ValueError` that names the argument.
     """
@@ -776,9 +793,15 @@ def _check(
         fine = isinstance(of_joint, WearRates)
         require(fine, f"rates[{name!r}]", of_joint, expected, "pass cj.WearRates(bearing=...)")
     require_positive("cycle", cycle, "give the duration of a cycle in s")
+    goals = np.atleast_1d(np.asarray(cycles, float))
     positive = goals.ndim == 1 and bool(np.all(np.diff(goals, prepend=0.0) > 0.0))
     remedy = "give a number of cycles, such as 1e6, or a rising row of them"
-    require(positive, "cycles", goals, "positive and rising", remedy)
+    require(positive, "cycles", cycles, "positive and rising", remedy)
+    if depth is not None:
+        require_positive("depth", depth, "give a depth in m, such as 1e-5")
+    # A row fixes the stages, whose lengths must be finite.
+    finite = np.isfinite(goals).all() or (depth is not None and np.ndim(cycles) == 0)
+    require(finite, "cycles", cycles, "finite", "give a `depth` that ends the computation")
     whole = isinstance(settle, int) and settle >= 0
     require(whole, "settle", settle, "a whole number, 0 or more", "give a number of cycles")
     require_count("measured", measured, "give an even number of cycles")

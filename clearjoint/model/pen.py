@@ -12,6 +12,7 @@ import numpy as np
 
 from ..fields.checks import require
 from ..fields.types import Single, Triple
+from .profiles import AbstractProfile
 
 
 class Marker(NamedTuple):
@@ -118,12 +119,14 @@ class AbstractPen(abc.ABC):
         radius: Single | None,
         clearance: Single,
         length: Single,
+        profiles: tuple[AbstractProfile | None, AbstractProfile | None] = (None, None),
     ) -> None:
         """Draw a journal in a bearing, each along the axis of its marker.
 
         **Arguments:** `bearing`, `journal`: centres with axes. `radius`: of the bearing, m, or
         ``None`` if unknown. `clearance`: radius of the bearing less that of the journal, m.
-        `length`: of the journal, m.
+        `length`: of the journal, m. `profiles`: deviations of the bearing and of the journal from
+        circles; ``None`` for a circle.
         """
 
     @abc.abstractmethod

@@ -190,8 +190,8 @@ def hysteresis(
 
     **Returns:** the axes; penetration with a suitable prefix of m, force in N or kN.
 
-    **Raises:** `ValueError` if `impacts` is empty, if `count` is not a positive integer, or if fewer
-    than three observed instants lie in one of the drawn impacts.
+    **Raises:** `ValueError` if `impacts` is empty, if `count` is not a positive integer, or if
+    fewer than three observed instants lie in one of the drawn impacts.
 
     >>> axes = plot.hysteresis(observed, solution.impacts.of("shoulder", "V"), count=1)
     """

@@ -139,15 +139,60 @@ def gear(radius: float, teeth: int, width: float) -> Mesh:
     height = np.tile(np.sign(radius) * module * np.array([-1.25, 1.0, 1.0, -1.25]), teeth)
     size = abs(radius) + height
     rim = np.stack([size * np.cos(angle.ravel()), size * np.sin(angle.ravel())], 1)
-    count, after = len(rim), np.roll(np.arange(len(rim)), -1)
-    if radius > 0.0:  # a disc: triangles from the rim to the centre
-        inner = np.zeros((1, 2))
-        faces = np.stack([np.arange(count), after, np.full(count, count)], 1)
-    else:  # a ring: its outer edge is four modules outside of the pitch circle
-        inner = rim * ((abs(radius) + 4.0 * module) / np.linalg.norm(rim, axis=1))[:, None]
-        faces = _skin(2, count)
-    wheel = _creation().extrude_triangulation(np.vstack([rim, inner]), faces, width)
-    return _of(wheel).moved(pose_at((0.0, 0.0, -0.5 * width)))
+    if radius > 0.0:
+        return plate(rim, width)
+    # The outer edge is four modules outside of the pitch circle.
+    outer = rim * ((abs(radius) + 4.0 * module) / np.linalg.norm(rim, axis=1))[:, None]
+    return ring(rim, outer, width)
+
+
+def plate(rim: Float[np.ndarray, "N 2"], width: float) -> Mesh:
+    """Return a plate around z, centred at the origin.
+
+    **Arguments:** `rim`: (N, 2) m, corners of its outline, counter-clockwise around the origin,
+    from which all of them must be visible; `width`: of the plate along z, m.
+    """
+    # Triangles from the rim to the centre.
+    count = len(rim)
+    first = np.arange(count)
+    faces = np.stack([first, np.roll(first, -1), np.full(count, count)], 1)
+    return _extruded(np.vstack([rim, np.zeros((1, 2))]), faces, width)
+
+
+def ring(inner: Float[np.ndarray, "N 2"], outer: Float[np.ndarray, "N 2"], width: float) -> Mesh:
+    """Return a ring about z, centred at the origin.
+
+    **Arguments:** `inner`, `outer`: (N, 2) m, corners of its edges, counter-clockwise around the
+    origin, at the same angles; `width`: of the ring along z, m.
+    """
+    return _extruded(np.vstack([inner, outer]), _skin(2, len(inner)), width)
+
+
+def _extruded(
+    corners: Float[np.ndarray, "N 2"], faces: Int[np.ndarray, "F 3"], width: float
+) -> Mesh:
+    """Return the solid of a `width` along z, m, whose cross-section has the given triangles."""
+    solid = _creation().extrude_triangulation(corners, faces, width)
+    return _of(solid).moved(pose_at((0.0, 0.0, -0.5 * width)))
+
+
+def outline(distances: Float[np.ndarray, " N"]) -> Float[np.ndarray, "N 2"]:
+    """Return corners of the largest outline that has given distances of tangents from the origin.
+
+    A journal that is within these tangents in all directions is inside the outline. For a convex
+    shape the distances are its support function.
+
+    **Arguments:** `distances`: (N,) m, positive, at the angles 0, 2 pi/N, ...
+
+    **Returns:** (N, 2) m, corners at the same angles.
+    """
+    angles = np.arange(len(distances)) * 2.0 * np.pi / len(distances)
+    # In the direction `k`, the tangent `j` is at its distance over the cosine of the angle between
+    # them; tangents that the direction doesn't meet count as infinitely far away.
+    cosines = np.cos(angles[:, None] - angles)
+    reached = np.where(cosines > 1e-6, distances / np.maximum(cosines, 1e-6), np.inf)
+    radii = reached.min(axis=1)[:, None]
+    return radii * np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
 def hull(points: Float[np.ndarray, "N 3"], radius: float) -> Mesh:

@@ -18,6 +18,7 @@ from ..math.vectors import Vector
 from ..model.bodies import GROUND, Body
 from ..model.clearance_joints.journal_bases import SIDES
 from ..model.pen import AbstractPen, Marker
+from ..model.profiles import AbstractProfile
 from ..model.scene import Scene
 from . import meshes
 from .meshes import Mesh, frame_about, frames, pose_at
@@ -27,6 +28,8 @@ from .proportions import Proportions, equivalent_solid
 
 WALL = 0.22
 """Drawn thickness of a bearing's wall as a fraction of its radius."""
+CORNERS = 180
+"""Number of corners of a drawn bearing or journal that deviates from a circle."""
 
 
 @dataclass(frozen=True)
@@ -37,12 +40,16 @@ class DrawnJournal:
       in each frame.
     - `poses`: (N, 4, 4), homogeneous matrices from axes at the journal's middle, with z along the
       journal's axis, to global axes.
-    - `radius`: radius, m.
+    - `radius`: radius, m, of the circle from which the journal deviates.
+    - `profile`: deviation of the true journal from its circle; None for a circle.
+    - `scale`: drawn size of the deviation divided by its true size.
     """
 
     ends: Float[np.ndarray, "2 N 3"]
     poses: Float[np.ndarray, "N 4 4"]
     radius: float
+    profile: AbstractProfile | None
+    scale: float
 
     def touching_point(
         self, position: float, normal: Float[np.ndarray, "N 3"]
@@ -54,7 +61,15 @@ class DrawnJournal:
         (N, 3) unit vectors from the axis to the contact points.
         """
         centre = 0.5 * ((1.0 - position) * self.ends[0] + (1.0 + position) * self.ends[1])
-        return centre + self.radius * normal
+        if self.profile is None:
+            return centre + self.radius * normal
+        # The point is the gradient of the journal's support function by the normal.
+        x, y, axis = (self.poses[:, :3, k] for k in range(3))
+        angles = np.arctan2(np.sum(y * normal, axis=1), np.sum(x * normal, axis=1))
+        deviation = self.profile.at(angles)
+        outward = self.radius + self.scale * np.asarray(deviation.value)[:, None]
+        beside = self.scale * np.asarray(deviation.slope)[:, None]
+        return centre + outward * normal + beside * np.cross(axis, normal)
 
 
 NEAR = 1e-3
@@ -183,19 +198,39 @@ class SketchingPen(AbstractPen):
         radius: Single | None,
         clearance: Single,
         length: Single,
+        profiles: tuple[AbstractProfile | None, AbstractProfile | None] = (None, None),
     ) -> None:
         """Draw the bearing as an open cylinder, and the journal in it with enlarged eccentricity.
 
+        Deviations from circles are enlarged like the eccentricity, so that the drawn journal
+        touches the drawn wall where the true one does.
+
         **Arguments:** `bearing`, `journal`: their centres and axes; `radius`: radius of the
-        bearing, m, None if unknown; `clearance`: radial clearance, m; `length`: of the journal, m.
+        bearing, m, None if unknown; `clearance`: radial clearance, m; `length`: of the journal, m;
+        `profiles`: of the bearing and of the journal, None for a circle.
         """
         sizes = self._sizes
         bore = sizes.bore(None if radius is None else float(radius))
         outer, wide = bore * (1.0 + WALL), float(length) * sizes.bearing_scale
         inner = bore - float(clearance) * sizes.clearance_scale
-        drawn = self._drawn_journal(bearing, journal, inner, float(length))
-        self._fix(bearing, meshes.tube(bore, outer, wide))
-        pin = meshes.cylinder(inner, 1.3 * wide)  # longer than the bearing
+        wall, shaft = profiles
+        drawn = self._drawn_journal(bearing, journal, inner, float(length), shaft)
+        if wall is None:
+            self._fix(bearing, meshes.tube(bore, outer, wide))
+        else:
+            edge = self._edge(bore, wall)
+            # The wall keeps half of its thickness where it is worn deepest.
+            outer = max(outer, np.linalg.norm(edge, axis=1).max() + 0.5 * WALL * bore)
+            around = outer * edge / np.linalg.norm(edge, axis=1)[:, None]
+            frame = _transverse_frame(bearing.along())
+            tube = meshes.ring(edge, around, wide).moved(pose_at(bearing.point, frame))
+            self._add(bearing.body, tube)
+        visible = 1.3 * wide  # longer than the bearing
+        pin = (
+            meshes.cylinder(inner, visible)
+            if shaft is None
+            else meshes.plate(self._edge(inner, shaft), visible)
+        )
         self._moving.append(DrawnPart(self.element, pin, drawn.poses, METAL, is_journal=True))
         self.journals[self.element] = drawn
         # The bar of the journal's body passes behind the bearing, and the bar of the bearing's body
@@ -265,7 +300,7 @@ class SketchingPen(AbstractPen):
         **Arguments:** `radius`: of the pitch circle, m, negative for an internal gear; `teeth`:
         number of teeth; `phase`: angle of the middle of a tooth about the axis, rad.
         """
-        frame = _toothed_frame(centre.along(), float(phase))
+        frame = _transverse_frame(centre.along(), float(phase))
         wheel = meshes.gear(float(radius), round(abs(float(teeth))), 2.4 * self._bar)
         self._add(centre.body, wheel.moved(pose_at(centre.point, frame)))
         self._shaped.add(centre.body)
@@ -320,6 +355,13 @@ class SketchingPen(AbstractPen):
         for point in self._distinct(GROUND):
             self._add(GROUND, stand.moved(pose_at(point, frame)))
 
+    def _edge(self, radius: float, profile: AbstractProfile) -> np.ndarray:
+        """Return the corners of the drawn cross-section of a bearing or a journal, (N, 2) m, in its
+        own frame; `radius`: of the drawn circle from which it deviates, m."""
+        angles = np.arange(CORNERS) * 2.0 * np.pi / CORNERS
+        deviation = np.asarray(profile.at(angles).value, float)
+        return meshes.outline(radius + self._sizes.clearance_scale * deviation)
+
     def _distinct(self, name: str) -> np.ndarray:
         """Return the points that the hull of a body must contain, (M, 3) m in body axes; of points
         that are equal up to `NEAR`, only the first."""
@@ -347,7 +389,12 @@ class SketchingPen(AbstractPen):
         self._add(marker.body, mesh.moved(pose_at(marker.point, rotation)), colour, opacity)
 
     def _drawn_journal(
-        self, bearing: Marker, journal: Marker, radius: float, length: float
+        self,
+        bearing: Marker,
+        journal: Marker,
+        radius: float,
+        length: float,
+        profile: AbstractProfile | None,
     ) -> DrawnJournal:
         """Return a journal as it is drawn, with enlarged eccentricity.
 
@@ -355,7 +402,8 @@ class SketchingPen(AbstractPen):
         clearances. Along the axis, their distance is the true length times the scale of bearings.
 
         **Arguments:** `bearing`, `journal`: centre and axis of each on its body; `radius`: drawn
-        radius of the journal, m; `length`: true length of the journal, m.
+        radius of the journal, m; `length`: true length of the journal, m; `profile`: deviation from
+        a circle, None for a circle.
         """
         axis = self._poses.direction(bearing.body, bearing.along())
         journal_axis = self._poses.direction(journal.body, journal.along())
@@ -372,11 +420,12 @@ class SketchingPen(AbstractPen):
             ends.append(centre + axis * along + across * self._sizes.clearance_scale)
         drawn_axis = ends[1] - ends[0]
         drawn_axis /= np.linalg.norm(drawn_axis, axis=1, keepdims=True)
-        # A direction across the axis that rotates with the journal.
-        local = np.cross(journal.along(), np.eye(3)[np.argmin(np.abs(journal.along()))])
+        # The direction across the axis from which the angles of a journal's profile are measured.
+        local = _transverse_frame(journal.along())[:, 0]
         drawn = frames(drawn_axis, self._poses.direction(journal.body, local))
         drawn[:, :3, 3] = 0.5 * (ends[0] + ends[1])
-        return DrawnJournal(np.array(ends), drawn, radius)
+        scale = self._sizes.clearance_scale
+        return DrawnJournal(np.array(ends), drawn, radius, profile, scale)
 
     def _ends(self, first: Marker, second: Marker) -> tuple[np.ndarray, np.ndarray]:
         """Return the positions of both markers, (N, 3) m each in global axes, after the hulls of
@@ -493,11 +542,11 @@ def _unit(vector: ArrayLike) -> np.ndarray:
     return numbers / np.linalg.norm(numbers)
 
 
-def _toothed_frame(along: np.ndarray, phase: float) -> np.ndarray:
-    """Return a matrix (3, 3) whose columns are the axes of a gear.
+def _transverse_frame(along: np.ndarray, phase: float = 0.0) -> np.ndarray:
+    """Return a matrix (3, 3) whose columns are the axes of a gear, a bearing or a journal.
 
-    The third is its axis `along`, (3,). The first is the middle of a tooth, turned about the axis
-    by `phase`, rad, from the first of the transverse axes that gear joints use, too.
+    The third is its axis `along`, (3,). The first, such as the middle of a tooth, is turned about
+    the axis by `phase`, rad, from the first of the transverse axes that joints use, too.
     """
     first = np.array([*map(float, transverse_axes(Vector(*map(float, along)))[0])])
     return frame_about(along, first * np.cos(phase) + np.cross(along, first) * np.sin(phase))

@@ -5,6 +5,7 @@ import math
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
+from scipy.integrate import quad
 from scipy.optimize import brentq
 
 import clearjoint as cj
@@ -17,6 +18,7 @@ SOMMERFELD_NUMBERS = {1.0: (0.8903, 8.4352), 0.5: (0.3124, 5.0881), 0.25: (0.088
 """Sommerfeld numbers by the ratio of width to diameter, at eccentricity ratios 0.5 and 0.9."""
 STABLE_FROM = 0.756
 """Eccentricity ratio from which a rigid rotor in short bearings is stable at all speeds."""
+ROUGH = cj.laws.GreenwoodTripp(roughness=0.5e-6, modulus=1.14e11)
 FIGURE = "[films](films.png)"
 
 
@@ -40,7 +42,58 @@ def sommerfeld_number(film: cj.extend.AbstractFilm, ratio: float, width: float) 
 def checks(quick: bool) -> list[Check]:
     """Check each film, without integrations."""
     del quick
-    return [_of_the_short(), _of_the_finite(), _of_the_endless(), _of_the_threshold()]
+    films = [_of_the_short(), _of_the_finite(), _of_the_endless(), _of_the_threshold()]
+    return [*films, _of_the_asperities(), _of_both()]
+
+
+def mixed(rough: cj.laws.GreenwoodTripp = ROUGH) -> cj.LubricatedJoint:
+    """Return a bearing of 20 mm length in which a film and asperities share the load."""
+    length = 20e-3
+    dry = cj.ClearanceJoint(
+        "ground",
+        "rotor",
+        bearing_radius=RADIUS,
+        clearance=CLEARANCE,
+        journal_length=length,
+        law=cj.laws.RoughCylinders(rough, 0.5 * length, cj.laws.Hertz(1e10)),
+        friction=cj.frictions.RegularisedCoulomb(0.1, 1e-6),
+        axial=cj.FixedAxially(),
+    )
+    return cj.LubricatedJoint(dry, cj.films.CaponeFilm(VISCOSITY), transition=None)
+
+
+def _of_the_asperities() -> Check:
+    """Check the force at three distances of the surfaces; its error is of the order of roughness
+    over clearance."""
+    length = 20e-3
+
+    def integral(distance: float) -> float:
+        def along_the_load(angle: float) -> float:
+            here = CLEARANCE - (CLEARANCE - distance) * math.cos(angle)
+            return float(ROUGH.pressure(here)) * math.cos(angle) * RADIUS * length
+
+        return 2.0 * quad(along_the_load, 0.0, 0.4, points=(0.1, 0.2, 0.3))[0]
+
+    off = max(
+        abs(float(ROUGH.force(ROUGH.reach - at, RADIUS, CLEARANCE, length)) / integral(at) - 1.0)
+        for at in (0.2e-6, 0.8e-6, 1.5e-6)
+    )
+    against = "force at three distances: the pressure around the journal by SciPy's quad"
+    source = "Greenwood, Tripp 1970"
+    return Check("GreenwoodTripp, RoughCylinders", source, against, off, 2.5e-2, FIGURE)
+
+
+def _of_both() -> Check:
+    """Check the friction of a bearing whose film carries the load alone, at a high speed."""
+    speed, load, length = 1000.0, 1000.0, 20e-3
+    carried = cj.carried_journal(mixed(), (0.0, -load), speed)
+    ratio = float(np.linalg.norm(carried.offset)) / CLEARANCE
+    shear = VISCOSITY * speed * RADIUS / CLEARANCE
+    moment = 2.0 * math.pi * RADIUS**2 * length * shear / math.sqrt(1.0 - ratio**2)
+    off = abs(abs(float(carried.moment)) / moment - 1.0)
+    against = "friction moment of the film at high speed: Sommerfeld's closed form"
+    source = "film and asperities"
+    return Check("LubricatedJoint(transition=None)", source, against, off, 1e-6, FIGURE)
 
 
 def _of_the_short() -> Check:

@@ -1,6 +1,7 @@
 """Clearance joints: flights, rebounds and impacts against closed forms."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import matplotlib.pyplot as plt
@@ -26,7 +27,7 @@ def checks(quick: bool) -> list[Check]:
     """Check each clearance joint; none is quick."""
     if quick:
         return []
-    return [_backlash(), _gears(), _ball(), _pin(), _slider(), _clearance(), _line()]
+    return [*(_backlash(), _gears(), _ball(), _pin(), _slider()), _clearance(), _lobes(), _line()]
 
 
 def impacts(scene: cj.Scene, state: cj.State, end: float) -> cj.results.Impacts:
@@ -122,6 +123,42 @@ def _clearance() -> Check:
     largest = off(hits.onset[0], math.sqrt(2.0 * clearance / GRAVITY))
     against = "fall of the journal to the wall: closed form"
     return Check("ClearanceJoint", "the paper", against, largest, 1e-7, FIGURE)
+
+
+def two_lobes() -> tuple[cj.Scene, cj.State, float]:
+    """Return a rotor that swings on the wall of a bearing with two lobes, its state, and the
+    radius, m, of the circle on which its centre moves.
+
+    The centre of a circular journal on the wall moves on a curve with the support function
+    clearance + deviation. At the lowest point, the radius of curvature of the curve is this plus
+    the second derivative of the deviation: clearance - height + 4 height.
+    """
+    clearance, height, mass, stiffness, angle = 50e-6, 8e-6, 20.0, 1e9, 0.01
+    scene, _ = cj.mechanisms.rotor_in_bearing(
+        clearance, mass=mass, law=cj.laws.Hertz(stiffness, exponent=1.0)
+    )
+    lobes = cj.profiles.Harmonics([0.0, height])
+    pin = replace(scene.joints["bearing"], bearing_profile=lobes)
+    scene = replace(scene, joints={**scene.joints, "bearing": pin})
+    # Both ends of the journal carry half of the weight.
+    depth = 0.5 * mass * GRAVITY / stiffness
+    radius = clearance + 3.0 * height + depth
+    lowest = -(clearance - height + depth)
+    place = (radius * math.sin(angle), lowest + radius * (1.0 - math.cos(angle)), 0.0)
+    state = cj.State({"rotor": cj.body_state(place, spin=(0.0, 0.0, 200.0))})
+    return scene, state, radius
+
+
+def _lobes() -> Check:
+    scene, state, radius = two_lobes()
+    pace = math.sqrt(GRAVITY / radius)
+    times = np.linspace(0.0, 4.0 * math.pi / pace, 81)
+    run = cj.simulate(scene, state, times[-1], TIGHT, cj.Saving(times), progress=False)
+    x = np.asarray(run.states.bodies["rotor"].position)[:, 0]
+    largest = float(np.abs(x / x[0] - np.cos(pace * times)).max())
+    against = "swing of a rotor on the wall of an oval bearing: pendulum of the curvature's radius"
+    entry, source = "ClearanceJoint(bearing_profile=)", "support functions"
+    return Check(entry, source, against, largest, 1e-3, FIGURE)
 
 
 def _line() -> Check:

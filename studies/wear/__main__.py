@@ -1,13 +1,15 @@
 """Wear of a slider-crank's pin over a million cycles.
 
-    python -m studies.wear [profile|life] [--quick] [--renew] [--output FOLDER]
+    python -m studies.wear [profile|life|steps] [--quick] [--renew] [--output FOLDER]
 
 `profile` computes the worn wall with three lengths of stages, whose differences show the error of
 the extrapolation. `life` compares derivatives of the number of cycles to a depth with differences.
+`steps` compares derivatives of worn depths by the clearance with differences over three steps.
 """
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -32,6 +34,11 @@ CHANGES = (2e-6, 1e-6, 5e-7)
 """Largest changes of the depth in a stage, m."""
 DIFFERENCE = 0.01
 """Relative change of a parameter for differences."""
+STEPS = (1e-2, 1e-3, 1e-4)
+"""Relative changes of the clearance."""
+TIGHT = cj.Settings(rtol=1e-10, landing_tolerance=1e-13, derivative_tolerance=10.0)
+AFTER = np.array([1e5, 3e5])
+"""Numbers of cycles after which depths are compared."""
 PARAMETERS = {
     "clearance": cj.Parameter(lambda scene: scene.joints[PIN].clearance),
     "slider's mass": cj.Parameter(lambda scene: scene.bodies["slider"].mass),
@@ -48,9 +55,9 @@ def press() -> tuple[cj.Scene, cj.State]:
 
 def worn(scene: cj.Scene, cycles: float | np.ndarray, quick: bool, **options) -> xr.Dataset:
     """Return the wear of the pin's bearing; `options` of `cj.wear`."""
-    size = {"samples": 16, "stages": 2} if quick else {"samples": 48}
+    size: dict[str, Any] = {"samples": 16, "stages": 2} if quick else {"samples": 48}
     given = scene, press()[1], CYCLE, RATES, cycles
-    return cj.wear(*given, settle=1 if quick else 3, progress=False, **size, **options)
+    return cj.wear(*given, settle=1 if quick else 3, progress=False, **size | options)
 
 
 def profile(output: Output) -> list[str]:
@@ -113,7 +120,39 @@ def life(output: Output) -> list[str]:
     return [*lines, f"wear rate: {derivatives[name]:.5g} cycles"]
 
 
-PARTS: dict[str, Callable[[Output], list[str]]] = {"profile": profile, "life": life}
+def steps(output: Output) -> list[str]:
+    """Compare the derivative of the mean depth by the clearance with central differences, for two
+    settings; all are multiplied by the clearance and divided by the depth."""
+    scene, clearance = press()[0], {"clearance": PARAMETERS["clearance"]}
+    path, lines = clearance["clearance"].variation.function, []
+    for name, settings in {"derivatives": cj.presets.derivatives, "tight": TIGHT}.items():
+        options = {"settings": settings, "stages": 3}
+        found = _means(worn(scene, AFTER, True, parameters=clearance, **options))
+        depth = found["bearing_depth"]
+        slope = found["bearing_depth_derivative"].sel(parameter="clearance")
+        lines.append(f"{name}, derivative: {_row(CLEARANCE * slope / depth)}")
+        for step in STEPS:
+            higher, lower = (
+                _means(worn(cj.set_value(scene, path, CLEARANCE * size), AFTER, True, **options))
+                for size in (1.0 + step, 1.0 - step)
+            )
+            difference = (higher - lower)["bearing_depth"] / (2.0 * step)
+            lines.append(f"{name}, differences over {step:g}: {_row(difference / depth)}")
+        if output.quick:
+            break
+    return lines
+
+
+def _means(found: xr.Dataset) -> xr.Dataset:
+    """Return the depths of the pin's bearing after each stage, averaged over the angles."""
+    return found.sel(joint=PIN).mean("angle").isel(stage=slice(1, None))
+
+
+def _row(values: xr.DataArray) -> str:
+    return ", ".join(f"{value:.3e}" for value in values.values.ravel())
+
+
+PARTS: dict[str, Callable[[Output], list[str]]] = {"profile": profile, "life": life, "steps": steps}
 
 
 def main(arguments: list[str] | None = None) -> list[str]:

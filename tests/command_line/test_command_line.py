@@ -14,7 +14,7 @@ import xarray as xr
 from click.testing import CliRunner
 
 import clearjoint as cj
-from clearjoint.command_line import fitting, reports, running
+from clearjoint.command_line import fitting, reports, running, wearing
 from clearjoint.command_line.endings import understandable
 from clearjoint.command_line.folders import read_run
 from clearjoint.command_line.paths import find_path
@@ -213,6 +213,7 @@ REFUSED = {
     "a wrong preset": (["run", "study.toml", "--preset", "acurate"], "did you mean 'accurate'"),
     "no sweep": (["sweep", "rod.toml", "--end", "1"], r"add a section \[sweep\]"),
     "no fit": (["fit", "rod.toml"], r"expected a section \[fit\]"),
+    "no wear": (["wear", "rod.toml"], r"`wear`.*expected a section \[wear\]"),
     "no data": (["fit", "study.toml"], r"`fit\.measurements`.*expected a CSV file"),
     "a body off": (
         ["check", "rod.toml", "--set", "joints.pin.bearing_point=[0.1, 0, 0]"],
@@ -318,9 +319,11 @@ def test_new_writes_files_that_can_run_and_fit_the_schema(tmp_path, monkeypatch)
     assert invoke("schema", "--example").output == Path("four_bar.toml").read_text()
     outcome = invoke("check", "four_bar_study.toml")
     assert outcome.exit_code == 0 and "ready to run" in outcome.output, outcome.output
-    wanted = re.sub(r"^# (?=\S* ?=|\[)", "", written, flags=re.MULTILINE)  # the fit too
+    wanted = re.sub(r"^# (?=\S* ?=|\[)", "", written, flags=re.MULTILINE)  # fit and wear too
     Path("four_bar_study.toml").write_text(wanted)
-    assert "fit: clearance from rig.csv" in invoke("check", "four_bar_study.toml").output
+    described = invoke("check", "four_bar_study.toml").output
+    assert "fit: clearance from rig.csv" in described
+    assert "wear: crank pin over 1e+06 cycles of 0.209" in described
 
 
 def test_the_schema_has_the_kinds_of_outputs(folder):
@@ -344,6 +347,7 @@ def test_a_study_fits_its_schema(folder):
     schema = study_schema()
     jsonschema.Draft202012Validator.check_schema(schema)
     jsonschema.validate(tomllib.loads(STUDY), schema)
+    jsonschema.validate(tomllib.loads(WEAR), schema)
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate({**tomllib.loads(STUDY), "run": {"ende": 1}}, schema)
     assert json.loads(invoke("schema", "study").output) == schema
@@ -488,6 +492,106 @@ def test_a_sweep_is_stored_and_continued(folder):
     assert (out / "figures" / "peak.png").exists() and (out / "index.html").exists()
     assert invoke("sweep", "study.toml", "--set", "sweep.axes.gravity.count=3").exit_code == 0
     assert len(pd.read_csv(out / "sweep.csv")) == 6
+
+
+WEAR = """
+scene = "rotor.toml"
+
+[wear]
+cycle = 0.031415926535897934
+depth = "1 um"
+samples = 8
+largest_change = "0.5 um"
+
+[wear.rates.bearing]
+journal = "1e-5 mm^3/(N m)"
+"""
+STIFFNESS = 1e8
+
+
+@pytest.fixture
+def rotor(tmp_path, monkeypatch):
+    """A folder with a rotor whose weight rests on the wall of its bearing, and a study of wear."""
+    monkeypatch.chdir(tmp_path)
+    law = cj.laws.ElastoGap(stiffness=STIFFNESS, damping=1e5, exponent=1.0)
+    lowest = -1.0 - 0.5 * 20.0 * 9.81 / STIFFNESS / 50e-6  # in clearances
+    cj.save(*cj.mechanisms.rotor_in_bearing(law=law, offset=(0.0, lowest)), "rotor.toml")
+    Path("wear.toml").write_text(WEAR)
+    return tmp_path
+
+
+def test_wear_is_computed_continued_and_written(rotor, monkeypatch):
+    """The journal wears evenly by Archard's law, with the rate k F v over its surface."""
+    assert "wear: bearing over cycles of 0.0314159 s" in invoke("check", "wear.toml").output
+    stopped = []
+
+    def interrupted(scene, *arguments, **options):
+        stopped.append(wearing_of(scene, *arguments, **options | {"stages": 2}))
+        raise KeyboardInterrupt
+
+    wearing_of = wearing.compute_wear
+    with monkeypatch.context() as patch:
+        patch.setattr(wearing, "compute_wear", interrupted)
+        outcome = invoke("wear", "wear.toml")
+    assert outcome.exit_code == 130 and "run the same command" in outcome.output, outcome.output
+    outcome = invoke("wear", "wear.toml")
+    assert outcome.exit_code == 0, outcome.output
+    out = Path("results/wear/wear")
+    stages = pd.read_csv(out / "stages.csv")
+    np.testing.assert_array_equal(stages["cycles"][:2], stopped[0]["cycles"].values)
+    # Of one cycle: both the sliding distance and the worn surface have the journal's circumference.
+    per_cycle = 1e-14 * 20.0 * 9.81 / 25e-3
+    depths = stages["journal of bearing, mean [m]"]
+    assert depths.iloc[-2] < 1e-6 <= depths.iloc[-1]
+    np.testing.assert_allclose(depths, per_cycle * stages["cycles"], rtol=1e-3)
+    profile = pd.read_csv(out / "profiles.csv")["journal of bearing [m]"]
+    np.testing.assert_allclose(profile, depths.iloc[-1], rtol=1e-2)
+    life = 1e-6 / per_cycle
+    assert f"(1 µm after {life:.3g}"[:14] in outcome.stdout
+    worn, _ = cj.load(out / "worn.toml")
+    angles = np.arange(8) * np.pi / 4
+    found = worn.joints["bearing"].journal_profile.at(angles).value
+    np.testing.assert_allclose(found, -profile, rtol=1e-9)
+    pictures = sorted((out / "figures").glob("*.png"))
+    assert [path.stem for path in pictures] == ["depths", "journal_of_bearing"]
+    for path in pictures:
+        path.unlink()
+    assert invoke("report", str(out)).exit_code == 0
+    assert sorted((out / "figures").glob("*.png")) == pictures
+
+
+REFUSED_WEAR = {
+    "joint": ("rates.bearing", "rates.motor", r"`wear`: .*`rates` must be one of.*bearing.*motor"),
+    "unit": ("mm^3/(N m)", "mm/N", r"line 11, `wear.rates.bearing.journal`.*a number in m\^2/N"),
+    "rate": ("1e-5 mm^3/(N m)", "-1 m^2/N", "`wear.rates.bearing.journal`.*1e-9 m"),
+    "end": ('depth = "1 um"', "", "`wear.*cycles.*unless `depth` is given.*cycles = 1e6"),
+    "cycle": ("cycle = 0", "cycle = -0", "`wear`: .*`cycle` must be positive"),
+    "key": ("largest_change", "largest_chang", "did you mean 'largest_change'"),
+    "material": (
+        'journal = "1e-5 mm^3/(N m)"',
+        'kind = "WearRates.on_hard_steel"\nmaterial = "bras"',
+        "did you mean 'brass'",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED_WEAR)
+def test_errors_in_the_wear_of_a_study_have_locations(case, rotor):
+    old, new, message = REFUSED_WEAR[case]
+    assert old in WEAR
+    Path("wear.toml").write_text(WEAR.replace(old, new))
+    for command in ("check", "wear"):
+        outcome = invoke(command, "wear.toml")
+        assert outcome.exit_code == 2, outcome.output
+        assert re.search(message, outcome.output, re.DOTALL), outcome.output
+    assert not Path("results").exists()
+
+
+def test_wear_rates_may_be_those_of_materials(rotor):
+    materials = 'kind = "WearRates.on_hard_steel"\nmaterial = "PTFE"'
+    Path("wear.toml").write_text(WEAR.replace('journal = "1e-5 mm^3/(N m)"', materials))
+    (rates,) = read_study(Path("wear.toml")).parts.wear.rates.values()
+    assert rates.bearing == pytest.approx(5e-13) and rates.journal == 0.0
 
 
 @pytest.mark.slow

@@ -1,6 +1,7 @@
 """Wear over many cycles: closed forms, worn volumes, convergence, continuation and refusals."""
 
 import dataclasses
+import inspect
 
 import equinox as eqx
 import jax
@@ -10,6 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import clearjoint as cj
+from clearjoint.durability import wear as wear_module
 from clearjoint.durability.wear_depths import (
     SIGNALS,
     depths_from_signals,
@@ -23,6 +25,10 @@ RADIUS, CLEARANCE, LENGTH, STIFFNESS = 10e-3, 0.1e-3, 20e-3, 1e8
 MASS, SPEED, LOAD = 0.5, 200.0, 1e3
 CYCLE = 2.0 * np.pi / SPEED
 DRAG = 400.0
+OTHER_CLEARANCE, OTHER_LOAD = 0.15e-3, 1e3
+ROTATING_LOAD = (lambda t: LOAD * jnp.cos(SPEED * t), lambda t: LOAD * jnp.sin(SPEED * t), 0.0)
+"""The same functions in every scene, so that equal scenes are traced and compiled once."""
+HERE = (0.0, 0.0, 0.0)
 RATE = 1e-12
 """Specific wear rate, m^2/N."""
 
@@ -48,63 +54,131 @@ def whirling(drag=0.0):
 
     A drag, N s/m, damps oscillations along the wall.
     """
-    law = ElastoGap(stiffness=STIFFNESS, damping=1e4, exponent=1.0)
-    pin = cj.ClearanceJoint(
-        "ground",
-        "rotor",
-        bearing_radius=RADIUS,
-        clearance=CLEARANCE,
-        journal_length=LENGTH,
-        law=law,
-    )
-    here, axis = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
-    joints = {
-        "pin": pin,
-        "plane": cj.PlanarJoint("ground", "rotor", here, here, axis, axis),
-        "motor": cj.PrescribedRotation("ground", "rotor", axis, SPEED),
-    }
-    force = (lambda t: LOAD * jnp.cos(SPEED * t), lambda t: LOAD * jnp.sin(SPEED * t), 0.0)
-    forces = {"load": cj.AppliedLoad("rotor", force=force)}
+    bodies, joints, states = rotor("", CLEARANCE + penetration(0.0), SPEED)
+    forces = {"load": cj.AppliedLoad("rotor", force=ROTATING_LOAD)}
     if drag > 0.0:
         # Dampers along x and along y that are so long that their directions don't change.
         for name, end in {"x": (1e3, 0.0, 0.0), "y": (0.0, 1e3, 0.0)}.items():
-            damper = cj.SpringDamper("ground", "rotor", end, here, stiffness=0.0, damping=drag)
+            damper = cj.SpringDamper("ground", "rotor", end, HERE, stiffness=0.0, damping=drag)
             forces[f"drag along {name}"] = damper
-    scene = cj.Scene({"rotor": cj.Body(MASS, (1e-4, 1e-4, 1e-4))}, joints, forces)
-    distance = CLEARANCE + penetration(0.0)
-    state = cj.body_state(
-        (distance, 0.0, 0.0), velocity=(0.0, SPEED * distance, 0.0), spin=(0.0, 0.0, SPEED)
+    return cj.Scene(bodies, joints, forces), cj.State(states)
+
+
+def rotor(prefix, distance, whirl, clearance=CLEARANCE):
+    """Body, joints and state of a rotor whose centre is a distance, m, along x from that of its
+    bearing, and moves around it with an angular velocity, rad/s."""
+    pin = cj.ClearanceJoint(
+        "ground",
+        f"{prefix}rotor",
+        bearing_radius=RADIUS,
+        clearance=clearance,
+        journal_length=LENGTH,
+        law=ElastoGap(stiffness=STIFFNESS, damping=1e4, exponent=1.0),
     )
-    return scene, cj.State({"rotor": state})
+    axis = (0.0, 0.0, 1.0)
+    joints = {
+        "pin": pin,
+        "plane": cj.PlanarJoint("ground", f"{prefix}rotor", HERE, HERE, axis, axis),
+        "motor": cj.PrescribedRotation("ground", f"{prefix}rotor", axis, SPEED),
+    }
+    state = cj.body_state(
+        (distance, 0.0, 0.0), velocity=(0.0, whirl * distance, 0.0), spin=(0.0, 0.0, SPEED)
+    )
+    return (
+        {f"{prefix}rotor": cj.Body(MASS, (1e-4, 1e-4, 1e-4))},
+        {prefix + name: joint for name, joint in joints.items()},
+        {f"{prefix}rotor": state},
+    )
 
 
-OPTIONS = {"settle": 1, "measured": 2, "tolerance": 0.05, "samples": 24, "progress": False}
+def whirling_and_rotating(drag=0.0):
+    """Two mechanisms in one scene: the whirling journal, which wears its bearing evenly, and one
+    that rotates under a constant load, "other pin", which is itself worn evenly."""
+    scene, state = whirling(drag)
+    distance = OTHER_CLEARANCE + 0.5 * OTHER_LOAD / STIFFNESS
+    bodies, joints, states = rotor("other ", distance, 0.0, OTHER_CLEARANCE)
+    load = cj.AppliedLoad("other rotor", force=(OTHER_LOAD, 0.0, 0.0))
+    both = cj.Scene(
+        scene.bodies | bodies, scene.joints | joints, scene.forces | {"other load": load}
+    )
+    return both, cj.State(state.bodies | states)
+
+
+def other_rate(depth, load=OTHER_LOAD):
+    """Depth worn per cycle off the journal that rotates under a load, N, by Archard's law, m.
+
+    Both bases carry the load, with half of the penetration on each side of their contact points.
+    """
+    speed = SPEED * (RADIUS - OTHER_CLEARANCE - depth - 0.25 * load / STIFFNESS)
+    area = 2.0 * np.pi * (RADIUS - OTHER_CLEARANCE) * LENGTH
+    return RATE * load * speed * CYCLE / area
+
+
+OPTIONS = {"settle": 1, "measured": 2, "tolerance": 0.05, "samples": 16, "progress": False}
+RATES = {"pin": cj.WearRates(bearing=RATE), "other pin": cj.WearRates(journal=RATE)}
 
 
 @pytest.fixture(scope="module")
 def found():
-    scene, state = whirling()
-    rates = {"pin": cj.WearRates(bearing=RATE)}
-    return cj.wear(scene, state, CYCLE, rates, 300.0, largest_change=2e-6, **OPTIONS)
+    scene, state = whirling_and_rotating()
+    return cj.wear(scene, state, CYCLE, RATES, 300.0, largest_change=2e-6, **OPTIONS)
 
 
-def test_a_whirling_journal_wears_its_bearing_evenly(found):
-    """The depth at all angles follows the differential equation of Archard's law."""
+@pytest.mark.parametrize(
+    "joint, part, per_cycle", [("pin", "bearing", rate), ("other pin", "journal", other_rate)]
+)
+def test_each_of_two_joints_wears_as_it_would_alone(found, joint, part, per_cycle):
+    """The depth at all angles follows the joint's own differential equation of Archard's law."""
     assert found.attrs["ending"] == "reached the cycles"
     cycles = found["cycles"].values
     exact = solve_ivp(
-        lambda n, h: [rate(h[0])], (0.0, cycles[-1]), [0.0], t_eval=cycles, rtol=1e-10, atol=1e-16
+        lambda n, h: [per_cycle(h[0])],
+        (0.0, cycles[-1]),
+        [0.0],
+        t_eval=cycles,
+        rtol=1e-10,
+        atol=1e-16,
     ).y[0]
-    depths = found["bearing_depth"].sel(joint="pin").values
+    depths = found[f"{part}_depth"].sel(joint=joint).values
     assert exact[-1] > 10e-6 and len(cycles) > 5
     np.testing.assert_allclose(depths[-1], exact[-1], rtol=2e-2)
     np.testing.assert_allclose(depths.mean(axis=1), exact, rtol=1e-3, atol=1e-10)
+    unworn = "journal" if part == "bearing" else "bearing"
+    assert not found[f"{unworn}_depth"].sel(joint=joint).any()
+
+
+def test_the_joint_that_wears_fastest_limits_the_stages(found):
+    """The change of each joint is at most the largest one, and that of one joint equals it."""
+    depths = np.stack([found["bearing_depth"][0], found["journal_depth"][1]])
+    changes = np.diff(depths, axis=1).max(axis=2).max(axis=0)[1:-1]
+    np.testing.assert_allclose(changes, 2e-6, rtol=0.02)
 
 
 def test_life_is_interpolated(found):
     life = cj.cycles_to_depth(found, 5e-6, "pin")
     assert rate(0.0) * life == pytest.approx(5e-6, rel=0.05)
     assert cj.cycles_to_depth(found, 1.0, "pin") == np.inf
+
+
+def test_a_depth_may_end_the_computation(found):
+    options = OPTIONS | {"largest_change": 2e-6}
+    scene, state = whirling_and_rotating()
+    short = cj.wear(scene, state, CYCLE, RATES, np.inf, depth=5e-6, **options)
+    assert short.attrs["ending"] == "reached the depth"
+    count = short.sizes["stage"]
+    # The stages are those of the computation to a number of cycles, up to the depth.
+    np.testing.assert_array_equal(short["cycles"], found["cycles"][:count])
+    deepest = np.maximum(found["bearing_depth"], found["journal_depth"]).max(["joint", "angle"])
+    assert deepest[count - 2] < 5e-6 <= deepest[count - 1]
+    with pytest.raises(ValueError, match="`cycles` must be finite.*`depth`"):
+        cj.wear(scene, state, CYCLE, RATES, np.inf, **OPTIONS)
+
+
+def test_contacts_that_stay_open_reach_no_depth(monkeypatch):
+    monkeypatch.setattr(wear_module, "wear_depths", lambda *_: (np.zeros((2, 16)), 0.0))
+    scene, state = whirling_and_rotating()
+    with pytest.raises(ValueError, match=r"`cycles` must be finite \(no part wears"):
+        cj.wear(scene, state, CYCLE, RATES, np.inf, depth=1e-6, **OPTIONS)
 
 
 PARAMETERS = {
@@ -118,9 +192,10 @@ GOALS = [10.0, 100.0, 200.0, 300.0]
 """Numbers of cycles before stages."""
 
 
-def differentiated(parameters, goals, settings=None, **options):
-    scene, state = whirling(DRAG)
-    arguments = scene, state, CYCLE, {"pin": cj.WearRates(bearing=RATE)}, goals, settings
+def differentiated(parameters, goals, settings=None, scene=whirling, **options):
+    scene, state = scene(DRAG)
+    rates = {name: of_joint for name, of_joint in RATES.items() if name in scene.joints}
+    arguments = scene, state, CYCLE, rates, goals, settings
     return cj.wear(*arguments, parameters=parameters, **OPTIONS | options)
 
 
@@ -139,23 +214,56 @@ def closed_forms(depth, clearance=CLEARANCE, stiffness=STIFFNESS, mass=MASS, wea
     return solve_ivp(cycles_per_metre, (0.0, depth), [0.0], rtol=1e-12, atol=1e-9).y[0, -1]
 
 
-def require_closed_form(found, depth):
-    """Compare a life, and its derivatives, with the differential equation of Archard's law."""
+def other_closed_form(depth, other_load=OTHER_LOAD, other_wear_rate=RATE):
+    """Number of cycles to a depth, m, of the journal that rotates under a constant load."""
+    return solve_ivp(
+        lambda h, _: [RATE / (other_wear_rate * other_rate(h, other_load))],
+        (0.0, depth),
+        [0.0],
+        rtol=1e-12,
+        atol=1e-9,
+    ).y[0, -1]
+
+
+VALUES = {
+    "clearance": CLEARANCE,
+    "stiffness": STIFFNESS,
+    "mass": MASS,
+    "wear_rate": RATE,
+    "other_load": OTHER_LOAD,
+    "other_wear_rate": RATE,
+}
+"""Value of each argument of the closed forms."""
+WEAR_RATES = {"pin bearing rate": "wear_rate", "other pin journal rate": "other_wear_rate"}
+"""The argument of a closed form, by the name of the parameter in `wear`."""
+
+
+def require_closed_form(found, depth, joint="pin"):
+    """Compare a life, and its derivatives, with the differential equation of Archard's law.
+
+    A parameter that is no argument of the joint's closed form has no effect on its life.
+    """
+    part, life_of = ("bearing", closed_forms) if joint == "pin" else ("journal", other_closed_form)
     mean = found.mean("angle", keepdims=True)
-    life = cj.cycles_to_depth(mean, depth, "pin")
-    assert life == pytest.approx(closed_forms(depth), rel=2e-3)
-    values = {"clearance": CLEARANCE, "stiffness": STIFFNESS, "mass": MASS, "wear_rate": RATE}
-    for name, derivative in cj.life_derivatives(mean, depth, "pin").items():
-        keyword = "wear_rate" if name == "pin bearing rate" else name
-        value = values[keyword]
-        higher, lower = (closed_forms(depth, **{keyword: value * (1.0 + e)}) for e in (1e-4, -1e-4))
-        assert derivative == pytest.approx((higher - lower) / 2e-4, abs=3e-4 * life), name
+    life = cj.cycles_to_depth(mean, depth, joint, part)
+    assert life == pytest.approx(life_of(depth), rel=2e-3)
+    for name, derivative in cj.life_derivatives(mean, depth, joint, part).items():
+        keyword, expected = WEAR_RATES.get(name, name), 0.0
+        if keyword in inspect.signature(life_of).parameters:
+            values = ({keyword: VALUES[keyword] * (1.0 + change)} for change in (1e-4, -1e-4))
+            higher, lower = (life_of(depth, **value) for value in values)
+            expected = (higher - lower) / 2e-4
+        assert derivative == pytest.approx(expected, abs=3e-4 * life), name
 
 
 @pytest.mark.slow
-def test_derivatives_of_life_are_those_of_the_closed_form():
-    found = differentiated({"clearance": PARAMETERS["clearance"]}, GOALS[:1], samples=8)
-    require_closed_form(found, 3e-7)
+def test_derivatives_of_two_lives_are_those_of_the_closed_forms():
+    """By a clearance of one joint, the load on the other, and the wear rates of both."""
+    load = cj.Parameter(lambda scene: scene.forces["other load"].force[0], cj.Log())
+    parameters = {"clearance": PARAMETERS["clearance"], "other_load": load}
+    found = differentiated(parameters, GOALS[:2], scene=whirling_and_rotating, samples=8)
+    require_closed_form(found, 3e-6)
+    require_closed_form(found, 3e-6, "other pin")
 
 
 def test_derivatives_of_depths_are_those_of_differences():
@@ -230,37 +338,38 @@ def test_the_worn_volume_is_that_of_the_reduction():
 
 
 def test_a_store_is_continued(tmp_path):
-    scene, state = whirling()
-    rates = {"pin": cj.WearRates(bearing=RATE, journal=0.1 * RATE)}
-    arguments = scene, state, CYCLE, rates, 3000.0
+    scene, state = whirling_and_rotating()
+    arguments = scene, state, CYCLE, RATES, 3000.0
     whole = cj.wear(*arguments, largest_change=2e-6, stages=4, **OPTIONS)
     part = cj.wear(*arguments, largest_change=2e-6, stages=2, path=tmp_path / "wear", **OPTIONS)
     assert part.attrs["ending"] == "2 stages"
     rest = cj.wear(*arguments, largest_change=2e-6, stages=4, path=tmp_path / "wear", **OPTIONS)
     assert rest.drop_attrs().identical(whole.drop_attrs())
+    other = RATES | {"other pin": cj.WearRates(journal=2.0 * RATE)}
     with pytest.raises(ValueError, match="path"):
-        cj.wear(scene, state, CYCLE, rates, 10.0, path=tmp_path / "wear", **OPTIONS)
+        cj.wear(scene, state, CYCLE, other, 3000.0, path=tmp_path / "wear", **OPTIONS)
 
 
 def test_worn_profiles_are_put_into_the_scene(found):
-    scene, _ = whirling()
-    worn = cj.worn(scene, found)
-    angles = found["angle"].values
+    worn = cj.worn(whirling_and_rotating()[0], found).joints
+    angles, last = found["angle"].values, found.isel(stage=-1)
     np.testing.assert_allclose(
-        worn.joints["pin"].bearing_profile.at(angles).value,
-        found["bearing_depth"].values[0, -1],
-        rtol=1e-9,
+        worn["pin"].bearing_profile.at(angles).value, last["bearing_depth"][0], rtol=1e-9
     )
+    np.testing.assert_allclose(
+        worn["other pin"].journal_profile.at(angles).value, -last["journal_depth"][1], rtol=1e-9
+    )
+    assert worn["pin"].journal_profile is None and worn["other pin"].bearing_profile is None
 
 
 def test_a_cycle_that_is_not_periodic_is_refused():
-    scene, state = whirling()
-    rates = {"pin": cj.WearRates(bearing=RATE)}
-    centred = cj.State({"rotor": cj.body_state((0.0, 0.0, 0.0), spin=(0.0, 0.0, SPEED))})
+    scene, state = whirling_and_rotating()
+    _, _, slower = rotor("", CLEARANCE + penetration(0.0), 0.5 * SPEED)
+    slower = cj.State(state.bodies | slower)
     with pytest.raises(ValueError, match="cycle.*periodic.*differ"):
-        cj.wear(scene, centred, CYCLE, rates, 100.0, **OPTIONS | {"settle": 0, "tolerance": 1e-6})
+        cj.wear(scene, slower, CYCLE, RATES, 100.0, **OPTIONS | {"settle": 0, "tolerance": 1e-6})
     with pytest.raises(ValueError, match="cycle.*period of the scene's drives"):
-        cj.wear(scene, state, 0.1 * CYCLE, rates, 100.0, **OPTIONS)
+        cj.wear(scene, state, 0.1 * CYCLE, RATES, 100.0, **OPTIONS)
 
 
 @pytest.mark.parametrize(
@@ -270,6 +379,7 @@ def test_a_cycle_that_is_not_periodic_is_refused():
         ({"rates": {"pins": cj.WearRates(bearing=RATE)}}, "rates"),
         ({"cycle": -1.0}, "cycle"),
         ({"cycles": 0.0}, "cycles"),
+        ({"depth": 0.0}, "depth"),
         ({"measured": 3}, "measured"),
         ({"samples": 4}, "samples"),
     ],
@@ -286,7 +396,8 @@ def test_points_between_the_bases_are_refused():
     pin = dataclasses.replace(scene.joints["pin"], line_points=3)
     scene = dataclasses.replace(scene, joints={**scene.joints, "pin": pin})
     refused = (
-        r"at its bases, not at \['point 2'\] too, but is 'pin': give the joint no `line_points`"
+        r"at its bases, not at \['point 2'\] too \(wear along the axis is not resolved\), "
+        r"but is 'pin': give the joint no `line_points`"
     )
     with pytest.raises(ValueError, match=f"`rates` must be a joint .* {refused}"):
         cj.wear(scene, state, CYCLE, {"pin": cj.WearRates(bearing=RATE)}, 10.0)

@@ -366,6 +366,7 @@ def test_wrenches_are_summed_for_the_bodies_on_which_they_act():
         group: np.array([1e3, 2e3, 3e3, 4e3]),
         GroupName(("hub",) * 3): np.array([1.0, 2.0, 3.0]),
         "hub": 10.0,
+        "ground": 5.0,
     }
     zero = Vector(0.0, 0.0, 0.0)
     found = summed_wrenches(
@@ -377,6 +378,7 @@ def test_wrenches_are_summed_for_the_bodies_on_which_they_act():
     )
     np.testing.assert_array_equal(found[group].force.x, [1200.0, 2010.0, 3021.0, 4430.0])
     assert found["hub"].force.x == 16.0 and found["hub"].force.y == 0.0
+    assert found.keys() == bodies.keys()
 
 
 def test_grouped_motions_by_names_of_one_and_of_several_bodies():

@@ -1,12 +1,16 @@
 """Mechanisms with clearance in guides, slots and sockets: published motions and closed forms."""
 
 import math
+import warnings
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import clearjoint as cj
+from clearjoint.dynamics.journals import depths
+from clearjoint.fields.cautions import quiet
 
 FINE = cj.Settings(rtol=1e-10, atol=1e-12)
 
@@ -126,3 +130,63 @@ def test_spatial_four_bar_with_clearance_keeps_its_ball():
     observed = cj.observe(scene, solution)
     exchanged = np.ptp(observed.energies["gravity"])
     assert np.abs(observed.ledger_residual()).max() < 1e-6 * exchanged
+
+
+def first_contact(shaft: float, play: float, sense: float) -> float:
+    """Angle of the output from the disc, rad, at which one of six pins reaches the wall of its
+    hole: the distance of their centres is the eccentricity plus the play."""
+    eccentricity, radius, disc = 1e-3, 25e-3, -shaft / 10
+    found = []
+    for k in range(6):
+        around = np.array([disc + 2.0 * np.pi * k / 6])
+
+        def distance(turn: float, around=around) -> float:
+            pin = radius * np.array([np.cos(around + turn), np.sin(around + turn)])
+            hole = radius * np.array([np.cos(around), np.sin(around)])
+            hole = hole + eccentricity * np.array([[np.cos(shaft)], [np.sin(shaft)]])
+            return float(np.linalg.norm(pin - hole)) - eccentricity - play
+
+        if distance(sense * 0.01) > 0.0:
+            found.append(brentq(distance, 0.0, sense * 0.01, xtol=1e-16))
+    return min(found, key=abs)
+
+
+@pytest.mark.parametrize("shaft", [0.0, 0.3, 2.0])
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_the_backlash_of_a_cycloid_stage_is_that_of_its_pins(shaft, sense):
+    """One pin touches at the angle at which the geometry has it touch, and the others are free."""
+    play = 0.02e-3
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        scene, state = cj.mechanisms.cycloid_stage(play, angle=shaft)
+    report = cj.constraint_report(scene, state)
+    assert report.degrees_of_freedom() == 1
+    assert np.abs(report.values).max() < 1e-12 and np.abs(report.rates).max() < 1e-12
+    turn = first_contact(shaft, play, sense)
+    # To first order by the formula of the docstring: a pin moves across its radius.
+    directions = -shaft / 10 + np.pi / 2 + 2.0 * np.pi * np.arange(6) / 6
+    cosine = np.abs(np.cos(directions - shaft)).max()
+    assert abs(turn) == pytest.approx(play / 25e-3 / cosine, rel=0.02)
+    angle = -shaft / 10 + turn
+    output = cj.body_state((0.0, 0.0, 0.0), cj.rotation((0.0, 0.0, 1.0), angle))
+    with quiet():
+        gaps = depths(scene, cj.State({**state.bodies, "output": output}))
+    deepest = sorted(float(family["V"]) for family in gaps.values())
+    assert deepest[-1] == pytest.approx(0.0, abs=1e-14)
+    assert deepest[-2] < -1e-7 or shaft == 0.0  # by symmetry, two pins touch at once then
+
+
+@pytest.mark.slow
+def test_a_cycloid_stage_transmits_with_the_ratio_of_its_lobes():
+    """The torque keeps the output ahead of the disc by the backlash, at every angle of the
+    shaft, and the disc rotates backwards by a tenth of it."""
+    play, speed = 0.02e-3, 20.0
+    scene, state = cj.mechanisms.cycloid_stage(play, speed=speed, torque=0.1)
+    times = np.linspace(0.04, 0.1, 31)
+    bodies = cj.simulate(scene, state, 0.1, FINE, cj.Saving(times), progress=False).states.bodies
+    disc = turned(bodies["disc"], 3)
+    np.testing.assert_allclose(disc, -speed * times / 10, atol=1e-9)
+    ahead = turned(bodies["output"], 3) - disc
+    expected = [first_contact(speed * t, play, 1.0) for t in times]
+    np.testing.assert_allclose(ahead, expected, rtol=1e-2)
+    assert np.ptp(expected) > 0.1 * np.mean(expected)

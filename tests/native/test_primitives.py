@@ -457,6 +457,8 @@ def test_unknown_primitives_are_named():
         NativeFunction(lambda a: jnp.linalg.inv(a))(np.eye(3))
     with pytest.raises(UnsupportedPrimitiveError, match="no elements"):
         NativeFunction(lambda a: jnp.prod(a))(np.zeros(0))
+    with pytest.raises(UnsupportedPrimitiveError, match="dot_general of no elements"):
+        NativeFunction(lambda a: a @ a)(np.zeros(0))
 
 
 def test_threads_may_load_a_program_at_once():

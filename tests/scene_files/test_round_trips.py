@@ -30,7 +30,7 @@ FAMILIES = tuple(
     for name, kind in vars(cj.extend).items()
     if name.startswith("Abstract") and kind.__module__.startswith("clearjoint.model")
 )
-PUBLIC = (cj, cj.laws, cj.frictions, cj.films)
+PUBLIC = (cj, cj.laws, cj.frictions, cj.films, cj.profiles)
 ELEMENTS = {
     name: kind
     for name, kind in {k: v for names in PUBLIC for k, v in vars(names).items()}.items()
@@ -68,6 +68,8 @@ EXAMPLES = {
     "EndPlay": lambda: cj.EndPlay(
         1e-4 / 3, cj.laws.Hertz(1e9), cj.frictions.Ambrosio(0.1), 0.01 / 3
     ),
+    "Harmonics": lambda: cj.profiles.Harmonics([0.0, 1e-5 / 3], [1e-6 / 7, -0.0]),
+    "PeriodicSpline": lambda: cj.profiles.PeriodicSpline.through(1e-5 * np.sin(np.arange(20) / 3)),
     "Stribeck": lambda: cj.frictions.Stribeck(0.2, 0.1 / 3, stribeck_speed=1e-3 / 3),
     "LuGre": lambda: cj.frictions.LuGre(0.2, 0.1 / 3, stribeck_speed=1e-3 / 3),
     "ElastoPlastic": lambda: cj.frictions.ElastoPlastic(
@@ -148,6 +150,10 @@ def scene_with(element: Any) -> cj.Scene:
         joints["pin"] = cj.ClearanceJoint("a", "b", **(PIN | {"law": cj.laws.Hertz(element)}))
     elif isinstance(element, cj.extend.AbstractFriction | cj.extend.AbstractBristleFriction):
         joints["pin"] = cj.ClearanceJoint("a", "b", **PIN, friction=element)
+    elif isinstance(element, cj.extend.AbstractProfile):
+        joints["pin"] = cj.ClearanceJoint(
+            "a", "b", **PIN, bearing_profile=element, journal_profile=element
+        )
     elif isinstance(element, cj.PiecewiseConstant):
         return cj.Scene(BODIES, forces={"push": cj.AppliedLoad("a", (0.1, element, 1 / 3))})
     elif isinstance(element, cj.extend.AbstractFunctionOfTime):
@@ -184,6 +190,7 @@ def test_every_element_comes_back_exactly(name, suffix, tmp_path):
         *(cj.mechanisms.andrews_squeezer, cj.mechanisms.gear_pair, cj.mechanisms.robot_arm),
         *(
             cj.mechanisms.guided_slider_crank,
+            cj.mechanisms.cycloid_stage,
             cj.mechanisms.quick_return,
             cj.mechanisms.spatial_four_bar,
         ),

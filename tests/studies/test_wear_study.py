@@ -2,6 +2,7 @@
 
 import re
 
+import numpy as np
 import pytest
 
 from studies.wear.__main__ import main
@@ -24,3 +25,13 @@ def test_derivatives_of_the_life_are_those_of_differences(tmp_path):
     assert len(numbers) == 3
     for derivative, difference in numbers:
         assert derivative == pytest.approx(difference, abs=3e-3 * life)
+
+
+@pytest.mark.slow
+def test_differences_over_short_steps_have_the_derivative(tmp_path):
+    """Of the depths after two numbers of cycles, to 1.5e-4 of them; 1 % is too long a step."""
+    lines = main(["steps", "--quick", "--output", str(tmp_path)])
+    rows = [[float(number) for number in line.split(": ")[1].split(", ")] for line in lines]
+    derivative, *differences = np.array(rows)
+    distances = np.abs(np.array(differences) - derivative).max(axis=1)
+    assert distances[0] > 1e-3 and (distances[1:] < 1.5e-4).all()

@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -67,6 +68,40 @@ def with_film_and_friction() -> tuple[cj.Scene, cj.State]:
     return cj.mechanisms.rotor_in_bearing(film=film, offset=IN_THE_WALL, friction=friction)
 
 
+def with_profiles() -> tuple[cj.Scene, cj.State]:
+    """A rotor with a worn journal, which rolls on the wall of a bearing with two lobes."""
+    scene, state, _ = plays.two_lobes()
+    worn = cj.profiles.PeriodicSpline.through(-1e-6 * np.exp(np.cos(np.arange(16) * np.pi / 8)))
+    pin = replace(scene.joints["bearing"], journal_profile=worn)
+    return replace(scene, joints={**scene.joints, "bearing": pin}), state
+
+
+def tilted() -> tuple[cj.Scene, cj.State]:
+    """A rotor that lies tilted in its bearing and touches the wall along a part of its length."""
+    law = cj.laws.ElastoGap(stiffness=1e8, damping=1e3, exponent=1.0)
+    scene, state = cj.mechanisms.rotor_in_bearing(law=law, speed=20.0)
+    pin = replace(scene.joints["bearing"], line_points=5)
+    scene = replace(scene, joints={**scene.joints, "bearing": pin})
+    tilt = 5e-4
+    turned = cj.body_state(
+        state.bodies["rotor"].position,
+        orientation=cj.rotation((1.0, 0.0, 0.0), tilt),
+        spin=(0.0, 20.0 * np.sin(tilt), 20.0 * np.cos(tilt)),
+    )
+    return scene, cj.State({"rotor": turned})
+
+
+def with_film_and_asperities() -> tuple[cj.Scene, cj.State]:
+    """A rotor that a film and the asperities of its bearing carry together."""
+    scene, _ = cj.mechanisms.rotor_in_bearing(speed=10.0)
+    # So rough that they touch where the damping of the film is not yet stiff.
+    rough = cj.laws.GreenwoodTripp(roughness=3e-6, modulus=1.14e11)
+    joints = {**scene.joints, "bearing": films.mixed(rough)}
+    place = (0.0, -films.CLEARANCE + 8e-6, 0.0)
+    state = cj.State({"rotor": cj.body_state(place, spin=(0.0, 0.0, 10.0))})
+    return replace(scene, joints=joints), state
+
+
 def in_slot() -> tuple[cj.Scene, cj.State]:
     """A pin that flies from wall to wall."""
     joint = cj.PinInSlot("ground", "b", play=1e-3, pin_radius=5e-3, law=cj.laws.Hertz(1e9))
@@ -111,6 +146,9 @@ def catalogue_scenes() -> dict[str, CatalogueScene]:
         )
     found["rotor with film, line contact and bristles"] = CatalogueScene(with_everything, 2e-3)
     found["rotor with film and friction"] = CatalogueScene(with_film_and_friction, 2e-3)
+    found["rotor with profiles"] = CatalogueScene(with_profiles, 3e-3)
+    found["rotor, tilted, in line contact"] = CatalogueScene(tilted, 2e-3)
+    found["rotor with film and asperities"] = CatalogueScene(with_film_and_asperities, 2e-3)
     for name, target in TARGETS.items():
         found[f"joints, {name}"] = CatalogueScene(
             lambda target=target: machines(target), 0.03, "driven"
@@ -135,6 +173,7 @@ def catalogue_scenes() -> dict[str, CatalogueScene]:
             ),
             0.01,
         ),
+        "cycloid_stage": (lambda: cj.mechanisms.cycloid_stage(torque=2.0), 3e-3),
         "quick_return": (lambda: cj.mechanisms.quick_return(), 0.04),
         "quick_return without play": (lambda: cj.mechanisms.quick_return(None, angle=0.3), 0.1),
         "spatial_four_bar": (lambda: cj.mechanisms.spatial_four_bar(speed=40.0), 0.01),

@@ -14,6 +14,7 @@ from PIL import Image
 
 import clearjoint as cj
 from clearjoint.views.arrows import LONGEST
+from clearjoint.views.meshes import outline
 from clearjoint.views.parts import FORCE, LOAD, METAL, MODES, corners
 from clearjoint.views.poses import initial_state
 from clearjoint.views.proportions import equivalent_solid
@@ -60,6 +61,57 @@ def test_true_proportions_by_scales_of_one():
     radii = np.linalg.norm(ring[:, :2], axis=1)
     assert radii.min() == pytest.approx(10e-3)
     assert np.isclose(radii, 10e-3 * (1.0 + WALL)).any()
+
+
+def test_profiles_are_drawn_with_the_scale_of_clearances():
+    """Of lobes, the drawn radii at their highest and lowest points."""
+    scene, lobe = recorded.arm_in_bearing(), 0.1e-3
+    pin = dataclasses.replace(
+        scene.joints["pin"],
+        bearing_profile=cj.profiles.Harmonics([0.0, lobe]),
+        journal_profile=cj.profiles.Harmonics([0.0, 0.0, 0.2 * lobe]),
+    )
+    view = cj.view(dataclasses.replace(scene, joints={"pin": pin}), recorded.motion())
+    ground = next(part for part in view.parts if part.name == "ground")
+    bore, high = recorded.RADIUS * view.bearing_scale, view.clearance_scale * lobe
+    inner = bore - view.clearance_scale * recorded.CLEARANCE
+    turned = journal_of(view).mesh.vertices
+    for vertices, angle, expected in (
+        (ground.mesh.vertices, 0.0, bore + high),
+        (ground.mesh.vertices, 0.5 * np.pi, bore - high),
+        (ground.mesh.vertices, np.pi, bore + high),
+        (turned, 0.0, inner + 0.2 * high),
+        (turned, np.pi / 3.0, inner - 0.2 * high),
+        (turned, np.pi, inner - 0.2 * high),
+    ):
+        near = np.abs(vertices[:, :2] - expected * np.array([np.cos(angle), np.sin(angle)])) < 1e-9
+        assert near.all(axis=1).any()
+
+
+def test_an_arrow_ends_on_a_journal_that_is_out_of_round():
+    """The first harmonic of a profile shifts the circle along the journal's x axis."""
+    scene, shift = recorded.arm_in_bearing(), 0.02e-3
+    shifted = cj.profiles.Harmonics([shift])
+    pin = dataclasses.replace(scene.joints["pin"], journal_profile=shifted)
+    scene = dataclasses.replace(scene, joints={"pin": pin})
+    view = cj.view(scene, recorded.motion(), observation=recorded.observed())
+    plain = cj.view(recorded.arm_in_bearing(), recorded.motion(), observation=recorded.observed())
+    tips, round_tips = (
+        next(part.poses for part in one.parts if part.name == "pin V" and part.colour == FORCE)
+        for one in (view, plain)
+    )
+    moved = (tips[:, :3, 3] + tips[:, :3, 2]) - (round_tips[:, :3, 3] + round_tips[:, :3, 2])
+    expected = np.tile((view.clearance_scale * shift, 0.0, 0.0), (recorded.TOUCHING.sum(), 1))
+    np.testing.assert_allclose(moved[recorded.TOUCHING], expected, atol=1e-12)
+
+
+def test_the_outline_of_a_shifted_circle_is_that_circle():
+    """Its tangents are at the distances radius + shift . direction; its corners are on it."""
+    angles, shift = np.arange(360) * np.pi / 180.0, np.array([0.2, -0.3])
+    distances = 1.0 + shift @ [np.cos(angles), np.sin(angles)]
+    corners = outline(distances)
+    np.testing.assert_allclose(np.linalg.norm(corners - shift, axis=1), 1.0, atol=1e-4)
+    np.testing.assert_allclose(np.arctan2(*corners.T[::-1]) % (2.0 * np.pi), angles, atol=1e-12)
 
 
 def test_a_bar_reaches_from_joint_to_joint_and_moves_with_its_body():

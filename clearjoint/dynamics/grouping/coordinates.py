@@ -18,7 +18,7 @@ import numpy as np
 
 from ...math.groups import GroupName, by_group, by_name, element, is_structural, sum_
 from ...math.vectors import Scalar
-from ...model.bodies import NO_WRENCH, BodyState, Motion
+from ...model.bodies import GROUND, NO_WRENCH, BodyState, Motion
 from ...model.joints.base import Motions, Row
 from ...model.scene import Scene
 from ..absolute_coordinates import AbsoluteCoordinates, AbsoluteMechanics
@@ -200,7 +200,8 @@ class GroupedMotions(dict[str, Motion]):
 
 
 def summed_wrenches(wrenches: Wrenches, bodies: Iterable[str]) -> Wrenches:
-    """Return the sum of the wrenches on each single body and on each group of a condensed scene.
+    """Return the sum of the wrenches on each single body and on each group of a condensed scene,
+    without those on the ground.
 
     **Arguments:** `wrenches`: by the name of a body, or by a `GroupName` of several bodies, with
     arrays of one element for each of them; `bodies`: the names in the condensed scene, which are
@@ -208,6 +209,8 @@ def summed_wrenches(wrenches: Wrenches, bodies: Iterable[str]) -> Wrenches:
     """
     sums = dict.fromkeys(bodies, NO_WRENCH)
     for name, wrench in wrenches.items():
+        if name == GROUND:  # the ground doesn't move, and constraint rows have it all the same
+            continue
         members = name.members if isinstance(name, GroupName) else (name,)
         key = name
         if name not in sums and members[0] in sums:

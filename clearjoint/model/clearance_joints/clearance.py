@@ -494,4 +494,5 @@ class ClearanceJoint(AbstractCentredJoint):
             radius=self.bearing_radius,
             clearance=self.clearance,
             length=self.journal_length,
+            profiles=(self.bearing_profile, self.journal_profile),
         )

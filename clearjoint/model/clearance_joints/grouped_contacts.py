@@ -137,6 +137,7 @@ class GroupedBristleLaw(AbstractBristleFriction):
     rate = _of_each_law("bristle_laws", "rate")
     ratio = _of_each_law("bristle_laws", "ratio")
     sliding_ratio = _of_each_law("bristle_laws", "sliding_ratio")
+    stored_energy = _of_each_law("bristle_laws", "stored_energy")
     _full_deflections = _of_each_law("bristle_laws", "full_deflection")
 
     def full_deflection(self) -> Scalar:

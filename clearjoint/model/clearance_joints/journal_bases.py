@@ -72,7 +72,8 @@ def require_bases_only(argument: str, name: str, labels: Iterable[str]) -> None:
     **Raises:** `ValueError` that names `argument` and the joint.
     """
     between = sorted(axial_positions(labels).keys() - {*BASES})
-    expected = f"a joint whose journal touches at its bases, not at {between} too"
+    reason = "wear along the axis is not resolved"
+    expected = f"a joint whose journal touches at its bases, not at {between} too ({reason})"
     require(not between, argument, name, expected, "give the joint no `line_points`")
 
 

@@ -38,7 +38,7 @@ def check_channels(channels: Channels) -> None:
 
     A name becomes the name of an array in results and files.
 
-    **Raises:** `ValueError` if `crossing` is not a function, if `channels` is not a mapping, is empty, or has a value that is not a
+    **Raises:** `ValueError` if `channels` is not a mapping, is empty, or has a value that is not a
     tuple of a function and a text; and for a name that is not a non-empty string, contains a slash
     or backslash, begins with "." or "__", or is "time" or "count".
     """
@@ -192,10 +192,10 @@ class Section:
     - `count`: largest number of crossings; later ones are not kept.
     - `after`: s, time before which crossings are ignored, to leave out a transient.
 
-    **Raises:** `ValueError` if `channels` is not a mapping, is empty, or has a value that is not
-    such a pair; for a name that is not a non-empty string, contains a slash or backslash, begins
-    with "." or "__", or is "time" or "count"; for a `count` that is not a positive integer, and
-    an `after` that is not finite.
+    **Raises:** `ValueError` if `crossing` is not a function; if `channels` is not a mapping, is
+    empty, or has a value that is not such a pair; for a name that is not a non-empty string,
+    contains a slash or backslash, begins with "." or "__", or is "time" or "count"; for a `count`
+    that is not a positive integer, and an `after` that is not finite.
 
     >>> touch = cj.Section(
     ...     cj.quantities.Penetration("shoulder", "V"),

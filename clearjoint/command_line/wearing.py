@@ -1,0 +1,138 @@
+"""`clearjoint wear`: compute how joints wear over many cycles of a periodic motion.
+
+The store keeps every stage of the computation, so that the same command continues an interrupted
+one.
+"""
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..durability.wear import check_wear, cycles_to_depth, final_state, open_wear, worn
+from ..durability.wear import wear as compute_wear
+from .endings import FAILED, INTERRUPTED, WELL, CommandResult, say
+from .figures import worn_parts
+from .folders import WEAR_STORE, Summary, write_scene, write_summary
+from .reports import stage_table, write_wear_report
+from .study import Study
+from .study_parts import WearPart
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+WORN_SCENE = "worn.toml"
+"""File of the scene with the worn profiles and the state after the last run."""
+
+
+def wear(study: Study, folder: Path, progress: bool) -> CommandResult:
+    """Compute the wear in a study's section [wear], or continue it, and write its store, tables,
+    figures, the worn scene and a page.
+
+    After Ctrl-C, results so far are written.
+
+    **Arguments:** `folder`: folder of the results, which is made if it does not exist; `progress`:
+    whether to show a progress bar.
+
+    **Raises:** `ValueError` for a study without this section, and for wrong entries in it.
+    `KeyboardInterrupt` if Ctrl-C interrupts the computation before its store exists.
+    """
+    part = study.parts.wear
+    if part is None:
+        remedy = "add [wear.rates.<joint>]"
+        study.location.at("wear").refuse(None, "a section [wear]", remedy)
+    start, store, code = time.perf_counter(), folder / WEAR_STORE, WELL
+    check_section(study, part)
+    try:
+        with study.location.at("wear").in_errors():
+            found = compute_wear(
+                study.scene,
+                study.state,
+                part.cycle,
+                part.rates,
+                _cycles(part),
+                study.settings("wear"),
+                settle=part.settle,
+                measured=part.measured,
+                tolerance=part.tolerance,
+                largest_change=part.largest_change,
+                samples=part.samples,
+                stages=part.stages,
+                depth=part.depth,
+                start_time=part.start,
+                path=store,
+                progress=progress,
+            )
+    except KeyboardInterrupt:
+        if not store.exists():  # no stage is finished that could be reported
+            raise
+        found, code = open_wear(store), INTERRUPTED
+    write_scene(folder, study.scene, study.state)
+    write_scene(folder, worn(study.scene, found), final_state(found), WORN_SCENE)
+    # The page shows the summary and the table, so it is written after them.
+    write_summary(folder, "wear", study, _summary(found, part, code), start)
+    write_wear_report(folder, found)
+    if code == INTERRUPTED:
+        say("interrupted: run the same command to continue")
+    elif found.attrs["failure"]:
+        say(f"error: the computation ended early: {found.attrs['failure']}")
+        code = FAILED
+    table = stage_table(found).to_string(index=False, float_format="{:.4g}".format)
+    return CommandResult(code, f"{table}\n{_line(found, part)}")
+
+
+def check_section(study: Study, part: WearPart) -> None:
+    """Check the entries of the section [wear] of a study.
+
+    **Raises:** `ValueError` that names the section in the study's file.
+    """
+    with study.location.at("wear").in_errors():
+        check_wear(
+            study.scene,
+            part.cycle,
+            part.rates,
+            _cycles(part),
+            part.settle,
+            part.measured,
+            part.samples,
+            part.stages,
+            part.depth,
+        )
+
+
+def _cycles(part: WearPart) -> float:
+    """Return the number of cycles to extrapolate to; infinite if only the depth is given."""
+    return np.inf if part.cycles is None else part.cycles
+
+
+def _summary(found: "xr.Dataset", part: WearPart, code: int) -> Summary:
+    """Return how the computation ended, and the depth and the life of each part that wears."""
+    summary: dict[str, str | int | float] = {
+        "ended": "interrupted" if code == INTERRUPTED else found.attrs["ending"],
+        "stages": found.sizes["stage"],
+        "cycles": float(found["cycles"][-1]),
+    }
+    for joint, of_joint in worn_parts(found):
+        name = f"{of_joint} of {joint}"
+        deepest = found[f"{of_joint}_depth"].sel(joint=joint).isel(stage=-1).max()
+        summary[f"{name}, depth [m]"] = float(deepest)
+        if part.depth is not None:
+            life = cycles_to_depth(found, part.depth, joint, of_joint)
+            # JSON has no infinite numbers.
+            reached = life if np.isfinite(life) else "not reached"
+            summary[f"{name}, cycles to {part.depth:g} m"] = reached
+    return summary
+
+
+def _line(found: "xr.Dataset", part: WearPart) -> str:
+    """Return the result as one line of text: numbers of stages and cycles, and the depth and the
+    life of each part that wears."""
+    texts = [f"{found.sizes['stage']} stages, {float(found['cycles'][-1]):.4g} cycles"]
+    for joint, of_joint in worn_parts(found):
+        deepest = float(found[f"{of_joint}_depth"].sel(joint=joint).isel(stage=-1).max())
+        texts.append(f"{of_joint} of {joint} {1e6 * deepest:.4g} µm deep")
+        if part.depth is not None and deepest >= part.depth:
+            life = cycles_to_depth(found, part.depth, joint, of_joint)
+            texts[-1] += f" ({1e6 * part.depth:g} µm after {life:.4g} cycles)"
+    return ", ".join(texts)

@@ -1,0 +1,120 @@
+"""The stage of a cycloid drive: the pins of the output in the larger holes of an eccentric disc."""
+
+import math
+
+import numpy as np
+
+from ...fields.cautions import quiet
+from ...fields.checks import require_count
+from ...math.vectors import Scalar
+from ..bodies import GROUND, Body, State, body_state
+from ..clearance_joints.clearance import ClearanceJoint
+from ..contact.damping_factors import HuntCrossley
+from ..contact.laws import AbstractContactLaw, GivenStiffness
+from ..drives.drivers import DriveTorque, PrescribedRotation
+from ..joints.couplings import GearJoint
+from ..joints.ideal import RevoluteJoint
+from ..scene import Scene
+from .common import ORIGIN, X_AXIS, Z_AXIS, Joints, turned_about_z
+
+THICKNESS = 10e-3
+"""Thickness of the disc, m."""
+END_STIFFNESS = 5e8
+"""Stiffness at each end of a pin in its hole, N/m: half of (pi/4) E* times the thickness."""
+
+
+def cycloid_stage(
+    play: Scalar = 0.02e-3,
+    *,
+    pins: int = 6,
+    lobes: int = 10,
+    eccentricity: Scalar = 1e-3,
+    pitch_radius: Scalar = 25e-3,
+    pin_radius: Scalar = 4e-3,
+    speed: Scalar = 10.0,
+    angle: float = 0.0,
+    torque: Scalar = 0.0,
+    law: AbstractContactLaw | None = None,
+) -> tuple[Scene, State]:
+    """Return the stage of a cycloid drive with play at its output pins, and its initial state.
+
+    The "shaft" rotates about Z in the origin at constant speed, and its eccentric carries the
+    "disc", whose L lobes roll in a ring of L + 1 fixed ring pins: the disc rotates -1/L times as
+    fast as the shaft. The meshing of lobes and ring pins is ideal, a `GearJoint`. The "output"
+    rotates about Z. Its pins, on a circle of `pitch_radius`, are in holes of the disc whose radius
+    is that of the pins plus the eccentricity plus the play. Each of these joints, "pin 1" and so
+    on, is a `ClearanceJoint` with the clearance eccentricity + play.
+
+    While the output has the same angle as the disc, all pins are at the distance `play` from the
+    walls of their holes. The output may rotate against the disc by an angle of about
+    play/(pitch_radius cos(q)) to either side, where q, for an even number of pins at most
+    pi/`pins`, is the angle between the eccentric and the nearest of the directions in which the
+    pins move. There is no gravity.
+    Sizes and masses are an example: a shaft of 0.2 kg, a disc of 0.25 kg and an output of 0.4 kg.
+
+    **Arguments:**
+
+    - `play`: m, of a pin and its hole beside the eccentricity.
+    - `pins`: number of output pins. `lobes`: number L of lobes of the disc.
+    - `eccentricity`, `pitch_radius`, `pin_radius`: m.
+    - `speed`, `angle`: of the shaft, rad/s, and rad at the start. The output begins with the angle
+      and the speed of the disc.
+    - `torque`: on the output about Z, N m.
+    - `law`: of each of the two ends of a pin and its hole; Hunt and Crossley's for a line of 10 mm
+      on steel, with a restitution of 0.8, by default.
+
+    **Raises:** `ValueError` if a value is outside its range.
+
+    >>> scene, state = cj.mechanisms.cycloid_stage(pins=4)
+    >>> list(scene.joints)[:4]
+    ['shaft bearing', 'disc bearing', 'output bearing', 'ring']
+    >>> list(scene.joints)[4:]
+    ['motor', 'pin 1', 'pin 2', 'pin 3', 'pin 4']
+    """
+    require_count("pins", pins, "give a number of pins")
+    require_count("lobes", lobes, "give a number of lobes")
+    joints: Joints = {
+        "shaft bearing": RevoluteJoint(GROUND, "shaft", ORIGIN, ORIGIN, Z_AXIS, Z_AXIS),
+        "disc bearing": RevoluteJoint(
+            "shaft", "disc", np.array(X_AXIS) * eccentricity, ORIGIN, Z_AXIS, Z_AXIS
+        ),
+        "output bearing": RevoluteJoint(GROUND, "output", ORIGIN, ORIGIN, Z_AXIS, Z_AXIS),
+        # Seen from the shaft, the ring and the disc are a ring gear and a pinion inside it.
+        "ring": GearJoint("shaft", GROUND, "disc", Z_AXIS, Z_AXIS, lobes + 1, lobes, internal=True),
+        "motor": PrescribedRotation(GROUND, "shaft", Z_AXIS, speed, initial_angle=angle),
+    }
+    if law is None:
+        law = HuntCrossley(restitution=0.8, stiffness=GivenStiffness(END_STIFFNESS), exponent=1.0)
+    # The holes are so much larger than the pins on purpose, which is unusual for bearings.
+    with quiet():
+        for k in range(pins):
+            around = 2.0 * math.pi * k / pins
+            point = np.array([math.cos(around), math.sin(around), 0.0]) * pitch_radius
+            joints[f"pin {k + 1}"] = ClearanceJoint(
+                "disc",
+                "output",
+                bearing_point=point,
+                journal_point=point,
+                bearing_radius=pin_radius + eccentricity + play,
+                clearance=eccentricity + play,
+                journal_length=THICKNESS,
+                law=law,
+            )
+    bodies = {
+        "shaft": Body(0.2, (2e-5, 2e-5, 1e-5)),
+        "disc": Body(0.25, (6e-5, 6e-5, 1.2e-4)),
+        "output": Body(0.4, (1.2e-4, 1.2e-4, 2e-4)),
+    }
+    axis, outwards = np.array([0.0, 0.0, 1.0]), np.array([math.cos(angle), math.sin(angle), 0.0])
+    orientation, spin = turned_about_z(-angle / lobes), axis * (-speed / lobes)
+    centre = outwards * eccentricity
+    velocity = np.cross(axis, outwards) * (eccentricity * speed)
+    state = State(
+        {
+            "shaft": body_state(ORIGIN, turned_about_z(angle), spin=axis * speed),
+            "disc": body_state(centre, orientation, velocity, spin),
+            "output": body_state(ORIGIN, orientation, spin=spin),
+        }
+    )
+    forces = {"load": DriveTorque(GROUND, "output", Z_AXIS, torque)}
+    return Scene(bodies, joints, forces), state
