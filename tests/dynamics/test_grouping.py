@@ -443,6 +443,16 @@ def test_joints_with_rows_are_not_grouped_even_between_the_same_bodies():
     assert grouped_names(pinned(cj.FixedAxially())) == set()
 
 
+def test_bristles_of_a_group_store_the_energy_of_each():
+    friction = cj.frictions.LuGre(0.15, 0.1, stribeck_speed=1e-2)
+    scene = condensed(unpack(fold_constants(uneven(8, friction=friction)[0])))
+    ((name, laws),) = [one for one in scene.bristle_laws().items() if isinstance(one[0], GroupName)]
+    single = friction.stored_energy(Vector(2e-5, 1e-5, 0.0))
+    assert single > 0.0
+    deflections = Vector(*np.outer([2e-5, 1e-5, 0.0], np.ones(len(name.members))))
+    np.testing.assert_allclose(laws["V"].stored_energy(deflections), single, rtol=1e-15)
+
+
 def test_the_original_scene_is_restored_from_a_condensed_one():
     scene = unpack(fold_constants(uneven(8, friction=ROUGH)[0]))
     again = whole(condensed(scene))

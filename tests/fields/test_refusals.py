@@ -125,6 +125,10 @@ WRONG = {
         lambda: cj.Measurements({**DATA.series, 1: DATA["height"]}),
         "`series` mu",
     ),
+    "a section without a function": (
+        lambda: cj.Section("height", {"x": (HEIGHT, "m")}, 1),
+        "`crossing` must be a",
+    ),
     "channels in a list": (
         lambda: Saved([0.0], [HEIGHT]),
         "`channels` must be a dictionary by name",
