@@ -113,12 +113,15 @@ class AxisPart:
 
 @dataclass(frozen=True)
 class SweepPart:
-    """The section [sweep]: many runs (lanes) with other numbers, and outputs of each one.
+    """The section [sweep]: many runs (lanes), each with its own values of some numbers of the scene
+    or the initial state, and outputs of each run.
 
     - `axes`: numbers that vary, with their values, by name.
     - `outputs`: reductions such as `Peak`, or an `ImpactTable`, by name. The Poincaré sections of
       [run] are computed too.
-    - `end`, `preset`, `settings`: those of [run] unless given.
+    - `end`: s, end of the runs; that of [run] unless given.
+    - `preset`, `settings`: preset, and settings that replace single ones of it. If neither is
+      given, both are those of [run]; if only `settings` is given, the preset is "default".
     - `zipped`: whether lane k has the k-th value of every axis, instead of all combinations.
     - `chunk`: number of lanes that are stored together; by default a sixteenth of all lanes, at
       most 256.

@@ -27,13 +27,16 @@ WORN_SCENE = "worn.toml"
 
 
 def wear(study: Study, folder: Path, progress: bool) -> CommandResult:
-    """Compute the wear in a study's section [wear], or continue it, and write its store, tables,
-    figures, the worn scene and a page.
+    """Compute the wear that a study's section [wear] describes, or continue it, and write its
+    store, tables, figures, the worn scene and an HTML page of all these.
 
     After Ctrl-C, results so far are written.
 
     **Arguments:** `folder`: folder of the results, which is made if it does not exist; `progress`:
     whether to show a progress bar.
+
+    **Returns:** the exit code of the command, for wear that reached its end, failed or was
+    interrupted, and the table of stages as text.
 
     **Raises:** `ValueError` for a study without this section, and for wrong entries in it.
     `KeyboardInterrupt` if Ctrl-C interrupts the computation before its store exists.

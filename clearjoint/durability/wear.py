@@ -441,11 +441,16 @@ class _Stages:
     ) -> None:
         """Measure the wear of the last stage and extrapolate it to a new one, or set `failure`.
 
-        **Arguments:** `goals`: number of cycles before each stage after the first one; or one
-        number, to which the stages lead. `largest_change`: as in `wear`.
+        Errors of the first stage are raised. Those of later stages are recorded in `failure`, so
+        that the results so far are kept.
 
-        **Raises:** `ValueError` if the first run fails, or its wear differs between its halves; and
-        if the state at the end of a run doesn't fit the start of the next one.
+        **Arguments:** `scene`: without the wear of the stages. `goals`: number of cycles before
+        each stage after the first one; or one number, to which the stages lead, infinite if only a
+        depth ends the computation. `largest_change`: as in `wear`.
+
+        **Raises:** `ValueError` if the first run fails, its wear differs between its halves, or it
+        wears nothing while the number of cycles is infinite; and if the state at the end of a run
+        doesn't fit the start of the next one.
         """
         scene = _with_depths(scene, self.names, self.depths[-1])
         try:
@@ -464,6 +469,7 @@ class _Stages:
             self._refuse(found.failure, difference, run)
             return
         left = float(goals[goals > self.cycles[-1]].min()) - self.cycles[-1]
+        # Without wear, no number of cycles leads to a depth.
         if np.isinf(left) and not found.halves[:, 0].any():
             self.failure = "no part wears in the measured cycles"
             remedy = "check the loads, or give a number of cycles"

@@ -149,8 +149,9 @@ def tested(
       coordinates, at the minimum.
     - `offsets`: displacements of the n points from the minimum.
     - `moved`: residuals at the points.
-    - `near`: whether a point is so near that the nonlinearity of the scales is negligible there.
-      Only these points determine the horizon.
+    - `near`: whether a point is so near to the minimum that the residuals are linear in its
+      coordinates. On a logarithmic scale, for example, the value is not linear in the coordinate,
+      so that far points disagree at any time. Only near points determine the horizon.
     """
     linear = np.einsum("stp,np->nst", jacobian, offsets)
     predicted = np.cumsum((linear**2).sum(axis=1), axis=1)
@@ -160,6 +161,7 @@ def tested(
     # slope there, which is subtracted.
     slope = np.cumsum(2.0 * (residuals * linear).sum(axis=1), axis=1)
     differing = _differing(predicted, actual - slope)[near]
+    # The share is that of all points, so that a few near points alone do not count as many.
     late = np.flatnonzero(differing.sum(axis=0) >= max(MANY * len(offsets), 1.0))
     horizon = float(times[late[0]]) if late.size else math.inf
     return QuadraticTest(predicted[:, -1], actual[:, -1], horizon)

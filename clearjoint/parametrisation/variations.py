@@ -34,9 +34,11 @@ class AbstractVariation(abc.ABC):
     @property
     @abc.abstractmethod
     def function(self) -> Callable[..., PyTree]:
-        """The user's function: the path of a number, or the function that makes scene and state.
+        """The function that says what varies: a path, which selects a number of a scene or state,
+        or a function that makes scene and state from a value.
 
-        Results of sweeps are labelled with a description of it.
+        For a delay, which changes neither, it returns scene and state unchanged. Results of sweeps
+        are labelled with a description of this function.
         """
 
     @abc.abstractmethod

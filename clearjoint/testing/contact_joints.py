@@ -266,9 +266,9 @@ def _failures(
     return failures
 
 
-def _force_failures(loaded: LoadedContact, first: Motion, second: Motion) -> Rows:
-    """Return whether each condition on the normal force and on friction fails, by the message for
-    the failure, for a contact that transmits no couples.
+def _force_failures(loaded: LoadedContact, first: Motion, second: Motion) -> dict[str, Condition]:
+    """Return, by failure message, whether each condition on the normal force and on friction fails,
+    for one contact that transmits no couples.
 
     **Arguments:** `first`, `second`: motions of the joint's bodies.
     """

@@ -216,7 +216,8 @@ def camera(parts: Sequence[DrawnPart], proportions: Proportions, count: int) -> 
     """Return a camera that shows all parts in all frames, with the mechanism in the middle.
 
     **Arguments:** `parts`: drawn solids. Arrows of forces, which are recognised by their colours,
-    do not belong to the mechanism: they must be in the picture, but not around its middle.
+    do not belong to the mechanism: the picture contains them, but its middle is that of the
+    mechanism without them.
     `proportions`: has the directions from which the mechanism is seen; `count`: number of frames.
     """
     # The parts are evaluated in at most 120 frames, between which a motion hardly leaves the
@@ -232,7 +233,8 @@ def camera(parts: Sequence[DrawnPart], proportions: Proportions, count: int) -> 
     for _ in range(12):
         # Move the target to the middle of the mechanism's picture, and the camera to the distance
         # from which everything nearly fills the picture, but in front of the nearest point. Extents
-        # in perspective depend on the distance: each repetition about halves its error at least.
+        # in perspective depend on the distance. Each repetition at least halves the error of the
+        # distance, so that twelve leave less than a thousandth.
         projected = in_perspective(mechanism - target, distance)
         target[:2] += 0.5 * (projected.min(axis=0) + projected.max(axis=0))
         extent = np.abs(in_perspective(everything - target, distance)).max(axis=0)

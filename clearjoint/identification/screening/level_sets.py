@@ -17,13 +17,14 @@ smaller one is raised to it, because distances are divided by its root."""
 
 
 def reached(curves: np.ndarray, keep: int, excess: float) -> float:
-    """Return up to how many of the T sample times at least `keep` points stay in the level set.
+    """Return the number of sample times up to which the level set has at least `keep` points.
 
     The number, from 0 to T, may be a fraction, see `level`. Over a longer part of the record, fewer
     points fit about as well as the best.
 
     **Arguments:** `curves`: (n, T + 1) chi squared of n points, cumulated over the first 0 to T
-    times; `keep`: a number of points; `excess`: largest chi squared over the smallest in the set.
+    sample times; `keep`: a number of points; `excess`: largest difference between chi squared of a
+    point in the set and the smallest chi squared.
     """
     last = curves.shape[1] - 1
     beyond = np.flatnonzero(_gap(curves, keep) > excess)

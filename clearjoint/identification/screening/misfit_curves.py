@@ -169,9 +169,14 @@ class SideBySide:
         A series with a delay is compared at its sample times minus the delay, which differ from
         run to run, because each has its own parameters.
 
-        **Arguments:** `coordinates`: (n, p) of the runs; `count`: number of times to record.
+        Delayed times before the start of the runs are replaced by the start, where the state is the
+        initial one.
 
-        **Returns:** times (n, K), s, rising, infinite after the last; and for each series the
+        **Arguments:** `coordinates`: (n, p) of the runs; `count`: number of sample times, from the
+        first one on, at which the runs are compared with the series.
+
+        **Returns:** times (n, K), s, rising, infinite after the last one, where K is the number of
+        all sample times, multiplied by one plus the number of delays; and for each series the
         indices of its `count` times in these, (n, count), or (1, count) if they are the same for
         all runs.
         """

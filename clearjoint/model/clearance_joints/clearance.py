@@ -456,8 +456,10 @@ class ClearanceJoint(AbstractCentredJoint):
             return None
         if self.bearing_profile is None:
             return self._ideal(self.bearing_point + self.clearance / size * across)
-        # The wall's normal is along the load where the journal rests. There the wall is farther
-        # away by the deviation, and beside the load's line by its slope.
+        # The journal rests where the wall's normal is along the load. A profile gives the deviation
+        # of the wall from the circle as a support function: by the angle of the wall's normal, the
+        # distance along it. Its slope, m/rad, is then the distance of the contact point from the
+        # line through the centre along the normal.
         frame = transverse_axes(unit(Vector(*along)))
         first, second = (np.array([*direction], float) for direction in frame)
         wall = self.bearing_profile.at(math.atan2(across @ second, across @ first))

@@ -148,8 +148,8 @@ class Landing(eqx.Module):
         """Return whether a contact both begins and ends, or both ends and begins, within one step
         of length h, s.
 
-        Its penetrations at both ends of the step then have the same sign, so that a check of the
-        ends alone would miss both events.
+        Its penetrations at both ends of the step then have the same sign, or that at the end is
+        within the tolerance, so that a check of the ends alone would miss both events.
 
         **Arguments:** `start`, `end`: the contact's gap at the start and end of the step;
         `inwards`: sign that the penetration has between the two events.
@@ -162,7 +162,8 @@ class Landing(eqx.Module):
         x = start.rate / jnp.where(turns, start.rate - end.rate, 1.0)
         ends = Slope(start.depth, start.rate), Slope(end.depth, end.rate)
         inner = ContactGap(hermite_value(x, *ends, h), hermite_rate(x, *ends, h))
-        # A contact, or a flight, that remains within the tolerance is ignored.
+        # A contact, or a flight, that remains within the tolerance is ignored. A penetration beyond
+        # the tolerance at the end needs no turning point: the check of the ends finds this event.
         beyond = inwards * inner.depth > self.tolerance
         return turns & beyond & (inwards * end.depth <= self.tolerance), x, inner
 

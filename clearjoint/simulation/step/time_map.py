@@ -7,8 +7,9 @@ derivatives of the variables. After an onset at the time t_on, the force of a He
 a parameter is proportional to the square root of t - t_on. Neither is smooth in t, but both are
 smooth in that square root. Solvers assume smooth rates. Without a time map, error estimates miss
 nearly all of the error of the first step after an onset, which is 1e-6 of an impact's energy at an
-`rtol` of 1e-8. In runs with derivatives, moreover, a step after an onset or before an end could be
-longer or shorter than the one before it by at most a seventh.
+`rtol` of 1e-8. In runs with derivatives, moreover, the error of the square root would force each
+step after an onset, and before an end, to differ from the one before it by at most a seventh: many
+short steps.
 
 A time map is a polynomial. Its argument is the fraction x of a step, 0 to 1, at which the solver's
 tableau places a stage. Its value is the part of the step's time, 0 to 1, that has elapsed at this
@@ -110,8 +111,9 @@ class WithinContact(AbstractTimeMap):
           infinite if none is expected to end.
         """
         # The map follows the onset or the end of a contact, whichever is nearer. If a contact
-        # begins now, `since` is zero except for the error of the landing. The map then starts from
-        # exactly zero, and does not follow a predicted end, however near.
+        # begins now, `since` is zero except for the small time by which the step before ended
+        # beside the onset. The map then starts from exactly zero, and does not follow a predicted
+        # end, however near.
         nears_end = ~begins & (until_end < since)
         known = touches & jnp.isfinite(jnp.minimum(since, until_end))
         start = jnp.where(nears_end, until_end, jnp.where(begins, 0.0, since))
