@@ -160,8 +160,8 @@ def _controller_decision(
     """Return the decision of diffrax's step-size controller about a trial step from `step`.
 
     The controller gets the errors of variables and tangents together. Since it has one tolerance
-    for both, errors of tangents are divided by `derivative_tolerance` first. It relates errors to the
-    sizes of the variables; `magnitudes` gives all components of a vector the same size.
+    for both, errors of tangents are divided by `derivative_tolerance` first. It relates errors to
+    the sizes of the variables; `magnitudes` gives all components of a vector the same size.
 
     **Returns:** whether the trial is accepted; the proposed end of the next step, s; whether the
     rates may jump at the start of the next step; the controller's new state; and its result code.
@@ -170,8 +170,8 @@ def _controller_decision(
     def scaled(y: Variables) -> Variables:
         return with_relative_bristles(y, system.scene)
 
-    # Deflections of bristles are micrometres: they and their errors are divided by the deflection at
-    # full friction, so that the same tolerance suits them.
+    # Deflections of bristles are micrometres: they and their errors are divided by the deflection
+    # at full friction, so that the same tolerance suits them.
     before, after = (magnitudes(scaled(y)) for y in (step.y, trial.outcome.y))
     error = scaled(trial.outcome.error)
     if trial.tangents is not None:
