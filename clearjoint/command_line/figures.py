@@ -88,23 +88,39 @@ def draw_fit(folder: Path, found: Fit) -> None:
 
 def draw_wear(folder: Path, found: xr.Dataset) -> None:
     """Draw the figures of a result of `clearjoint.wear`: the depth around each part that has worn,
-    and the largest depths over the cycles."""
+    and over the cycles the largest depths, the worn volumes and the largest forces."""
     matplotlib.use("agg")
     parts = worn_parts(found)
     if not parts:
         return
-    deepest = {}
+    deepest, volumes = {}, {}
     for joint, part in parts:
         _save(folder, f"{part} of {joint}", plot.worn_profile(found, joint, part))
-        depths = found[f"{part}_depth"].sel(joint=joint)
-        deepest[f"{part} of {joint}"] = depths.max("angle").values
-    factor, unit = fitting_unit(np.array(list(deepest.values())), "m")
-    axes = plot.style.axes_or_new(None)
-    cycles = found["cycles"].values
-    plot.style.draw_lines(axes, [(name, cycles, factor * d) for name, d in deepest.items()])
-    plot.style.dress(axes, "cycles", f"largest depth, {unit}")
-    plot.style.legend_above(axes, min(len(parts), 2))
-    _save(folder, "depths", axes)
+        of_joint, name = found.sel(joint=joint), f"{part} of {joint}"
+        deepest[name] = of_joint[f"{part}_depth"].max("angle").values
+        volumes[name] = of_joint[f"{part}_volume"].values
+    forces = {str(joint): found["force"].sel(joint=joint).values for joint in found["joint"].values}
+    _draw_stages(folder, "depths", found, deepest, "largest depth", "m")
+    _draw_stages(folder, "volumes", found, volumes, "worn volume", "m^3")
+    _draw_stages(folder, "forces", found, forces, "largest force", "N")
+
+
+def _draw_stages(
+    folder: Path,
+    figure: str,
+    found: xr.Dataset,
+    curves: dict[str, np.ndarray],
+    quantity: str,
+    unit: str,
+) -> None:
+    """Draw values (stages,) over the cycles before the stages, as one curve for each name."""
+    factor, shown = fitting_unit(np.array(list(curves.values())), unit)
+    axes, cycles = plot.style.axes_or_new(None), found["cycles"].values
+    lines = [(name, cycles, factor * values) for name, values in curves.items()]
+    plot.style.draw_lines(axes, lines)
+    plot.style.dress(axes, "cycles", f"{quantity}, {shown}")
+    plot.style.legend_above(axes, min(len(curves), 2))
+    _save(folder, figure, axes)
 
 
 def worn_parts(found: xr.Dataset) -> list[tuple[str, Part]]:

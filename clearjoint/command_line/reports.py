@@ -116,12 +116,18 @@ def write_wear_report(folder: Path, found: xr.Dataset) -> None:
 
 def stage_table(found: xr.Dataset) -> pd.DataFrame:
     """Return a table with a row for each stage of a result of `clearjoint.wear`: the number of
-    cycles before it, and the largest and the mean depth of each part that has worn, m."""
+    cycles before it, the largest force in each joint, N, and the largest and the mean depth, m, and
+    the volume, m^3, of each part that has worn. The last stage has no run and no force."""
     columns = {"cycles": found["cycles"].values}
+    for joint in found["joint"].values:
+        columns[f"force in {joint} [N]"] = found["force"].sel(joint=joint).values
     for joint, part in worn_parts(found):
         depths = found[f"{part}_depth"].sel(joint=joint).transpose("stage", "angle").values
         columns[f"{part} of {joint}, largest [m]"] = depths.max(axis=1)
         columns[f"{part} of {joint}, mean [m]"] = depths.mean(axis=1)
+        columns[f"{part} of {joint}, volume [m^3]"] = (
+            found[f"{part}_volume"].sel(joint=joint).values
+        )
     return pd.DataFrame(columns)
 
 

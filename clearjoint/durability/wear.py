@@ -53,6 +53,8 @@ FIRST_STAGE = 0.1
 FEWEST_SAMPLES = 8
 """Smallest number of angles. With 8 of them a cubic B-spline, which is four spacings wide, covers
 half of the circumference."""
+EXTREMES = {"penetration": "m", "force": "N"}
+"""Units of the largest values in a stage that are part of a result, by name."""
 STEPS_PER_SAMPLE = 16
 """Smallest number of quadrature steps in a cycle, relative to the number of angles. So many steps
 resolve the passage from one angle to the next of a contact that circles the wall once a cycle."""
@@ -130,8 +132,9 @@ def wear(
     - ``bearing_depth_derivative``, ``journal_rate_derivative`` and so on: the derivatives of these
       with respect to the parameters' coordinates, along the additional dimension "parameter". Only
       with `parameters`.
-    - ``penetration``: largest penetration in the run of a stage, m, (joint, stage); NaN in the last
-      stage.
+    - ``penetration``, ``force``: largest penetration, m, and largest normal force, N, in the
+      measured cycles of a stage, (joint, stage); NaN in the last stage.
+    - ``bearing_volume``, ``journal_volume``: worn volume before a stage, m^3, (joint, stage).
     - ``final_position``, ``final_orientation``, ``final_velocity``, ``final_spin``: the state after
       the last run whose wear was used, as in `clearjoint.BodyState`, (body, 3) or (body, 4).
 
@@ -173,7 +176,7 @@ def wear(
     run = _CycleRun(
         rates, cycle, settle, measured, tolerance, samples, settings, start_time, directions
     )
-    stages_so_far = _Stages.first(state, list(rates), list(directions), samples)
+    stages_so_far = _Stages.first(scene, state, list(rates), list(directions), samples)
     store = None if path is None else _Store(Path(path), _digest(scene, state, run, goals))
     if store is not None:
         stages_so_far = store.read(stages_so_far)
@@ -342,7 +345,7 @@ class _CycleRun:
         )
         result, shape = solution.result, (len(self.rates), len(PARTS), self.samples)
         halves = np.zeros((2, 1 + len(self.directions), *shape))
-        penetrations = np.zeros((2, len(self.rates)))
+        extremes = np.zeros((2, len(self.rates), 2))
         rates = {name: (rate.bearing, rate.journal) for name, rate in self.rates.items()}
         if result == RESULTS.successful:
             # A contact may run around the whole wall in a cycle. The wear at an angle is then that
@@ -353,7 +356,7 @@ class _CycleRun:
             times = [quadrature_times(solution, *span, longest) for span in spans]
             for k in range(len(spans)):
                 for j, (name, of_parts) in enumerate(rates.items()):
-                    halves[k, 0, j], penetrations[k, j] = wear_depths(
+                    halves[k, 0, j], extremes[k, j] = wear_depths(
                         scene, solution, name, of_parts, times[k], self.samples
                     )
             # `simulate` computes no derivatives. They need another run, which gives no wear.
@@ -365,7 +368,7 @@ class _CycleRun:
         return _Measured(
             # Each half has so many cycles.
             halves / (0.5 * self.measured),
-            penetrations.max(axis=0),
+            extremes.max(axis=0),
             # Only what a store keeps, so that a computation that is continued has the same bits.
             State(solution.final.bodies),
             "" if result == RESULTS.successful else RESULTS[result],
@@ -391,13 +394,13 @@ class _Measured(NamedTuple):
 
     - `halves`: (2, 1 + p, J, 2, samples) m, the depths of bearing and journal per cycle in each
       half of the measured cycles, and their derivatives with respect to the p parameters.
-    - `penetrations`: (J,) largest penetration, m.
+    - `extremes`: (J, 2) largest penetration, m, and largest normal force, N.
     - `state`: at the end of the run.
     - `failure`: text of the run's result code; empty for a successful run.
     """
 
     halves: Float[np.ndarray, "2 rows joints 2 samples"]
-    penetrations: Float[np.ndarray, " joints"]
+    extremes: Float[np.ndarray, "joints 2"]
     state: State
     failure: str
 
@@ -407,9 +410,10 @@ class _Stages:
     """The stages computed so far.
 
     - `names`: of the J joints that wear. `parameters`: names of the p parameters.
+    - `areas`: (J, 2) m^2, of the bearing's wall and of the journal's surface.
     - `cycles`: number of cycles before each stage. `depths`: (1 + p, J, 2, samples) m, the depths
       there, and their derivatives with respect to the p `parameters`.
-    - `rates`: depth per cycle, likewise, and `penetrations`: (J,) m, in the run of each stage
+    - `rates`: depth per cycle, likewise, and `extremes`, see `_Measured`, in the run of each stage
       except the last one, which has no run yet.
     - `state`: from which the next run starts.
     - `failure`: why no further stage can be computed; empty for none.
@@ -418,19 +422,28 @@ class _Stages:
 
     names: list[str]
     parameters: list[str]
+    areas: Float[np.ndarray, "joints 2"]
     cycles: list[float]
     depths: list[np.ndarray]
     rates: list[np.ndarray]
-    penetrations: list[np.ndarray]
+    extremes: list[np.ndarray]
     state: State
     failure: str = ""
     ending: str = ""
 
     @staticmethod
-    def first(state: State, names: list[str], parameters: list[str], samples: int) -> "_Stages":
+    def first(
+        scene: Scene, state: State, names: list[str], parameters: list[str], samples: int
+    ) -> "_Stages":
         """Return the stages before any run: one stage, in which no joint has worn."""
         depths = np.zeros((1 + len(parameters), len(names), len(PARTS), samples))
-        return _Stages(names, parameters, [0.0], [depths], [], [], state)
+        areas = np.zeros((len(names), len(PARTS)))
+        for k, name in enumerate(names):
+            joint = scene.joints[name]
+            assert isinstance(joint, ClearanceJoint)
+            radii = np.array([float(joint.bearing_radius), float(joint.journal_radius)])
+            areas[k] = 2.0 * np.pi * radii * float(joint.journal_length)
+        return _Stages(names, parameters, areas, [0.0], [depths], [], [], state)
 
     def add(
         self,
@@ -478,7 +491,7 @@ class _Stages:
             return
         self.state = found.state
         self.rates.append(found.halves.mean(axis=0))
-        self.penetrations.append(found.penetrations)
+        self.extremes.append(found.extremes)
         self._extrapolate(left if goals.ndim == 1 else self._length(left, largest_change))
 
     def has_ended(self, cycles: float, stages: int, depth: float | None) -> bool:
@@ -530,7 +543,7 @@ class _Stages:
         """
         length = left
         # Each joint limits the stage by its own penetration.
-        for rate, penetration in zip(self.rates[-1][0], self.penetrations[-1], strict=True):
+        for rate, (penetration, _) in zip(self.rates[-1][0], self.extremes[-1], strict=True):
             limit = (
                 CHANGE_BY_PENETRATION * penetration if largest_change is None else largest_change
             )
@@ -556,14 +569,18 @@ class _Stages:
         import xarray as xr
 
         depths = np.array(self.depths)
-        # The last stage has no run, and so no rate and no penetration. The reshape is for the first
-        # stage, when the list of rates is empty.
+        # The last stage has no run, and so no rate, penetration and force. The reshape is for the
+        # first stage, when the lists are empty.
         rates = np.full(depths.shape, np.nan)
         rates[: len(self.rates)] = np.array(self.rates).reshape(-1, *depths.shape[1:])
-        penetrations = np.full((len(depths), len(self.names)), np.nan)
-        penetrations[: len(self.penetrations)] = self.penetrations
-        metres = {"units": "m"}
-        variables: dict[str, tuple] = {"penetration": (("stage", "joint"), penetrations, metres)}
+        extremes = np.full((len(depths), len(self.names), 2), np.nan)
+        extremes[: len(self.extremes)] = np.array(self.extremes).reshape(-1, *extremes.shape[1:])
+        variables: dict[str, tuple] = {}
+        for k, (name, unit) in enumerate(EXTREMES.items()):
+            variables[name] = ("stage", "joint"), extremes[:, :, k], {"units": unit}
+        for k, part in enumerate(PARTS):
+            volumes = depths[:, 0, :, k].mean(axis=-1) * self.areas[:, k]
+            variables[f"{part}_volume"] = ("stage", "joint"), volumes, {"units": "m^3"}
         dims = "stage", "joint", "angle"
         for name, rows, unit in (("depth", depths, "m"), ("rate", rates, "m per cycle")):
             for k, part in enumerate(PARTS):
@@ -629,10 +646,11 @@ class _Store:
         return _Stages(
             first.names,
             first.parameters,
+            first.areas,
             found["cycles"].values.tolist(),
             list(depths),
             list(rates[:measured]),
-            list(found["penetration"].values.T)[:measured],
+            list(np.stack([found[name].values.T for name in EXTREMES], axis=-1))[:measured],
             final_state(found),
             found.attrs["failure"],
         )

@@ -22,12 +22,15 @@ from ..simulation.reductions.joints import sliding_speed
 from ..simulation.results.quantity_values import values_along
 from ..simulation.results.solution import Solution
 
-OF_BASES = tuple((base, kind) for base in BASES for kind in ("power", "x", "y", "penetration"))
+OF_BASES = tuple(
+    (base, kind) for base in BASES for kind in ("force", "power", "x", "y", "penetration")
+)
 SIGNALS = tuple(f"{base} {kind}" for base, kind in OF_BASES) + PlanarAxes._fields
 """Names of the numbers from which the wear of a joint follows at an instant.
 
-They are, for each base, the product of normal force and sliding speed, W, the base's eccentricity
-in the bearing's frame, m, and the penetration, m; and the four components of `PlanarAxes`.
+They are, for each base, the normal force, N, its product with the sliding speed, W, the base's
+eccentricity in the bearing's frame, m, and the penetration, m; and the four components of
+`PlanarAxes`.
 """
 TIMES_IN_PROGRAM = 4096
 """The number of times, less one, is rounded up to a multiple of this for a compiled program, so
@@ -51,9 +54,9 @@ class Signal(eqx.Module):
             bodies = now.motions[element.bearing_body], now.motions[element.journal_body]
             return getattr(element.planar_axes(*bodies), self.name)
         base, kind = self.name.split()
-        if kind == "power":
+        if kind in ("force", "power"):
             force = now.contacts[self.joint][base].normal_force
-            return force * sliding_speed(now, self.joint, base)
+            return force if kind == "force" else force * sliding_speed(now, self.joint, base)
         if kind == "penetration":
             return now.contacts[self.joint][base].contact.gap.depth
         return getattr(element.journal_offset(now.motions, base), kind)
@@ -95,7 +98,7 @@ def wear_depths(
     rates: tuple[float, float],
     times: Float[np.ndarray, " T"],
     samples: int,
-) -> tuple[Float[np.ndarray, "2 samples"], float]:
+) -> tuple[Float[np.ndarray, "2 samples"], Float[np.ndarray, "2"]]:
     """Return the depths that wear off the wall and off the journal of a joint in a part of a run.
 
     **Arguments:**
@@ -107,8 +110,8 @@ def wear_depths(
     - `times`: of `quadrature_times`, s.
     - `samples`: number of evenly spaced angles from the x axis of each part's frame.
 
-    **Returns:** the depths, (2, samples) m, and the largest penetration of both bases at the times,
-    m.
+    **Returns:** the depths, (2, samples) m; and the largest penetration of a base, m, and the
+    largest sum of the normal forces of both bases, N, at the times.
     """
     assert solution.steps is not None, "`wear` saves all steps"
     values = values_along(scene, solution, AllSignals(joint), solution.steps.between(times))
@@ -116,7 +119,8 @@ def wear_depths(
     element = scene.joints[joint]
     assert isinstance(element, ClearanceJoint)
     depths = np.asarray(depths_from_signals(element, np.asarray(rates), times, signals, samples))
-    return depths, max(float(signals[f"{base} penetration"].max()) for base in BASES)
+    deepest = max(signals[f"{base} penetration"].max() for base in BASES)
+    return depths, np.array([deepest, sum(signals[f"{base} force"] for base in BASES).max()])
 
 
 def depths_from_signals(

@@ -553,7 +553,7 @@ def test_wear_is_computed_continued_and_written(rotor, monkeypatch):
     found = worn.joints["bearing"].journal_profile.at(angles).value
     np.testing.assert_allclose(found, -profile, rtol=1e-9)
     pictures = sorted((out / "figures").glob("*.png"))
-    assert [path.stem for path in pictures] == ["depths", "journal_of_bearing"]
+    assert [path.stem for path in pictures] == ["depths", "forces", "journal_of_bearing", "volumes"]
     for path in pictures:
         path.unlink()
     assert invoke("report", str(out)).exit_code == 0

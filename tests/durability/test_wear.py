@@ -154,6 +154,16 @@ def test_the_joint_that_wears_fastest_limits_the_stages(found):
     np.testing.assert_allclose(changes, 2e-6, rtol=0.02)
 
 
+def test_forces_and_volumes_are_in_the_result(found):
+    of_pin = found.sel(joint="pin")
+    depths = of_pin["bearing_depth"].mean("angle").values
+    forces = [2.0 * STIFFNESS * penetration(depth) for depth in depths]
+    np.testing.assert_allclose(of_pin["force"][:-1], forces[:-1], rtol=5e-3)
+    assert np.isnan(of_pin["force"][-1])
+    area = 2.0 * np.pi * RADIUS * LENGTH
+    np.testing.assert_allclose(of_pin["bearing_volume"], depths * area, rtol=1e-12)
+
+
 def test_life_is_interpolated(found):
     life = cj.cycles_to_depth(found, 5e-6, "pin")
     assert rate(0.0) * life == pytest.approx(5e-6, rel=0.05)
