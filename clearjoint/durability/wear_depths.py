@@ -120,7 +120,8 @@ def wear_depths(
     assert isinstance(element, ClearanceJoint)
     depths = np.asarray(depths_from_signals(element, np.asarray(rates), times, signals, samples))
     deepest = max(signals[f"{base} penetration"].max() for base in BASES)
-    return depths, np.array([deepest, sum(signals[f"{base} force"] for base in BASES).max()])
+    forces = np.sum([signals[f"{base} force"] for base in BASES], axis=0)
+    return depths, np.array([deepest, forces.max()])
 
 
 def depths_from_signals(
