@@ -98,10 +98,10 @@ def draw_wear(folder: Path, found: xr.Dataset) -> None:
         _save(folder, f"{part} of {joint}", plot.worn_profile(found, joint, part))
         of_joint, name = found.sel(joint=joint), f"{part} of {joint}"
         deepest[name] = of_joint[f"{part}_depth"].max("angle").values
-        volumes[name] = of_joint[f"{part}_volume"].values
+        volumes[name] = 1e9 * of_joint[f"{part}_volume"].values
     forces = {str(joint): found["force"].sel(joint=joint).values for joint in found["joint"].values}
     _draw_stages(folder, "depths", found, deepest, "largest depth", "m")
-    _draw_stages(folder, "volumes", found, volumes, "worn volume", "m^3")
+    _draw_stages(folder, "volumes", found, volumes, "worn volume", "mm^3")
     _draw_stages(folder, "forces", found, forces, "largest force", "N")
 
 
