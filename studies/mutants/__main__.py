@@ -1,6 +1,6 @@
 """Mutation test of the kernels: how many small changes of the code the fast tests catch.
 
-    python -m studies.mutants [test | record [FILES] | again | table] [--count 200] [--quick]
+    python -m studies.mutants [test | record [FILES] | again | table] [--count 200] [--seed 1]
 
 `test`, the default, records which lines the tests execute, if that has not been done, and runs the
 tests of each mutant. Outcomes are appended to a file as they come, so that an interrupted command
@@ -97,8 +97,8 @@ def survivors(mutants: list[Mutant], outcomes: Outcomes) -> list[Mutant]:
 class Study:
     """The mutants that are drawn, and files in a folder for the recording and the outcomes."""
 
-    def __init__(self, output: Output, count: int, workers: int, seconds: float):
-        self.all = in_random_order(ROOT, ROOMS, SEED)
+    def __init__(self, output: Output, count: int, workers: int, seconds: float, seed: int = SEED):
+        self.all = in_random_order(ROOT, ROOMS, seed)
         self.mutants = self.all[:count]
         self.outcomes_file = output.file("outcomes.jsonl")
         self._recording_file = output.file("recording.json")
@@ -161,6 +161,7 @@ def main(arguments: list[str] | None = None) -> list[list[str]]:
     parser.add_argument("part", nargs="?", choices=parts, default="test")
     parser.add_argument("files", nargs="*", help="files of tests to record; default: all")
     parser.add_argument("--count", type=int, default=200, help="number of mutants; default: 200")
+    parser.add_argument("--seed", type=int, default=SEED, help="another seed gives another draw")
     parser.add_argument("--workers", type=int, default=1, help="processes; default: 1")
     parser.add_argument(
         "--seconds",
@@ -171,7 +172,7 @@ def main(arguments: list[str] | None = None) -> list[list[str]]:
     add_options(parser, "one mutant and one file of tests")
     options = parser.parse_args(arguments)
     output = Output.of(__file__, options)
-    study = Study(output, options.count, options.workers, options.seconds)
+    study = Study(output, options.count, options.workers, options.seconds, options.seed)
     outcomes = read(study.outcomes_file)
     if options.quick:
         quick = [mutant for mutant in study.all if mutant.function == QUICK_FUNCTION]
