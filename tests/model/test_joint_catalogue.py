@@ -3,6 +3,7 @@ machines beside each other, their motions, reactions and work."""
 
 import math
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
