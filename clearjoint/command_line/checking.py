@@ -97,7 +97,11 @@ def _length(value: object) -> str:
 
 
 def _require_satisfied(report: ConstraintReport) -> None:
-    """Raise a `ValueError` that names the three worst constraints if the state violates one."""
+    """Check that the state satisfies the constraints.
+
+    **Raises:** `ValueError` if the value of a constraint, or its rate, exceeds
+    `ACCEPTED_VIOLATION`. It names the violated constraints, at most the three worst.
+    """
     sizes = np.maximum(np.abs(report.values), np.abs(report.rates)).reshape(-1)
     worst = [k for k in np.argsort(-sizes)[:3] if sizes[k] > ACCEPTED_VIOLATION]
     if worst:

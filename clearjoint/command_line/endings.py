@@ -17,7 +17,7 @@ class CommandResult(NamedTuple):
     """Result of a command.
 
     - `code`: exit code.
-    - `line`: result in one line of text, before which a table may stand.
+    - `line`: text to print: the result in one line, in some commands after the lines of a table.
     """
 
     code: int

@@ -1,7 +1,8 @@
 """`clearjoint wear`: compute how joints wear over many cycles of a periodic motion.
 
-The store keeps every stage of the computation, so that the same command continues an interrupted
-one.
+The computation advances in stages of many cycles each. After each stage, the results are written to
+a Zarr store in the folder of the results. If the computation is interrupted, the same command
+continues it after the last finished stage.
 """
 
 import time

@@ -763,13 +763,14 @@ def _angles(samples: int) -> np.ndarray:
 def _with_depths(
     scene: Scene, names: list[str], depths: Float[np.ndarray, "rows joints 2 samples"]
 ) -> Scene:
-    """Return a scene from `_with_splines` with depths, m, removed from its parts.
+    """Return the scene with material removed from its bearings and journals.
 
-    A part whose profile isn't a spline with one knot for each angle is unchanged: it doesn't wear,
-    so that its depths are zero.
+    A part whose profile isn't a spline with one knot for each angle doesn't wear. Its depths are
+    zero, and it is unchanged.
 
-    **Arguments:** `names`: of the J joints. `depths`: in row 0; if there are further rows, they are
-    derivatives by parameters, and the profiles become `MovingSpline`s.
+    **Arguments:** `scene`: made by `_with_splines`. `names`: names of the joints. `depths`: (rows,
+    joints, 2, samples), of bearing and journal, around each. Row 0 has the removed depths, m. Each
+    further row has their derivatives by one parameter; the profiles are then `MovingSpline`s.
     """
     for j, name in enumerate(names):
         for k, (field, sign) in enumerate(zip(PROFILES, (1.0, -1.0), strict=True)):
@@ -782,6 +783,7 @@ def _with_depths(
                 # Interpolation is linear, so that it applies to derivatives as well.
                 removed = [np.asarray(PeriodicSpline.through(row).coefficients) for row in rows]
                 worn = np.asarray(profile.coefficients) + removed[0]
+                # The derivatives are taken where the parameters have not changed: at zeros.
                 changed = (
                     MovingSpline(worn, np.concatenate(removed[1:]), np.zeros(len(rows) - 1))
                     if len(rows) > 1

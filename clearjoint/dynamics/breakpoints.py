@@ -53,8 +53,12 @@ def breakpoints(scene: Scene) -> dict[str, list[Scalar]]:
 
 
 def next_breakpoint(system: System, t: Scalar) -> Scalar | None:
-    """Return the first breakpoint after the time t, on the same clock as t; infinity if all are
-    before t, or ``None`` if no element of the scene has a breakpoint."""
+    """Return the first breakpoint that is after the time t by more than rounding errors, s, on the
+    same clock as t.
+
+    The result is infinity if no breakpoint is after t, and ``None`` if no element of the scene has
+    a breakpoint.
+    """
     now = system.clock(t)
     soonest = _extreme(
         system.scene, jnp.minimum, lambda at: jnp.where(_is_after(at, now), at, jnp.inf)

@@ -286,12 +286,16 @@ def check_start(start_time: float, times: np.ndarray) -> None:
 
 
 class Samples(eqx.Module):
-    """Measurements of S series at T times: those at which any of them has a sample, then padding.
+    """Samples of S measured series on T common times, as arrays from which residuals are computed.
+
+    The first times are all those at which at least one series has a sample. Further times may
+    follow as padding, to reach the number T; no series has a sample there.
 
     - `values`: (S, T) in SI, zero where a series has no sample.
     - `weights`: (S, T) inverse of the noise's standard deviation, zero where a series has no
       sample.
-    - `periods`: period of each series, such as 2 pi for an angle, or ``None``.
+    - `periods`: period of each series in SI, such as 2 pi for an angle; ``None`` for a series that
+      is not periodic.
     """
 
     values: Float[np.ndarray, "S T"]

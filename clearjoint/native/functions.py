@@ -107,15 +107,16 @@ class NativeProgram:
     def bound(
         self, leaves: Sequence[ArrayLike], varied: Sequence[int]
     ) -> Callable[[np.ndarray], np.ndarray]:
-        """Return the program as a function of the numbers of some arguments.
+        """Return the program as a function of some of its arguments; the others keep their values.
 
-        The function takes rows (n, cells), which have for each of n calls the numbers of these
-        arguments, one array after the other, as in `Cells`. It returns such rows of the numbers of
-        the results, with as many columns as these have cells. Only one thread may call it at a
-        time.
+        The function makes n calls. It takes an array (n, a): row i has the elements of the varied
+        arguments for call i, one argument after the other, in the order of `varied` and with the
+        layout of `Cells`. It returns an array (n, b): row i has the elements of all results, one
+        result after the other. Only one thread may call the function at a time, because all calls
+        use the same memory.
 
-        **Arguments:** `leaves`: the jaxpr's arguments; `varied`: indices of those that the rows
-        replace.
+        **Arguments:** `leaves`: all arguments of the jaxpr; `varied`: indices of those that the
+        rows replace.
         """
         memory = self._memory(leaves)
         # Cells of the arguments that the program uses: in a row, and in memory. All other arguments

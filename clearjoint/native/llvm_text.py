@@ -1,8 +1,9 @@
-"""Text of a program in LLVM's language, written by llvmlite.
+"""Text of a program in LLVM's intermediate language, written by llvmlite.
 
 A product that is used only as a term of one sum is computed together with the sum, by a fused
-multiply-add. This is decided here, because LLVM's decision would depend on the number of lanes, and
-with it the bits of a lane.
+multiply-add. This module decides where. If LLVM decided it, the decision would depend on the number
+of lanes, so that the last bits of a lane's results could depend on how many lanes are computed
+together.
 """
 
 from collections import Counter
@@ -140,10 +141,14 @@ class _Writer:
         return any(effects)
 
     def _mark_entry(self, entry: Entry) -> bool:
-        """Count the uses of values in an entry, and note whether the entry is needed.
+        """Count the uses of values in an entry, and record in `_live` whether the entry is needed.
 
-        **Returns:** whether the entry has an effect other than the values that it computes. A
-        branch or loop that is needed always counts as one that has.
+        The entries after it must have been marked already. Results of a branch that nothing uses
+        are removed from the branch.
+
+        **Returns:** whether the entry is needed and may have an effect other than the values that
+        it computes. This is true of an operation without a result, and of every needed branch and
+        loop, whose inner effects are not distinguished from values.
         """
         uses = self._uses
         if isinstance(entry, Operation):

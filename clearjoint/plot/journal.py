@@ -273,8 +273,8 @@ def orbit(
     **Arguments:**
 
     - `lane`: data set of one lane, from `sweep` or `open_sweep`: ``dataset.isel(clearance=3)``.
-    - `saved`: name of an output of the sweep that is a `clearjoint.Saved`: quantities at given
-      times, its channels.
+    - `saved`: name of an output of the sweep. It must be a `clearjoint.Saved`, which records
+      quantities, called its channels, at given times.
     - `clearance`: radial clearance, m.
     - `channels`: names of the two channels of this `Saved` that are drawn to the right and upwards,
       both in m, such as those of `quantities.JournalOffset`.

@@ -278,9 +278,12 @@ def draw_motion(row: SubFigure, scene: Scene, path: Trajectory, observed: Observ
 
 
 def _bodies(axes: Axes, trajectory: Trajectory) -> None:
-    """Draw the paths of the bodies' centres of mass in the coordinate plane with the largest
-    motion, or the magnitudes of the angular velocities over time if no centre moves farther than a
-    fiftieth of the size of the mechanism."""
+    """Draw the paths of the bodies' centres of mass, in the coordinate plane of the two directions
+    in which all paths together extend farthest.
+
+    If no coordinate of a centre varies by more than a fiftieth of the largest of these extents,
+    draw the magnitudes of the angular velocities over time instead.
+    """
     bodies = trajectory.states.bodies
     paths = {name: np.asarray(body.position) for name, body in bodies.items()}
     spread = np.ptp(np.concatenate(list(paths.values())), axis=0)

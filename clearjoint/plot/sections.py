@@ -25,8 +25,8 @@ from .sweeps import is_successful, mark_failed, only_axis, require_names
 def poincare_map(
     x: np.ndarray, y: np.ndarray, labels: tuple[str, str], *, axes: Axes | None = None
 ) -> Axes:
-    """Draw the points of a Poincaré map: one dot for a motion with the map's period, a cloud for a
-    chaotic motion.
+    """Draw the points of a Poincaré map: one dot for a motion that repeats from each point to the
+    next, n dots for one that repeats after n points, and a cloud for a chaotic motion.
 
     **Arguments:**
 

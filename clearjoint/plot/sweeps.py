@@ -112,8 +112,8 @@ def against(
       shows the trend in the scatter of chaotic motion. No line by default.
     - `label`: text of the legend; by default the name of the output and the selected values.
     - `colour`: colour of the points; by default one that the axes do not have yet.
-    - `axes`: axes to draw on, such as those of an earlier call, whose units are then used; new ones
-      by default.
+    - `axes`: axes to draw on, such as those of an earlier call; values are then converted to the
+      units in their labels. New ones by default.
 
     **Returns:** the axes. An axis is logarithmic if all its values are positive and the largest
     exceeds 12 times the smallest one; that of the parameter also if its values form a geometric
@@ -121,7 +121,7 @@ def against(
 
     **Raises:** `ValueError` for unknown names, without `axis` for a sweep with several axes, for an
     output that is not one number for each value of the parameter, for a `median` below 1 or above
-    the number of finite values, and for axes with another unit.
+    the number of finite values, and for axes whose units the values cannot be converted to.
 
     >>> drawn = plot.against(found, "speed")
     """
@@ -129,6 +129,7 @@ def against(
     axes = axes_or_new(axes)
     colour = next_colour(axes) if colour is None else colour
     label = legend_label(dataset, variable, axis) if label is None else label
+    # Axes of an earlier call already have labels, with the units to which values are converted.
     x = scaled(dataset[axis], axes.get_xlabel())
     y = scaled(of_lanes(dataset, variable, (axis,)), axes.get_ylabel())
     axes.plot(

@@ -172,8 +172,9 @@ class SliderInGuide(AbstractSharedLawJoint):
     or jam between the walls (P. Flores, R. Leine and C. Glocker, Multibody System Dynamics 23,
     2010; their corners 1 to 4 are the contacts in order). The walls have no ends.
 
-    Only the walls hold the slider: the other joints of a planar mechanism, such as a
-    `RevoluteJoint` at its pin, have to hold it perpendicular to the plane of its axis and normal.
+    The walls act on the slider only within the plane of its axis and normal. Other joints of the
+    mechanism, such as a `RevoluteJoint` at the slider's pin, have to prevent it from moving or
+    tilting out of this plane.
     The angle between slider and guide has to stay below 90 degrees.
 
     **Arguments:**

@@ -92,8 +92,9 @@ class ClearanceJoint(AbstractCentredJoint):
       otherwise `EndPlay(...)` or `FixedAxially()`.
     - `bearing_profile`, `journal_profile`: deviations of the wall and of the journal from their
       circles, such as `clearjoint.profiles.Harmonics`; ``None``, the default, for circles. Laws
-      get the radii of the circles. A wall that is somewhere curved more strongly than the journal
-      touches it at two points at once; only the deeper one has a force then, with a warning.
+      get the radii of the circles. Where the wall is curved more strongly than the journal, the two
+      can touch at two points at once. Only the deeper point has a force then; a warning tells of
+      such a wall.
     - `line_points`: ``None``, the default, for contact at the two bases only. A number of points n,
       from 2 to 64, for contact along the whole length: `law` at the local penetration, divided by
       the length, is then the force per unit of length. The Gauss-Lobatto rule with n points

@@ -46,7 +46,8 @@ class GroupedContactJoint(AbstractContactJoint):
         }
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return the largest meaningful penetrations by label, (N,) m."""
+        """Return, for each contact by label, the penetrations up to which its geometry is valid,
+        (N,) m."""
         return each(lambda joint: joint.deepest(), self.joint)
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:

@@ -149,11 +149,11 @@ class AbstractMotionSubspace(eqx.Module):
         return jax.tree.unflatten(structure, map(add, numbers, changes))
 
     def without_drift(self, position: PyTree) -> PyTree:
-        """Return an equivalent position without whole revolutions of an angle, and with norms
-        corrected to 1.
+        """Return an equivalent position in which angles are reduced by whole revolutions and Euler
+        parameters are scaled to the norm 1.
 
-        It is called at the end of each step, so that numbers don't grow over a long run. The
-        default returns the position unchanged.
+        It is called at the end of each step, so that neither angles nor rounding errors grow over a
+        long run. The default returns the position unchanged, which suits distances.
         """
         return position
 

@@ -120,9 +120,9 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
                 rises, lambda: self._columns(step_outcome, before, after), lambda: self._none()
             )
             time = row[TIME]
-        wanted = self.capacity if self.wanted is None else self.wanted
-        wanted = rises & (time >= self.earliest) & (wanted > record.rows.count)
-        return SectionRecord(jnp.where(kept, after, before), record.rows.with_row(row, wanted))
+        limit = self.capacity if self.wanted is None else self.wanted
+        is_recorded = rises & (time >= self.earliest) & (limit > record.rows.count)
+        return SectionRecord(jnp.where(kept, after, before), record.rows.with_row(row, is_recorded))
 
     def _level(self, now: Instant) -> Scalar:
         """Return the value of the quantity that rises through zero at a crossing."""

@@ -160,8 +160,11 @@ class DenseOutput(eqx.Module):
         return self.at((t - self.t0) / jnp.where(h > 0.0, h, 1.0))
 
     def at(self, x: Scalar) -> PyTree[Scalar]:
-        """Return the variables at the fraction x of the step, 0 to 1, at which the solver could
-        place a stage. It is the elapsed part of the step's time if time is uniform."""
+        """Return the variables at the fraction x of the step, from 0 at its start to 1 at its end.
+
+        x is measured like the nodes of the solver's tableau. If time is uniform in the step, it is
+        the elapsed part of the step's time. With a time map, that part is `time_map.elapsed(x)`.
+        """
         h = self.t1 - self.t0
         weights = [h * _horner(row, x) for row in dense_weights(self.method)]
 

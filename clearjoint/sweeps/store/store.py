@@ -176,9 +176,12 @@ class SweepStore:
     ) -> dict[str, np.ndarray]:
         """Return all rows of a chunk: given results and, in the other rows, the stored ones.
 
-        If a file of the chunk is missing or damaged, the other rows are pending.
+        If a file of the chunk is missing or damaged, the other rows are pending. If no stored row
+        is kept, the chunk's file of result codes is deleted, so that its lanes count as pending
+        until the caller has written the new results.
 
-        **Arguments:** `span`: rows of the store in this chunk; `rows`: (n,) rows of the given
+        **Arguments:** `group`: arrays of the store; `chunk`: number of the chunk; `span`: rows of
+        the store in this chunk; `rows`: (n,) rows of the given
         results, counted from the start of the chunk; `results`: given results, by variable.
         """
         arrays = {name: opened(group, name) for name in results}
@@ -189,8 +192,9 @@ class SweepStore:
                 merged = {name: np.asarray(array[span]) for name, array in arrays.items()}
         except ValueError:  # A checksum does not agree.
             pass
-        # Old result codes are removed first. If this process is killed before it has written all
-        # arrays, they would mark rows as done whose other values are missing.
+        # No stored row is kept, perhaps because a file is damaged or missing. Old result codes are
+        # removed first. If this process is killed before it has written all arrays, they would mark
+        # rows as done whose other values are missing.
         if (merged[RESULT] == PENDING).all():
             chunk_file(self._folder, arrays[RESULT], chunk).unlink(missing_ok=True)
         for name, values in results.items():
