@@ -279,9 +279,9 @@ def highest(
     Algorithms for Minimization without Derivatives, 1973, ch. 5).
 
     **Arguments:** `value_at`: function of x; `first`, `middle`, `last`: points of the function in
-    order of x.
+    order of x. If `middle` is lower than an end, this end may be dropped from the search.
 
-    **Returns:** the highest of the evaluated points. Its value is one of the function's values,
+    **Returns:** the highest of the points that are kept. Its value is one of the function's values,
     because the maximum of a parabola would be too large at a kink.
     """
     for count in reversed(range(REFINEMENTS)):
