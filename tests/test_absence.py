@@ -4,6 +4,7 @@ from collections import Counter
 
 import diffrax
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -34,8 +35,8 @@ from clearjoint.simulation.run.segments import begin
 from clearjoint.simulation.step.discontinuity_monitor import may_have_undeclared_jump
 from clearjoint.simulation.step.landing import Landing
 from clearjoint.simulation.step.method import Scheme
-from clearjoint.simulation.step.step_state import Method
-from clearjoint.simulation.step.stepping import attempt
+from clearjoint.simulation.step.step_state import Method, Variables
+from clearjoint.simulation.step.stepping import attempt, start
 from tests.support.programs import primitives
 
 ZERO, AXIS = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
@@ -275,6 +276,15 @@ def test_unseen_jumps_are_looked_for_only_where_a_class_of_ones_own_decides_by_t
 
 def test_step_without_derivatives_does_not_ask_since_when_contacts_exist():
     assert started(scene(pin(DAMPED))).proposal.time_since_onset is None
+
+
+def test_without_an_onset_at_the_start_the_latest_one_is_long_past():
+    method, system = scheme().method, scheme().system(unpack(scene(pin(DAMPED))))
+    y = Variables(system.encode(unpack(STATE.bodies)), {})
+    times = (jnp.asarray(t) for t in (0.0, 1.0, 1e-6))
+    step = start(method, system, *times, y, {}, derivatives=True)
+    assert not bool(step.proposal.begins_contact)
+    assert float(step.proposal.time_since_onset) == np.inf
 
 
 def test_ground_is_not_in_the_state():

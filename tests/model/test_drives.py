@@ -43,6 +43,17 @@ def test_a_distance_that_jumps_is_not_smooth(jump, smooth):
     assert bool(drivers_are_smooth(system, variables, 0.04, 0.06, 1e-6)) == smooth
 
 
+@pytest.mark.parametrize(("turns", "smooth"), [(1.0, True), (0.5, False), (1.5, False)])
+def test_an_angle_that_jumps_by_a_revolution_is_smooth(turns, smooth):
+    jump = 2.0 * np.pi * turns
+    driver = cj.PrescribedAngle(
+        "ground", "shaft", Z, lambda t: 3.0 * t + jnp.where(t < 0.05, 0.0, jump)
+    )
+    system = cj.extend.System(cj.extend.unpack(shaft_scene(driver)), FORMULATION)
+    variables = system.encode(cj.extend.unpack(cj.State({"shaft": cj.body_state(ORIGIN)})).bodies)
+    assert bool(drivers_are_smooth(system, variables, 0.04, 0.06, 1e-6)) == smooth
+
+
 def test_prescribed_rotation_keeps_its_angle_over_a_hundred_revolutions():
     """At 60 000 rpm: angle, violation and, since nothing accelerates, no moment."""
     speed, start = 60_000 * np.pi / 30, 2.5

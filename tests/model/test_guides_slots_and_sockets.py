@@ -1,6 +1,7 @@
 """Ball in socket, slider in guide, pin in slot: geometry, conformance, and closed forms."""
 
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -291,3 +292,14 @@ def test_sensitivities_to_the_backlash_agree_with_differences(make, options, end
     exact = np.array([found.derivatives[component][-1, 0] for component in "xy"])
     assert np.abs(numeric).max() > 0.1
     np.testing.assert_allclose(exact, numeric, rtol=1e-5, atol=1e-5 * np.abs(numeric).max())
+
+
+def test_a_slider_is_drawn_with_its_sizes():
+    drawn: dict[str, dict[str, float]] = {}
+    pen: Any = SimpleNamespace(
+        walls=lambda *_, **sizes: drawn.update(walls=sizes),
+        block=lambda *_, **sizes: drawn.update(block=sizes),
+    )
+    guide(half_length=0.03, half_height=0.01, clearance=1e-4).draw(pen)
+    assert drawn["walls"] == pytest.approx({"distance": 0.0202})
+    assert drawn["block"] == pytest.approx({"length": 0.06, "height": 0.02})

@@ -9,6 +9,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import clearjoint as cj
+from clearjoint.dynamics.bristles import updated_bristles
+from clearjoint.dynamics.contact_events import ContactGap
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.system import System
 from clearjoint.math.vectors import Vector, unpack
@@ -259,3 +261,14 @@ def test_grouped_joints_and_lanes_equal_single_ones():
     positions = np.asarray(lanes["saved_position"])[0, :, 0, 0]
     np.testing.assert_allclose(positions, along(alone)[0], rtol=1e-10)
     assert (np.asarray(lanes["peak"]) > 0.0).all()
+
+
+def test_bristles_are_relaxed_at_exactly_zero_penetration():
+    scene, state = block(LUGRE, BELT_SPEED)
+    system = System(unpack(scene), Formulation(cj.AbsoluteCoordinates()))
+    motions = system.motions(system.encode(unpack(state.bodies)))
+    for depth, left in ((0.0, 0.0), (1e-9, 1e-6)):
+        gaps = {"floor": {"belt": ContactGap(depth, 0.0)}}
+        bristles = {"floor": {"belt": Vector(1e-6, 0.0, 0.0)}}
+        updated = updated_bristles(system.scene, bristles, motions, gaps, gaps, False)
+        assert float(updated["floor"]["belt"].x) == left

@@ -14,6 +14,7 @@ from clearjoint.fields.declarations import quantity
 from clearjoint.math.vectors import ZERO, Vector
 from clearjoint.model.bodies import Wrench
 from clearjoint.simulation.nonsmooth.bounded_lcp import BoxProblem
+from clearjoint.simulation.nonsmooth.contact_problem import _slip_direction
 from tests.support.planes import Plane
 
 GRAVITY, HEIGHT, STEP = 9.81, 0.3, 1e-3
@@ -419,3 +420,12 @@ def test_an_undeclared_kink_of_a_driver_ends_a_run_with_rigid_contacts():
 def test_more_steps_than_any_run_can_take_are_refused():
     with pytest.raises(ValueError, match="`step` must be at least"):
         cj.simulate_nonsmooth(*ball(), 1.0, step=1e-310)
+
+
+def test_the_direction_of_slip_is_a_unit_vector_also_at_rest():
+    along = _slip_direction(Vector(3e-9, 4e-9, 0.0), Vector(0.0, 0.0, 1.0))
+    np.testing.assert_allclose([*along], (0.6, 0.8, 0.0), rtol=1e-12)
+    normal = Vector(0.6, 0.0, 0.8)
+    at_rest = _slip_direction(ZERO, normal)
+    assert float(at_rest.dot(at_rest)) == pytest.approx(1.0, rel=1e-12)
+    assert float(at_rest.dot(normal)) == pytest.approx(0.0, abs=1e-15)

@@ -129,3 +129,14 @@ def test_a_contact_touches_beyond_the_onset_of_its_force_or_with_an_entry_speed(
         for speed in (0.0, 0.1):
             instant = ContactInstant(gap, jnp.zeros(()), jnp.asarray(speed))
             assert bool(instant.touches(law)) == (speed > 0.0)
+
+
+def test_states_saved_at_the_end_of_a_step_are_those_of_the_step():
+    scene, state = cj.mechanisms.double_pendulum()
+    steps = cj.simulate(scene, state, 0.02, save=cj.Saving(steps=True), progress=False).steps
+    chosen = slice(1, -1, 3)
+    times = np.asarray(steps.times)[chosen]
+    saved = cj.simulate(scene, state, 0.02, save=cj.Saving(times), progress=False).saved
+    for name, body in saved.states.bodies.items():
+        of_step = np.asarray(steps.states.bodies[name].position)[chosen]
+        np.testing.assert_array_equal(body.position, of_step)
