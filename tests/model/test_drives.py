@@ -43,11 +43,16 @@ def test_a_distance_that_jumps_is_not_smooth(jump, smooth):
     assert bool(drivers_are_smooth(system, variables, 0.04, 0.06, 1e-6)) == smooth
 
 
-@pytest.mark.parametrize(("turns", "smooth"), [(1.0, True), (0.5, False), (1.5, False)])
-def test_an_angle_that_jumps_by_a_revolution_is_smooth(turns, smooth):
+@pytest.mark.parametrize("at_middle", [0.0, np.pi])
+@pytest.mark.parametrize(("turns", "smooth"), [(0.0, True), (1.0, True), (0.5, False)])
+def test_an_angle_that_jumps_by_a_revolution_is_smooth(turns, smooth, at_middle):
+    """Also where the angle passes half a revolution, so that its principal value jumps."""
     jump = 2.0 * np.pi * turns
     driver = cj.PrescribedAngle(
-        "ground", "shaft", Z, lambda t: 3.0 * t + jnp.where(t < 0.05, 0.0, jump)
+        "ground",
+        "shaft",
+        Z,
+        lambda t: at_middle + 3.0 * (t - 0.05) + jnp.where(t < 0.05, 0.0, jump),
     )
     system = cj.extend.System(cj.extend.unpack(shaft_scene(driver)), FORMULATION)
     variables = system.encode(cj.extend.unpack(cj.State({"shaft": cj.body_state(ORIGIN)})).bodies)
