@@ -266,7 +266,7 @@ def _failures(
     return failures
 
 
-def _force_failures(loaded: LoadedContact, first: Motion, second: Motion) -> dict[str, Condition]:
+def _force_failures(loaded: LoadedContact, first: Motion, second: Motion) -> dict[str, jax.Array]:
     """Return, by failure message, whether each condition on the normal force and on friction fails,
     for one contact that transmits no couples.
 

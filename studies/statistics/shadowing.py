@@ -117,6 +117,7 @@ def segments(clearance: float, revolutions: int, period: float) -> list[Segment]
     settings = replace(cj.presets.derivatives, derivative_tolerance=1e9)
     times = np.linspace(0.0, revolutions * period, revolutions * SAMPLES + 1)
     run = cj.simulate(scene, state, times[-1], settings, cj.Saving(times), progress=False)
+    assert run.saved is not None
     free = np.flatnonzero(cj.observe(scene, run).contacts[PIN]["V"].penetration < 0.0)
     # The first instant of free flight in each quarter of a revolution.
     begins = free[np.unique(4 * free // SAMPLES, return_index=True)[1]]
@@ -129,12 +130,12 @@ def segments(clearance: float, revolutions: int, period: float) -> list[Segment]
         tangents = cj.sensitivities(
             scene,
             start,
-            times[end],
+            float(times[end]),
             PARAMETERS,
             {**COORDINATES, "force": cj.quantities.ContactForce(PIN)},
             inside,
             settings,
-            start_time=times[begin],
+            start_time=float(times[begin]),
             progress=False,
         ).derivatives
         state_tangents = np.stack([tangents[name] for name in COORDINATES], axis=1)
