@@ -6,6 +6,7 @@ continues it after the last finished stage.
 """
 
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -117,26 +118,33 @@ def _summary(found: "xr.Dataset", part: WearPart, code: int) -> Summary:
         "stages": found.sizes["stage"],
         "cycles": float(found["cycles"][-1]),
     }
-    for joint, of_joint in worn_parts(found):
-        name = f"{of_joint} of {joint}"
-        deepest = found[f"{of_joint}_depth"].sel(joint=joint).isel(stage=-1).max()
-        summary[f"{name}, depth [m]"] = float(deepest)
+    for name, deepest, life in _depths_and_lives(found, part.depth):
+        summary[f"{name}, depth [m]"] = deepest
         if part.depth is not None:
-            life = cycles_to_depth(found, part.depth, joint, of_joint)
             # JSON has no infinite numbers.
-            reached = life if np.isfinite(life) else "not reached"
-            summary[f"{name}, cycles to {part.depth:g} m"] = reached
+            summary[f"{name}, cycles to {part.depth:g} m"] = (
+                life if np.isfinite(life) else "not reached"
+            )
     return summary
+
+
+def _depths_and_lives(
+    found: "xr.Dataset", depth: float | None
+) -> Iterator[tuple[str, float, float]]:
+    """Yield the name of each part that has worn, its largest depth, m, and its life: the number of
+    cycles to a depth, m, infinite if it was not reached or is not given."""
+    for joint, part in worn_parts(found):
+        deepest = found[f"{part}_depth"].sel(joint=joint).isel(stage=-1).max()
+        life = np.inf if depth is None else cycles_to_depth(found, depth, joint, part)
+        yield f"{part} of {joint}", float(deepest), life
 
 
 def _line(found: "xr.Dataset", part: WearPart) -> str:
     """Return the result as one line of text: numbers of stages and cycles, and the depth and the
     life of each part that wears."""
     texts = [f"{found.sizes['stage']} stages, {float(found['cycles'][-1]):.4g} cycles"]
-    for joint, of_joint in worn_parts(found):
-        deepest = float(found[f"{of_joint}_depth"].sel(joint=joint).isel(stage=-1).max())
-        texts.append(f"{of_joint} of {joint} {1e6 * deepest:.4g} µm deep")
-        if part.depth is not None and deepest >= part.depth:
-            life = cycles_to_depth(found, part.depth, joint, of_joint)
+    for name, deepest, life in _depths_and_lives(found, part.depth):
+        texts.append(f"{name} {1e6 * deepest:.4g} µm deep")
+        if part.depth is not None and np.isfinite(life):
             texts[-1] += f" ({1e6 * part.depth:g} µm after {life:.4g} cycles)"
     return ", ".join(texts)

@@ -285,9 +285,18 @@ class Fit(AbstractTabular):
         scatter = self._scatter if self.degrees_of_freedom > 0 else 0.0
         if not scatter > FAR and self.ending is not Ending.FAILED:
             return []
-        data = self.measurements, self.parameters, self.predictions, self.residuals
-        search = self.searches, self.best, scatter, bool(self.screened), self.horizon
-        return list(remedies(*data, *search))
+        found = remedies(
+            self.measurements,
+            self.parameters,
+            self.predictions,
+            self.residuals,
+            self.searches,
+            self.best,
+            scatter,
+            bool(self.screened),
+            self.horizon,
+        )
+        return list(found)
 
     def __str__(self) -> str:
         """Return the report as text: estimates, goodness of fit, correlations, searches, warnings

@@ -220,8 +220,19 @@ def identify_many(
     coarse_runs = runs_with(settings.looser(LOOSER)) if isinstance(starts, Screening) else runs
     ends = (*grow, float(times[-1]))
     units = {n: p.variation.unit_in(scene, state) for n, p in parameters.items()}
-    limits = tolerance, max_iterations, check_runs
-    problem = _Problem(runs, coarse_runs, parameters, units, rows, starts, ends, *limits, horizon)
+    problem = _Problem(
+        runs,
+        coarse_runs,
+        parameters,
+        units,
+        rows,
+        starts,
+        ends,
+        tolerance,
+        max_iterations,
+        check_runs,
+        horizon,
+    )
     fits: list[Fit] = []
     with iteration_callback(progress, parameters, len(measurements) * len(rows)) as on_iteration:
         for one in measurements:

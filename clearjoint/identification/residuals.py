@@ -101,9 +101,17 @@ class Experiment(eqx.Module):
         **Arguments:** `times`: (N,) s, in ascending order, some of which may be equal. Every output
         is evaluated at all of them, whatever its delay.
         """
-        span, limits = (self.start_time, end_time), (self.first_step, self.max_steps)
-        problem = self.scheme, self.family.at(coordinates), self.outputs, times
-        return sampled_compiled(*problem, *span, *limits, NOTHING_ELSE)
+        return sampled_compiled(
+            self.scheme,
+            self.family.at(coordinates),
+            self.outputs,
+            times,
+            self.start_time,
+            end_time,
+            self.first_step,
+            self.max_steps,
+            NOTHING_ELSE,
+        )
 
     def delay(self, number: int, coordinates: jax.Array) -> jax.Array:
         """Return the value of a delay, s, (...), at coordinates (..., p).
@@ -406,8 +414,15 @@ def run_misfit(
     run = runs.run(coordinates, end_time)
     residuals, jacobian = map(np.asarray, _weighted(runs, run, data))
     predicted = np.stack([np.asarray(run.values[name]) for name in runs.names])
-    ended, at = (run.result, float(run.time), int(run.attempts)), np.array(coordinates, float)
-    return RunMisfit(at, residuals, jacobian, predicted, *ended)
+    return RunMisfit(
+        np.array(coordinates, float),
+        residuals,
+        jacobian,
+        predicted,
+        run.result,
+        float(run.time),
+        int(run.attempts),
+    )
 
 
 @Compiled

@@ -107,7 +107,8 @@ class Body(AbstractReadable):
     def _caution_together(self) -> None:
         mass, inertia = concrete(self.mass), concrete(self.inertia)
         if mass is not None and inertia is not None:
-            density, (least, most) = _box_density(float(mass), inertia), DENSITIES
+            density = _box_density(float(mass), inertia)
+            least, most = DENSITIES
             fine = least <= density <= most
             expected = f"a density between {least:g} and {most:g} kg/m^3"
             remedy = f"a box of this mass and inertia has {density:.3g} kg/m^3; give kg and kg m^2"

@@ -140,10 +140,16 @@ def ensemble(
         for k in range(count):
             values = {name: column[k] for name, column in zip(axes, points, strict=True)}
             # Scene and initial state at this point, without disturbance.
-            at = with_values(scene, state, axes, values)
-            end = end_time(at[0]) if callable(end_time) else end_time
-            given = end, disturbance, along[:exponents], start_time, options.get("progress", True)
-            rates[k] = _lyapunov_exponent(*at, *given)
+            changed, start = with_values(scene, state, axes, values)
+            rates[k] = _lyapunov_exponent(
+                changed,
+                start,
+                end_time(changed) if callable(end_time) else end_time,
+                disturbance,
+                along[:exponents],
+                start_time,
+                options.get("progress", True),
+            )
         for column, name in zip(rates.T, ("", "_standard_error"), strict=True):
             variable = tuple(axes), column.reshape(shape), {"units": "1/s"}
             statistics[f"lyapunov_exponent{name}"] = variable
@@ -293,12 +299,21 @@ def _lyapunov_exponent(
     axes: dict[str, Axis] = disturbed_axes(scene, state, {}, size, along, start_time)
     times = np.linspace(start_time, end_time, TANGENT_TIMES + 1)[1:]
     points, tangent = growth.points(scene), {growth.DISTURBANCE: growth.disturbance(scene)}
-    given, rates = (end_time, tangent, points, times, TANGENT_SETTINGS), []
+    rates = []
     for k in range(len(along)):
         # The initial state of this member, with its disturbed velocities.
         start = with_values(scene, state, axes, {name: a.values[k] for name, a in axes.items()})[1]
         found = sensitivities(
-            scene, start, *given, start_time=start_time, throw=False, progress=progress
+            scene,
+            start,
+            end_time,
+            tangent,
+            points,
+            times,
+            TANGENT_SETTINGS,
+            start_time=start_time,
+            throw=False,
+            progress=progress,
         )
         # The result of a failed run contains only the times before its failure.
         if len(found.times) == len(times):

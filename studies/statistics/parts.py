@@ -20,7 +20,7 @@ CLEARANCE, TOLERANCE = 0.1e-3, 5e-6
 """Nominal radial clearance and the standard deviation of its manufacture, m."""
 SHIFTS, WEIGHTS = (-1.5, -0.5, 0.5, 1.5), np.array([1.0, -27.0, 27.0, -1.0]) / 24.0
 """Central difference of fourth order: shifts of the clearance in deviations, and weights. One of
-second order over a deviation is 4 % off."""
+second order over a deviation would include a third derivative that is not small."""
 SHOWN = ("force", "load_mean", "load_rms")
 CLEARANCES = cj.Axis(lambda scene: scene.joints[PIN].clearance, np.geomspace(2e-5, 2e-4, 8))
 
