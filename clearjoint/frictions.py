@@ -4,14 +4,14 @@ Regularised laws, whose force vanishes with the sliding speed, creep slowly inst
 Laws with bristles, elastic deflections of the surfaces, stick (`Dahl`, `LuGre`, `ElastoPlastic`).
 """
 
-from .fields.readable import without_modules as _without_modules
-from .model.contact.bristles import Dahl as Dahl
-from .model.contact.bristles import ElastoPlastic as ElastoPlastic
-from .model.contact.bristles import LuGre as LuGre
+from .fields.objects import without_modules as _without_modules
 from .model.contact.friction import Ambrosio as Ambrosio
 from .model.contact.friction import BengisuAkay as BengisuAkay
 from .model.contact.friction import BrownMcPhee as BrownMcPhee
+from .model.contact.friction import Dahl as Dahl
+from .model.contact.friction import ElastoPlastic as ElastoPlastic
 from .model.contact.friction import LinearCoulomb as LinearCoulomb
+from .model.contact.friction import LuGre as LuGre
 from .model.contact.friction import RegularisedCoulomb as RegularisedCoulomb
 from .model.contact.friction import Stribeck as Stribeck
 from .model.contact.friction import Threlfall as Threlfall

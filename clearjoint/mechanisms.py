@@ -1,15 +1,15 @@
 """Ready mechanisms, each as a scene with its initial state."""
 
-from .fields.readable import without_modules as _without_modules
+from .fields.objects import without_modules as _without_modules
 from .model.mechanisms.benchmarks import andrews_squeezer as andrews_squeezer
 from .model.mechanisms.benchmarks import bricard as bricard
 from .model.mechanisms.benchmarks import double_four_bar as double_four_bar
 from .model.mechanisms.common import STEEL as STEEL
-from .model.mechanisms.cycloid_stage import cycloid_stage as cycloid_stage
 from .model.mechanisms.double_pendulum import double_pendulum as double_pendulum
 from .model.mechanisms.four_bars import four_bar as four_bar
 from .model.mechanisms.four_bars import spatial_four_bar as spatial_four_bar
-from .model.mechanisms.gear_pair import gear_pair as gear_pair
+from .model.mechanisms.gears import cycloid_stage as cycloid_stage
+from .model.mechanisms.gears import gear_pair as gear_pair
 from .model.mechanisms.quick_return import quick_return as quick_return
 from .model.mechanisms.robot_arm import robot_arm as robot_arm
 from .model.mechanisms.rotor_in_bearing import rotor_in_bearing as rotor_in_bearing

@@ -1,6 +1,6 @@
 """Types of what simulations, sweeps, fits and design functions return."""
 
-from .fields.readable import without_modules as _without_modules
+from .fields.objects import without_modules as _without_modules
 from .identification.fit import Fit as Fit
 from .identification.largest import LargestFeasible as LargestFeasible
 from .identification.levenberg_marquardt import Ending as Ending
@@ -15,8 +15,8 @@ from .scene_files.urdf import JointLimits as JointLimits
 from .simulation.results.impact_table import Impacts as Impacts
 from .simulation.results.nonsmooth_solution import ContactTotals as ContactTotals
 from .simulation.results.nonsmooth_solution import NonsmoothSolution as NonsmoothSolution
-from .simulation.results.observation import MotionMode as MotionMode
-from .simulation.results.observation import Observation as Observation
+from .simulation.results.observe import MotionMode as MotionMode
+from .simulation.results.observe import Observation as Observation
 from .simulation.results.solution import Crossings as Crossings
 from .simulation.results.solution import Solution as Solution
 from .simulation.results.solution import Trajectory as Trajectory

@@ -31,8 +31,8 @@ from clearjoint.dynamics.system import System
 from clearjoint.frictions import Dahl, RegularisedCoulomb
 from clearjoint.laws import Hertz, LankaraniNikravesh
 from clearjoint.math.vectors import unpack
-from clearjoint.simulation.run.segments import begin
-from clearjoint.simulation.step.discontinuity_monitor import may_have_undeclared_jump
+from clearjoint.simulation.run.host_run import begin
+from clearjoint.simulation.step.discontinuities import may_have_undeclared_jump
 from clearjoint.simulation.step.landing import Landing
 from clearjoint.simulation.step.method import Scheme
 from clearjoint.simulation.step.step_state import Method, Variables

@@ -11,8 +11,8 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.extend import AbstractDampedLaw, AbstractHertzianLaw
-from clearjoint.fields.declarations import optional_quantity, quantity
-from clearjoint.model.contact.weighted import WeightedLaw
+from clearjoint.fields.objects import optional_quantity, quantity
+from clearjoint.model.contact.laws import WeightedLaw
 from clearjoint.model.joints.base import Row
 from clearjoint.testing import (
     check_bristles,

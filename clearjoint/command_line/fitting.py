@@ -18,10 +18,8 @@ from ..scene_files.locations import FileLocation
 from ..scene_files.reading import number_of_text
 from .endings import FAILED, INTERRUPTED, WELL, CommandResult, say
 from .folders import write_scene, write_summary, write_table
-from .paths import find_path
 from .reports import write_fit_report
-from .study import Study
-from .study_parts import FitPart
+from .study import FitPart, Study, find_path
 
 REPORT = "report.txt"
 """File of the report."""

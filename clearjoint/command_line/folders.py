@@ -11,15 +11,22 @@ import numpy as np
 import xarray as xr
 
 from ..dynamics.formulation import Formulation
-from ..export.tabular import to_frame, write_netcdf
+from ..export.labelled import to_frame, write_netcdf
 from ..fields.cautions import quiet
 from ..model.bodies import BodyState, State
 from ..model.scene import Scene
 from ..result_codes import RESULTS
 from ..scene_files.files import load, save
 from ..simulation.results.impact_table import Impacts
-from ..simulation.results.solution import Crossings, Solution, Trajectory
-from ..simulation.results.state_tables import BRISTLES, CONTACTS, STATE_PARTS, contact_label
+from ..simulation.results.solution import (
+    BRISTLES,
+    CONTACTS,
+    STATE_PARTS,
+    Crossings,
+    Solution,
+    Trajectory,
+    contact_label,
+)
 from .study import Study
 
 SUMMARY = "summary.json"

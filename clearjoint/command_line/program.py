@@ -245,8 +245,8 @@ def schema(kind: str, example: bool) -> None:
     import json
 
     from ..scene_files.schema import scene_schema
-    from .examples import example_texts
-    from .study_parts import study_schema
+    from .checking import example_texts
+    from .study import study_schema
 
     if example:
         texts = example_texts("four_bar", "four_bar.toml", "four_bar_study.toml")
@@ -262,7 +262,7 @@ def schema(kind: str, example: bool) -> None:
 )
 def new(mechanism: str, out: Path) -> None:
     """Write an example of a scene file and of a study file, with comments."""
-    from .examples import write_example
+    from .checking import write_example
 
     scene, study = write_example(mechanism, out)
     click.echo(f"wrote {scene} and {study}; next: clearjoint check {study}")

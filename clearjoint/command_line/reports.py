@@ -1,28 +1,235 @@
-"""Draw the figures and write the page of a folder of results, for `clearjoint report` and at the
-end of the commands `run`, `sweep`, `fit` and `wear`."""
+"""Draw the figures of results, and write the page of a folder of results."""
 
 import base64
 import re
 from html import escape
 from pathlib import Path
 from urllib.parse import quote
+from zlib import crc32
 
+import matplotlib
+import numpy as np
 import pandas as pd
 import xarray as xr
+from matplotlib import pyplot
+from matplotlib.axes import Axes
 
+from .. import plot
 from ..durability.wear import open_wear
-from ..export.tabular import to_frame
+from ..durability.wear_derivatives import PARTS, Part
+from ..export.labelled import to_frame
 from ..identification.fit import Fit
+from ..model.clearance_joints.journal_bases import HasJournal
 from ..model.scene import Scene
-from ..plot.report_tables import IMPACT_COLUMNS, impact_rows
-from ..simulation.results.observe import observe
+from ..plot.report_page import IMPACT_COLUMNS, impact_rows
+from ..plot.sections import section_points
+from ..plot.style import fitting_unit, scaled
+from ..simulation.results.impact_table import Impacts
+from ..simulation.results.observe import Observation, observe
 from ..simulation.results.solution import Solution
+from ..simulation.run.sections import Crossings
 from ..sweeps.store.store import open_sweep
 from ..views.viewing import view
-from . import figures
 from .endings import say
-from .figures import worn_parts
-from .folders import FIGURES, MOTION, NUMBERS, PAGE, STORE, WEAR_STORE, read_run, read_summary
+from .folders import (
+    FIGURES,
+    MOTION,
+    NUMBERS,
+    OUTPUTS,
+    PAGE,
+    STORE,
+    WEAR_STORE,
+    read_run,
+    read_summary,
+    read_table,
+)
+
+
+def draw_run(folder: Path, scene: Scene, solution: Solution, observed: Observation) -> None:
+    """Draw the figures of a run: path of the journal (orbit) and forces of each clearance joint,
+    energies, outputs, Poincaré sections, and the report on one page.
+
+    **Arguments:** `folder`: folder of the results, which has the table of outputs already;
+    `solution`: the run; `observed`: contacts, forces and energies at its saved states.
+    """
+    matplotlib.use("agg")  # draws files without a screen
+    for name, joint in scene.contact_joints().items():
+        if isinstance(joint, HasJournal):
+            clearance = float(np.asarray(joint.clearance))
+            _save(folder, f"{name} orbit", plot.journal_orbit(observed, name, clearance))
+        forces = plot.contact_forces(observed, name)
+        _mark_peaks(forces, solution.impacts, name)
+        _save(folder, f"{name} forces", forces)
+    _save(folder, "energies", plot.energy_ledger(observed)[0])
+    outputs = read_table(folder, OUTPUTS)
+    for name, values in ({} if outputs is None else outputs).items():
+        _save(folder, f"output {name}", _over_time(values))
+    for name, crossings in solution.sections.items():
+        if len(crossings):
+            _save(folder, f"section {name}", _section(crossings))
+    title = str(read_summary(folder)["title"])
+    plot.report(scene, solution, folder / "report.pdf", title=title)
+
+
+def draw_sweep(folder: Path, dataset: xr.Dataset) -> None:
+    """Draw the figures of a sweep: outputs over the axes, and bifurcation diagrams.
+
+    An output is drawn over the first axis. For two axes there is a curve for each value of the
+    second axis or, if these are more than six, a map of colours over both. The channels of Poincaré
+    sections are drawn if there is one axis only.
+    """
+    matplotlib.use("agg")
+    lanes = dataset["result"]
+    axes = [str(dim) for dim in lanes.dims]
+    if axes == ["lane"]:  # zipped axes, of which the first is drawn
+        axes = [str(name) for name in lanes.coords if lanes[name].dims == ("lane",)][:1]
+    for name, variable in dataset.items():
+        # The dataset has these four numbers of each lane besides the outputs. Outputs with more
+        # dimensions than the lanes, such as saved motions, have no figure.
+        is_output = name not in ("result", "attempts", "accepted", "time_reached")
+        if variable.dims == lanes.dims and is_output and variable.dtype.kind == "f":
+            _draw_output(folder, dataset, str(name), axes)
+    # A section "onset" has the variable "onset_count", the dimension "onset_number", and variables
+    # along this dimension, such as "onset_speed" for its channel "speed".
+    for name in {str(v).removesuffix("_count") for v in dataset if str(v).endswith("_count")}:
+        for variable in (str(v) for v, rows in dataset.items() if f"{name}_number" in rows.dims):
+            channel = variable.removeprefix(f"{name}_")
+            if len(axes) == 1 and channel != "time" and dataset[variable].ndim == 2:
+                _save(folder, f"{name} {channel}", plot.bifurcation(dataset, name, channel))
+
+
+def draw_fit(folder: Path, found: Fit) -> None:
+    """Draw the figures of a fit: measured series with predictions, and the correlations of the
+    estimated parameters."""
+    matplotlib.use("agg")
+    _save(folder, "fitted", plot.fitted(found)[0, 0])
+    if len(found.parameters) > 1:
+        _save(folder, "correlations", plot.correlations(found))
+
+
+def draw_wear(folder: Path, found: xr.Dataset) -> None:
+    """Draw the figures of a result of `clearjoint.wear`: the depth around each part that has worn,
+    and over the cycles the largest depths, the worn volumes and the largest forces."""
+    matplotlib.use("agg")
+    parts = worn_parts(found)
+    if not parts:
+        return
+    deepest, volumes = {}, {}
+    for joint, part in parts:
+        _save(folder, f"{part} of {joint}", plot.worn_profile(found, joint, part))
+        of_joint, name = found.sel(joint=joint), f"{part} of {joint}"
+        deepest[name] = of_joint[f"{part}_depth"].max("angle").values
+        volumes[name] = 1e9 * of_joint[f"{part}_volume"].values
+    forces = {str(joint): found["force"].sel(joint=joint).values for joint in found["joint"].values}
+    _draw_stages(folder, "depths", found, deepest, "largest depth", "m")
+    _draw_stages(folder, "volumes", found, volumes, "worn volume", "mm^3")
+    _draw_stages(folder, "forces", found, forces, "largest force", "N")
+
+
+def _draw_stages(
+    folder: Path,
+    figure: str,
+    found: xr.Dataset,
+    curves: dict[str, np.ndarray],
+    quantity: str,
+    unit: str,
+) -> None:
+    """Draw values (stages,) over the cycles before the stages, as one curve for each name."""
+    factor, shown = fitting_unit(np.array(list(curves.values())), unit)
+    axes, cycles = plot.style.axes_or_new(None), found["cycles"].values
+    lines = [(name, cycles, factor * values) for name, values in curves.items()]
+    plot.style.draw_lines(axes, lines)
+    plot.style.dress(axes, "cycles", f"{quantity}, {shown}")
+    plot.style.legend_above(axes, min(len(curves), 2))
+    _save(folder, figure, axes)
+
+
+def worn_parts(found: xr.Dataset) -> list[tuple[str, Part]]:
+    """Return the parts that have worn in a result of `clearjoint.wear`, each as the name of its
+    joint and "bearing" or "journal"."""
+    return [
+        (str(joint), part)
+        for joint in found["joint"].values
+        for part in PARTS
+        if (found[f"{part}_depth"].sel(joint=joint) > 0.0).any()
+    ]
+
+
+def _draw_output(folder: Path, dataset: xr.Dataset, name: str, axes: list[str]) -> None:
+    """Draw one output of a sweep over the axes with the given names. Draw nothing if all its values
+    are NaN or infinite, and print a note instead if there are more than two axes."""
+    if not np.isfinite(dataset[name].values).any():
+        return
+    if len(axes) == 1 or dataset["result"].dims == ("lane",):
+        _save(folder, name, plot.against(dataset, name, axes[0]))
+    # There are colours for six curves.
+    elif len(axes) == 2 and dataset.sizes[axes[1]] <= 6:
+        drawn = plot.style.axes_or_new(None)
+        for value in dataset[axes[1]].values:
+            plot.against(dataset.sel({axes[1]: value}), name, axes[0], axes=drawn)
+        _save(folder, name, drawn)
+    elif len(axes) == 2:
+        _save(folder, name, plot.parameter_map(dataset, name, axes[0], axes[1]))
+    else:
+        say(f"note: no figure of {name}, since the sweep has {len(axes)} axes, more than two")
+
+
+def _mark_peaks(forces: Axes, impacts: Impacts | None, joint: str) -> None:
+    """Mark the peaks of a joint's impacts as dots in the figure of its contact forces, since saved
+    states may miss them. Do nothing without impacts."""
+    if impacts is None or not (of_joint := impacts.joint == joint).any():
+        return
+    # The figure has chosen its units, which its labels tell.
+    peaks = impacts.peak_force[of_joint] * (1e-3 if "kN" in forces.get_ylabel() else 1.0)
+    times = impacts.peak_time[of_joint] * (1e3 if forces.get_xlabel().endswith("ms") else 1.0)
+    forces.plot(times, peaks, ".", color=plot.style.DARK, markersize=3, label="peaks of impacts")
+    # 5 % of room above the highest dot.
+    forces.set_ylim(top=1.05 * max(peaks.max(), forces.get_ylim()[1]))
+    plot.style.legend_above(forces, min(len(forces.get_legend_handles_labels()[1]), 4))
+
+
+def _section(crossings: Crossings) -> Axes:
+    """Draw the crossings of a Poincaré section: its second channel over the first one, or a single
+    channel over time."""
+    units, values = dict(crossings.units), dict(crossings.values)
+    if len(values) == 1:
+        units, values = {"time": "s"} | units, {"time": crossings.times} | values
+    names = list(values)[:2]
+    columns, units = [values[name] for name in names], [units[name] for name in names]
+    return section_points(crossings.times, columns, names, units, None, None, None)
+
+
+def _over_time(output: xr.DataArray) -> Axes:
+    """Draw an output at the saved states over time. Mark its largest and smallest value of the run
+    as dots, since saved states may miss them, if the attributes of the output have them."""
+    axes = plot.style.axes_or_new(None)
+    times, values = scaled(output["time"]), scaled(output)
+    axes.plot(times.values, values.values, color=plot.style.BLUE, linewidth=1.4)
+    if "largest" in output.attrs:
+        for which in ("largest", "smallest"):
+            x = times.factor * output.attrs[f"{which}_time"]
+            y = values.factor * output.attrs[which]
+            axes.plot(x, y, "o", color=plot.style.DARK, markersize=4)
+    return plot.style.dress(axes, times.label, values.label)
+
+
+def _save(folder: Path, name: str, axes: Axes) -> None:
+    """Write the figure of the axes to a PNG file in the folder of figures.
+
+    **Arguments:** `folder`: folder of the results; `name`: name of the figure, from which that of
+    the file is made.
+    """
+    file = name.replace(" ", "_").replace("/", "_")
+    # File systems allow names of 255 bytes. A shortened name keeps its start and end; a checksum
+    # distinguishes it from similar ones.
+    if len(file.encode()) > 200:
+        file = f"{file[:40]}_{crc32(file.encode()):08x}_{file[-20:]}"
+    (folder / FIGURES).mkdir(exist_ok=True)
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    figure.savefig(folder / FIGURES / f"{file}.png", dpi=150)
+    pyplot.close(figure)
+
 
 ROWS = 20
 """Rows of a table that the page shows at most."""
@@ -76,7 +283,7 @@ def write_run_report(folder: Path) -> None:
         parts.append(_table("Outputs", numbers, len(numbers)))
     if (folder / f"{MOTION}.nc").exists():
         scene, solution = read_run(folder)
-        figures.draw_run(folder, scene, solution, observe(scene, solution))
+        draw_run(folder, scene, solution, observe(scene, solution))
         _write_view(folder, scene, solution)
         if solution.impacts is not None and len(solution.impacts):
             rows = impact_rows(solution.impacts, len(solution.impacts))
@@ -89,13 +296,13 @@ def write_sweep_report(folder: Path, dataset: xr.Dataset) -> None:
     """Draw the figures of a sweep, and write its page and a CSV table with a row for each lane."""
     frame = lane_table(dataset)
     frame.to_csv(folder / "sweep.csv", index=False)
-    figures.draw_sweep(folder, dataset)
+    draw_sweep(folder, dataset)
     write_page(folder, _table("Lanes", frame, ROWS))
 
 
 def write_fit_report(folder: Path, found: Fit) -> None:
     """Draw the figures of a fit and write its page."""
-    figures.draw_fit(folder, found)
+    draw_fit(folder, found)
     write_page(folder)
 
 
@@ -110,7 +317,7 @@ def write_wear_report(folder: Path, found: xr.Dataset) -> None:
         for joint, part in worn_parts(found)
     }
     pd.DataFrame(profiles).to_csv(folder / PROFILES, index=False)
-    figures.draw_wear(folder, found)
+    draw_wear(folder, found)
     write_page(folder, _table("Stages", frame, len(frame)))
 
 

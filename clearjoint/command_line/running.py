@@ -17,17 +17,13 @@ from ..export.labelled import Labelled, labelled_dataset
 from ..fields.checks import require, require_positive
 from ..math.vectors import Scalar
 from ..model.scene import Scene
-from ..quantities.base import AbstractQuantity
-from ..quantities.instant import Instant
+from ..quantities.base import AbstractQuantity, Instant
 from ..result_codes import RESULTS
 from ..simulation.reductions.base import AbstractReduction
 from ..simulation.reductions.quantities import Peak
-from ..simulation.results.observation import Observation
-from ..simulation.results.observe import observe
-from ..simulation.results.quantity_values import values_along
-from ..simulation.results.solution import Solution
-from ..simulation.results.state_tables import contact_label
-from ..simulation.run.interruptions import RunInterrupted
+from ..simulation.results.observe import Observation, observe, values_along
+from ..simulation.results.solution import Solution, contact_label
+from ..simulation.run.progress_bars import RunInterrupted
 from ..simulation.run.saving import Saving
 from ..simulation.run.simulate import simulate
 from ..simulation.step.dense_output import require_dense
@@ -36,8 +32,7 @@ from ..simulation.step.settings import Settings
 from . import folders
 from .endings import FAILED, INTERRUPTED, WELL, CommandResult, say
 from .reports import write_run_report
-from .study import Study
-from .study_parts import RunPart
+from .study import RunPart, Study
 
 FRAMES = 1000
 """Default number of equal intervals between the saved states of a run."""

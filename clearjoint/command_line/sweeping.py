@@ -14,15 +14,13 @@ from ..result_codes import result_numbers
 from ..scene_files.locations import FileLocation
 from ..simulation.run.saving import Saving
 from ..sweeps.axes import Axis
-from ..sweeps.outputs import check_outputs
+from ..sweeps.layout import check_outputs
 from ..sweeps.store.store import open_sweep
 from ..sweeps.sweep import sweep as run_sweep
 from .endings import FAILED, INTERRUPTED, WELL, CommandResult, say
 from .folders import STORE, Summary, write_scene, write_summary
-from .paths import FoundPath, find_path
 from .reports import write_sweep_report
-from .study import Study
-from .study_parts import AxisPart, SweepPart
+from .study import AxisPart, FoundPath, Study, SweepPart, find_path
 
 
 def sweep(study: Study, folder: Path, progress: bool) -> CommandResult:

@@ -15,11 +15,9 @@ import numpy as np
 from ..durability.wear import check_wear, cycles_to_depth, final_state, open_wear, worn
 from ..durability.wear import wear as compute_wear
 from .endings import FAILED, INTERRUPTED, WELL, CommandResult, say
-from .figures import worn_parts
 from .folders import WEAR_STORE, Summary, write_scene, write_summary
-from .reports import stage_table, write_wear_report
-from .study import Study
-from .study_parts import WearPart
+from .reports import stage_table, worn_parts, write_wear_report
+from .study import Study, WearPart
 
 if TYPE_CHECKING:
     import xarray as xr

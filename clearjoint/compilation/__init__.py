@@ -17,8 +17,8 @@ from .package_code import remember_contents as remember_contents
 from .program_store import keep_programs as keep_programs
 from .program_store import keeps_programs as keeps_programs
 from .program_store import prepare_folder as prepare_folder
-from .tracing import program_of as program_of
-from .tracing import seconds_of_compiling as seconds_of_compiling
-from .tracing import traced_once as traced_once
 from .xla import Compiled as Compiled
 from .xla import HostFirst as HostFirst
+from .xla import program_of as program_of
+from .xla import seconds_of_compiling as seconds_of_compiling
+from .xla import traced_once as traced_once

@@ -17,7 +17,7 @@ from jaxtyping import Float
 from tqdm.auto import tqdm
 
 from ..fields.checks import require, require_count, require_positive
-from ..fields.conversion import with_arrays
+from ..fields.objects import with_arrays
 from ..fields.types import ArrayLike
 from ..model.bodies import BodyState, State
 from ..model.clearance_joints.clearance import ClearanceJoint

@@ -17,9 +17,9 @@ from ..model.clearance_joints.clearance import ClearanceJoint
 from ..model.clearance_joints.journal_bases import BASES
 from ..model.profiles import PlanarAxes, overlaps
 from ..model.scene import Scene
-from ..quantities.instant import Instant
+from ..quantities.base import Instant
 from ..simulation.reductions.joints import sliding_speed
-from ..simulation.results.quantity_values import values_along
+from ..simulation.results.observe import values_along
 from ..simulation.results.solution import Solution
 
 OF_BASES = tuple(

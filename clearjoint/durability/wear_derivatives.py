@@ -15,15 +15,13 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from ..fields.conversion import on_device
-from ..fields.declarations import quantity
+from ..fields.objects import on_device, quantity
 from ..fields.types import Column
 from ..math.vectors import Scalar
 from ..model.bodies import State
 from ..model.profiles import AbstractPeriodicSpline, periodic
 from ..model.scene import Scene
-from ..parametrisation.parameter import Parameter
-from ..parametrisation.scales import AbstractScale
+from ..parametrisation.parameter import AbstractScale, Parameter
 from ..parametrisation.variations import Change
 from ..result_codes import RESULTS
 from ..simulation.run.sensitivities import sensitivities

@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from ..fields.checks import require, require_positive
-from ..fields.suggestions import nearest
+from ..fields.checks import nearest, require, require_positive
 from .wear_derivatives import PARTS, Part
 
 Material = Literal[

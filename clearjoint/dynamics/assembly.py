@@ -14,9 +14,8 @@ import numpy as np
 
 from ..compilation import HostFirst
 from ..fields.caching import cached_by_numbers
-from ..fields.checks import checkable, require, require_finite
-from ..fields.conversion import on_device, with_arrays
-from ..fields.suggestions import nearest
+from ..fields.checks import checkable, nearest, require, require_finite
+from ..fields.objects import on_device, with_arrays
 from ..math.vectors import Scalar, pack, unpack
 from ..model.bodies import BodyState, State
 from ..model.joints.base import AbstractConstraint

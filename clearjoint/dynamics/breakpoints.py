@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..compilation import traced_once
-from ..math.functions import wrapped
+from ..math.smoothing import wrapped
 from ..math.vectors import Condition, Scalar
 from ..model.drives.drivers import AbstractRotationDriver
 from ..model.joints.base import AbstractElement, ByLabel, Row

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 
 from ..math.vectors import Vector
-from ..model.contact.bristles import AbstractBristleFriction
+from ..model.contact.friction import AbstractBristleFriction
 from ..model.joints.base import Motions
 from ..model.scene import Scene
 from .contact_events import ContactGaps

@@ -14,8 +14,8 @@ import numpy as np
 from jaxtyping import Float, PyTree
 
 from ..compilation import HostFirst
-from ..fields.conversion import on_device
-from ..math.functions import where
+from ..fields.objects import on_device
+from ..math.smoothing import where
 from ..math.vectors import Scalar, library, square_root, unpack
 from ..model.bodies import State
 from ..model.joints.base import ByLabel, Row

@@ -15,9 +15,8 @@ import jax.numpy as jnp
 
 from ..math.vectors import ZERO, Condition, Scalar, Vector
 from ..model.bodies import GROUND, Wrench
-from ..model.contact.bristles import AbstractBristleFriction
-from ..model.contact.gap import Gap
-from ..model.contact.laws import UNKNOWN_ENTRY_SPEED, AbstractContactLaw, contact_normal_force
+from ..model.contact.friction import AbstractBristleFriction
+from ..model.contact.laws import UNKNOWN_ENTRY_SPEED, AbstractContactLaw, Gap, contact_normal_force
 from ..model.joints.base import AbstractContactJoint, ByLabel, Contact, Motions
 from ..model.scene import Scene
 

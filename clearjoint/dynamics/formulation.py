@@ -11,8 +11,7 @@ from typing import TypeVar
 
 import equinox as eqx
 
-from ..fields.conversion import AbstractConverting
-from ..fields.declarations import quantity
+from ..fields.objects import AbstractConverting, quantity
 from ..fields.types import Single
 from ..math.linear_solvers import AbstractSolver, Exact, LeastNorm
 from ..math.vectors import Scalar

@@ -17,7 +17,7 @@ import numpy as np
 from ..compilation import HostFirst
 from ..fields.cautions import LeftBearingWarning, caution, quiet
 from ..fields.checks import caution_unless, require
-from ..fields.conversion import on_device
+from ..fields.objects import on_device
 from ..math.rotations import rotation_matrix
 from ..math.vectors import ZERO, Condition, EulerParameters, Scalar, Vector, pack, unpack
 from ..model.bodies import GROUND, GROUND_MOTION, BodyState, Motion, State

@@ -11,8 +11,8 @@ from collections.abc import Mapping, Sequence
 import jax
 import jax.numpy as jnp
 
-from ..math.functions import where
 from ..math.linear_solvers import LARGEST_UNROLLED, AbstractSolver, inner
+from ..math.smoothing import where
 from ..math.vectors import Matrix, Scalar, add, is_zero, library, multiply, square_root
 from ..model.bodies import GROUND, Body
 from ..model.joints.base import Motions, Row

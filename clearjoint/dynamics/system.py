@@ -30,8 +30,7 @@ from .coordinates import AbstractMechanics, MotionVariables, Speeds
 from .energy import ledger_powers, mechanical_energy
 from .equations_of_motion import Dynamics, applied_wrenches, constraint_rows, flattened, solved
 from .formulation import Formulation
-from .grouping.condensing import whole
-from .grouping.coordinates import grouped
+from .grouping.condensing import grouped, whole
 from .multipliers import response, row_rate, row_weights
 
 FARTHEST = 1e-3

@@ -1,13 +1,75 @@
-"""Datasets of xarray that follow the CF conventions. Their arrays have units and descriptions, and
-their attributes are the settings of the run and the versions of the programs."""
+"""Export of results as labelled arrays with units, data frames, CSV and netCDF files."""
 
+import abc
+import itertools
 from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from functools import cache, partial
+from importlib.metadata import version
+from os import PathLike
 from typing import TYPE_CHECKING, NamedTuple
 
+import jax
 import numpy as np
 
+from ..fields.checks import require
 from ..fields.types import ArrayLike
-from .provenance import Notes, versions
+
+LONGEST = 200
+"""Largest number of characters by which an array is described."""
+Notes = tuple[tuple[str, str | int | float], ...]
+"""Pairs (name, text or number) that become attributes of a dataset and of its netCDF file."""
+
+
+def describe(value: object) -> str:
+    """Return a text that describes a value, such as "Tsit5(scan_kind=None)".
+
+    Objects are described by the name of their class and by their fields, functions by their names.
+    Arrays are cut off after `LONGEST` characters.
+    """
+    if isinstance(value, partial):
+        return f"partial({describe([value.func, value.args, value.keywords])})"
+    # Numbers are shown as in Python, since the `repr` of an array depends on NumPy's print options.
+    if isinstance(value, np.ndarray | jax.Array | np.generic):
+        text = repr(np.asarray(value).tolist())
+        return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
+    if is_dataclass(value) and not isinstance(value, type):
+        parts = [f"{f.name}={describe(getattr(value, f.name))}" for f in fields(value)]
+        return f"{type(value).__name__}({', '.join(parts)})"
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{k}: {describe(v)}" for k, v in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(describe(part) for part in value) + "]"
+    if isinstance(value, str | int | float | bool | None):
+        return repr(value)
+    # A function has a name; of any other object only the class is known.
+    return getattr(value, "__qualname__", type(value).__name__)
+
+
+def described(values: Mapping[str, object]) -> dict[str, str]:
+    """Return the text of each value by name, from `describe`."""
+    return {name: describe(value) for name, value in values.items()}
+
+
+def setting_notes(values: object) -> Notes:
+    """Return the fields of a dataclass as notes: a pair ("setting_<field>", value) for each field.
+
+    Numbers stay as they are; other values are described by texts.
+    """
+    by_name = {f.name: getattr(values, f.name) for f in fields(values)}  # pyright: ignore
+    return tuple((f"setting_{name}", _note(value)) for name, value in by_name.items())
+
+
+def _note(value: object) -> str | int | float:
+    plain = isinstance(value, int | float) and not isinstance(value, bool)
+    return value if plain else describe(value)  # pyright: ignore
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Return the versions of clearjoint, JAX and diffrax as texts, under "version of <name>"."""
+    return {f"version of {name}": version(name) for name in ("clearjoint", "jax", "diffrax")}
+
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -71,3 +133,141 @@ def _variable(one: Labelled) -> tuple[tuple[str, ...], np.ndarray, dict[str, obj
     given = {"units": one.unit, "long_name": one.description or None, **one.attributes}
     attributes = {name: value for name, value in given.items() if value is not None}
     return one.dims, np.asarray(one.values), attributes
+
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+IN_FRONT = ("body", "contact", "bristle_contact", "joint", "journal", "reaction", "rigid_contact")
+"""Dimensions whose labels precede the name of the variable in the name of a column, as the body
+"arm" does in "arm.position.x". Labels of other dimensions follow it, as the component "x" does."""
+
+
+class AbstractTabular(abc.ABC):
+    """Base class of results that can be exported as dataset, data frame, CSV and netCDF file.
+
+    A subclass defines `to_xarray`, from which the other exports follow.
+
+    ```python
+    import clearjoint as cj
+    import numpy as np
+
+    crossings = cj.results.Crossings(np.array([0.1, 0.2]), {"x": np.ones(2)}, {"x": "m"})
+    print(crossings.to_dataframe().columns.tolist())  # ["x [m]"]
+    ```
+    """
+
+    @abc.abstractmethod
+    def to_xarray(self) -> "xr.Dataset":
+        """Return the results as an `xarray.Dataset`, whose attributes include the versions of the
+        programs.
+
+        Its variables have the attributes "units" and "long_name".
+        """
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Return a `pandas.DataFrame` with a row for each time, impact, crossing or parameter.
+
+        Each number has a column, whose name has the unit, such as "arm.position.x [m]".
+        """
+        return to_frame(self.to_xarray())
+
+    def to_csv(self, path: str | PathLike[str]) -> None:
+        """Write the data frame of `to_dataframe` to a CSV file, for spreadsheets and
+        `clearjoint.read_csv`.
+
+        Units are in the header, and numbers are written without loss.
+
+        **Arguments:** `path`: file, which is overwritten if it exists.
+        """
+        self.to_dataframe().to_csv(path)
+
+    def to_netcdf(self, path: str | PathLike[str]) -> None:
+        """Write the dataset of `to_xarray` to a netCDF file (classic format, 64-bit offsets),
+        without loss.
+
+        The writer of this format supports only Latin-1. Other characters in names of variables are
+        escaped ("\\u8f74"), and the attribute "original_name" has the unescaped name.
+
+        **Arguments:** `path`: file, which is overwritten if it exists.
+
+        **Raises:** `ValueError` for a variable or dimension without a name.
+        """
+        write_netcdf(self.to_xarray(), path)
+
+
+def write_netcdf(dataset: "xr.Dataset", path: str | PathLike[str]) -> None:
+    """Write a dataset to a netCDF file (classic format), with names escaped as in
+    `AbstractTabular.to_netcdf`.
+
+    **Raises:** `ValueError` for a variable or dimension without a name.
+    """
+    # `escaped` has the written name of each variable or dimension that is not in Latin-1.
+    escaped = {}
+    for name in map(str, (*dataset.variables, *dataset.sizes)):
+        require(name != "", "name", name, "at least one character", "name the variable")
+        written = name.encode("latin-1", "backslashreplace").decode("latin-1")
+        if written != name:
+            escaped[name] = written
+            if name in dataset.variables:
+                dataset = dataset.assign({name: dataset[name].assign_attrs(original_name=name)})
+    dataset.rename(escaped).to_netcdf(path, engine="scipy", format="NETCDF3_64BIT")
+
+
+def header(name: str, attributes: dict) -> str:
+    """Return the name of a column with its unit, such as "pin.penetration [m]".
+
+    **Arguments:** `name`: name of the column; `attributes`: attributes of its variable, of which
+    "units" is the unit. Without a unit, the result is `name` alone.
+    """
+    return f"{name} [{attributes['units']}]" if attributes.get("units") else name
+
+
+def to_frame(dataset: "xr.Dataset", rows: str | None = None) -> "pd.DataFrame":
+    """Return a data frame with a row for each position along one dimension of a dataset.
+
+    Each number along the other dimensions of a variable gets a column, such as "arm.position.x
+    [m]". Variables and coordinates without the dimension of the rows are left out. Numbers of a
+    variable with the attribute "flag_meanings", such as result codes, are replaced by their
+    meanings.
+
+    **Arguments:** `rows`: name of the dimension; by default the dataset's first.
+    """
+    import pandas as pd
+
+    rows = next(iter(map(str, dataset.sizes))) if rows is None else rows
+    # The coordinate along the rows becomes the index; further coordinates become columns.
+    columns = {}
+    for name in (*dataset.coords, *dataset.data_vars):
+        if name != rows and rows in dataset[name].dims:
+            columns |= _columns(str(name), dataset[name], rows)
+    index = pd.Index(dataset[rows].values, name=header(rows, dataset[rows].attrs))
+    return pd.DataFrame(columns, index=index)
+
+
+def _columns(name: str, array: "xr.DataArray", rows: str) -> dict[str, np.ndarray]:
+    """Return the columns of a variable, (rows,) each, by name: one for each combination of labels
+    of its other dimensions.
+
+    **Arguments:** `name`: name of the variable; `array`: its values and attributes; `rows`: name of
+    the dimension along the rows.
+    """
+    others = [str(dim) for dim in array.dims if dim != rows]
+    values = array.transpose(rows, *others).values
+    attributes = array.attrs
+    if "flag_meanings" in attributes:
+        values, attributes = _meanings(values, attributes), {}
+    columns = {}
+    for index in itertools.product(*(range(array.sizes[dim]) for dim in others)):
+        labels = {d: str(array[d].values[k]) for d, k in zip(others, index, strict=True)}
+        front = [label for dim, label in labels.items() if dim in IN_FRONT]
+        behind = [label for dim, label in labels.items() if dim not in IN_FRONT]
+        columns[header(".".join([*front, name, *behind]), attributes)] = values[(..., *index)]
+    return columns
+
+
+def _meanings(codes: np.ndarray, attributes: dict) -> np.ndarray:
+    flags = np.atleast_1d(attributes["flag_values"]).tolist()
+    texts = dict(zip(flags, attributes["flag_meanings"].split(), strict=True))
+    return np.vectorize(lambda code: texts.get(code, str(code)), otypes=[object])(codes)

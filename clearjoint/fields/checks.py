@@ -9,10 +9,11 @@ But while `conditions_of` calls it, the condition is collected, so that a compil
 evaluate it: that of a run, or of a sweep for the values of all its runs.
 """
 
-from collections.abc import Callable, Hashable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import fields
+from difflib import get_close_matches
 from functools import lru_cache, reduce
 from types import UnionType
 from typing import Any, TypeAlias, TypeVar
@@ -493,3 +494,19 @@ def _children(tree: PyTree) -> list[PyTree]:
     if isinstance(tree, dict):
         return [tree[key] for key in sorted(tree)]
     return list(tree) if isinstance(tree, list | tuple) else []
+
+
+ALIKE = 0.66
+"""Smallest similarity of an unknown and a known name, from 0 to 1 by `difflib`, at which an error
+message suggests the known one."""
+
+
+def nearest(name: object, known: Iterable[str], otherwise: str) -> str:
+    """Return the remedy for an unknown name, as the end of an error message.
+
+    It suggests the most similar of the `known` names, without regard to capitals, followed by the
+    advice `otherwise`. If no name is similar, it is `otherwise` alone.
+    """
+    by_lower = {other.lower(): other for other in known}
+    similar = get_close_matches(str(name).lower(), list(by_lower), n=1, cutoff=ALIKE)
+    return f"did you mean {by_lower[similar[0]]!r}? If not, {otherwise}" if similar else otherwise

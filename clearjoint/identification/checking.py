@@ -1,30 +1,343 @@
-"""Test of a fit's covariance by runs around the estimates, and intervals by runs if it fails.
+"""Checks of a fit's covariance by runs around it, and intervals where the covariance fails.
 
 After many impacts chi squared may be rough on the scale of the standard errors: the search
 converges in one of several minima close together, and the covariance describes only that minimum.
 Therefore about twenty runs for each parameter compare chi squared with the prediction of the
 covariance. If they differ, many runs without derivatives, and local searches from the points with
-the lowest chi squared, explore the neighbourhood (`clearjoint.identification.likelihood`). Then a
+the lowest chi squared, explore the neighbourhood. Then a
 small posterior around the lowest minimum gives the intervals.
+
+Points are coordinates of p parameters on their scales. Residuals are in standard
+deviations of the noise, and chi squared is the sum of their squares.
 """
 
 import math
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from statistics import NormalDist
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from ..parametrisation.parameter import Parameter, step_limits
 from . import goodness_of_fit as statistics
-from . import likelihood
 from .levenberg_marquardt import Ending, Iteration, Search, WindowSearch, search_with_damping
 from .posterior.posterior import ImpossiblePointsError, TooManyRunsError, drawn_posterior
 from .posterior.result import Posterior
 from .residuals import Experiment, RunMisfit, Samples, parameter_covariance, run_misfit
+from .screening.level_sets import among, apart
 from .screening.misfit_curves import SideBySide
+
+STEPS = (-4.0, -2.0, -1.0, 1.0, 2.0, 4.0)
+"""Distances of the test points from the minimum along each direction, in standard errors."""
+DRAWN = 8
+"""Number of random test points for each parameter."""
+LESS, MORE, FLOOR = 1.5, 2.0, 0.5
+"""Chi squared agrees with the quadratic model if its rise is between predicted / LESS - FLOOR and
+predicted * MORE + FLOOR. The lower limit is closer, because a rise that is too small may lead to
+another minimum."""
+MANY = 0.1
+"""Share of the test points at which chi squared must disagree with the quadratic model at the time
+that counts as horizon."""
+RISE = NormalDist().inv_cdf(0.975) ** 2
+"""Rise of chi squared over its minimum at the ends of a 95 % interval of one parameter, 3.84."""
+WIDENINGS = (1.0, 2.0, 4.0)
+"""Factors on the standard errors of a covariance for the normal distributions from which points
+are drawn."""
+KEPT = 32
+"""Minimum number of points with the smallest chi squared from which the next round draws."""
+WORTH = 3.0
+"""Rise of chi squared, relative to `RISE`, up to which points are worth exploring, even if they are
+more than `KEPT`."""
+DESCENTS = 6
+"""Largest number of local searches in a round."""
+SETTLED = 0.05
+"""Growth of the intervals in a round, relative to their width, below which they are final."""
+
+
+def displacements(
+    covariance: Float[np.ndarray, "p p"],
+    limits: Float[np.ndarray, " p"],
+    generator: np.random.Generator,
+) -> Float[np.ndarray, "n p"]:
+    """Return displacements (n, p) from a minimum at which to test its quadratic model by runs.
+
+    Some are ±1, ±2 and ±4 standard errors along each parameter, where the model predicts the
+    smallest chi squared for that value of the parameter, and along each eigenvector of the
+    correlation matrix. Others are random: normally distributed with the covariance, every second
+    one twice as long. No displacement exceeds the limits.
+
+    **Arguments:** `covariance`: (p, p) of the coordinates; `limits`: (p,) largest displacement of
+    each coordinate.
+    """
+    errors, root = np.sqrt(np.diag(covariance)), _root(covariance)
+    # Column k is the covariance with parameter k over its standard error: along it the other
+    # parameters minimise chi squared for a given value of parameter k.
+    axes = [covariance / errors]
+    if len(errors) > 1:
+        axes.append(root)
+    along = np.concatenate([np.multiply.outer(STEPS, row) for axis in axes for row in axis.T])
+    normal = generator.standard_normal((DRAWN * len(errors), len(errors))) @ root.T
+    normal[1::2] *= 2.0
+    return within(np.concatenate([along, normal]), limits)
+
+
+def within(
+    offsets: Float[np.ndarray, "n p"], limits: Float[np.ndarray, " p"]
+) -> Float[np.ndarray, "m p"]:
+    """Return offsets (m, p) that are scaled down where a component exceeds the limits (p,).
+
+    The direction of an offset stays. Offsets of zero length are left out.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shares = np.where(offsets == 0.0, 1.0, limits / np.abs(offsets))
+    shortened = offsets * np.minimum(shares.min(axis=1), 1.0)[:, None]
+    return shortened[np.abs(shortened).max(axis=1) > 0.0]
+
+
+def _root(covariance: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
+    """Return R (p, p) with R R^T = `covariance`, which may be singular.
+
+    R is the diagonal matrix of the standard errors times a root of the correlation matrix, whose
+    columns are its eigenvectors, each times the square root of its eigenvalue. A column of R is
+    thus a displacement of the parameters by one standard error in the direction of an eigenvector.
+    """
+    errors = np.sqrt(np.diag(covariance))
+    variances, vectors = np.linalg.eigh(covariance / np.outer(errors, errors))
+    return errors[:, None] * vectors * np.sqrt(np.maximum(variances, 0.0))
+
+
+@dataclass(frozen=True)
+class QuadraticTest:
+    """Rise of chi squared at points around a minimum, in runs and by the quadratic model.
+
+    - `predicted`: (n,) rise over the minimum by the model: the square of the distance in standard
+      errors.
+    - `actual`: (n,) rise in runs.
+    - `horizon`: s, first time at which the rise over the record so far disagrees with the model at
+      a tenth of the n points or more; infinite if there is none. Only points near the minimum are
+      counted, see `tested`.
+    """
+
+    predicted: Float[np.ndarray, " n"]
+    actual: Float[np.ndarray, " n"]
+    horizon: float
+
+    @property
+    def differing(self) -> Bool[np.ndarray, " n"]:
+        """Whether the rise at each point disagrees with the model, (n,).
+
+        A rise disagrees if it is less than predicted / 1.5 - 0.5 or more than 2 predicted + 0.5.
+        """
+        return _differing(self.predicted, self.actual)
+
+    @property
+    def passed(self) -> bool:
+        """Whether the rise agrees with the model at all points."""
+        return not self.differing.any()
+
+
+def _differing(predicted: np.ndarray, actual: np.ndarray) -> np.ndarray:
+    """Return whether actual rises of chi squared disagree with predicted ones, in their shape."""
+    low, high = predicted / LESS - FLOOR, predicted * MORE + FLOOR
+    return ~((actual >= low) & (actual <= high))
+
+
+def tested(
+    residuals: Float[np.ndarray, "S T"],
+    jacobian: Float[np.ndarray, "S T p"],
+    offsets: Float[np.ndarray, "n p"],
+    moved: Float[np.ndarray, "n S T"],
+    times: Float[np.ndarray, " T"],
+    near: Bool[np.ndarray, " n"],
+) -> QuadraticTest:
+    """Compare runs at points around a minimum with the quadratic model.
+
+    **Arguments:**
+
+    - `residuals`, `jacobian`: residuals of S series at T `times`, s, and their derivatives by the
+      coordinates, at the minimum.
+    - `offsets`: displacements of the n points from the minimum.
+    - `moved`: residuals at the points.
+    - `near`: whether a point is so near to the minimum that the residuals are linear in its
+      coordinates. On a logarithmic scale, for example, the value is not linear in the coordinate,
+      so that far points disagree at any time. Only near points determine the horizon.
+    """
+    linear = np.einsum("stp,np->nst", jacobian, offsets)
+    predicted = np.cumsum((linear**2).sum(axis=1), axis=1)
+    actual = np.cumsum((moved**2 - residuals**2).sum(axis=1), axis=1)
+    # Rises are those over records that end at each of the times, (n, T). The minimum of the whole
+    # record is no minimum of a part of it: chi squared of the samples up to an earlier time has a
+    # slope there, which is subtracted.
+    slope = np.cumsum(2.0 * (residuals * linear).sum(axis=1), axis=1)
+    differing = _differing(predicted, actual - slope)[near]
+    # The share is that of all points, so that a few near points alone do not count as many.
+    late = np.flatnonzero(differing.sum(axis=0) >= max(MANY * len(offsets), 1.0))
+    horizon = float(times[late[0]]) if late.size else math.inf
+    return QuadraticTest(predicted[:, -1], actual[:, -1], horizon)
+
+
+@dataclass(frozen=True)
+class Exploration:
+    """Points around a minimum, and the minima found by local searches from the lowest points.
+
+    - `points`: (n, p) coordinates; the first row is the minimum of the fit.
+    - `chi_squared`: (n,) at the points.
+    - `minima`: the first minimum, and those at which local searches ended.
+    - `rounds`: number of rounds in which points were drawn.
+    - `settled`: whether the last round widened every interval by less than a twentieth and found no
+      new minimum, and noise explains the lowest chi squared.
+    """
+
+    points: Float[np.ndarray, "n p"]
+    chi_squared: Float[np.ndarray, " n"]
+    minima: tuple[RunMisfit, ...]
+    rounds: int
+    settled: bool
+
+    @property
+    def lowest(self) -> float:
+        """Smallest chi squared of all points and minima."""
+        return min(float(self.chi_squared.min()), *(one.chi_squared for one in self.minima))
+
+    def intervals(self) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
+        """Return lower and upper ends of the parameters' 95 % intervals, (p,) each, in coordinates.
+
+        The intervals contain every point with a chi squared at most 3.84 above the lowest, and the
+        interval of each minimum by its own covariance, which is narrower for a larger chi squared.
+        """
+        allowed = self.points[self.chi_squared <= self.lowest + RISE]
+        ends = np.concatenate([allowed, *intervals(self.minima, self.lowest)])
+        return ends.min(axis=0), ends.max(axis=0)
+
+
+def intervals(
+    minima: Sequence[RunMisfit], lowest: float
+) -> tuple[Float[np.ndarray, "k p"], Float[np.ndarray, "k p"]]:
+    """Return lower and upper ends of the 95 % intervals around each of several minima, (k, p) each.
+
+    A parameter's interval contains the values for which chi squared, minimised over the other
+    parameters by the minimum's covariance, is at most `RISE` above `lowest`. Minima that are
+    themselves higher are left out, so that k may be smaller than their number, or zero.
+
+    **Arguments:** `minima`: runs at the minima; `lowest`: smallest known chi squared.
+    """
+    p, low, high = len(minima[0].coordinates), [], []
+    for one in minima:
+        excess = RISE - (one.chi_squared - lowest)
+        if excess >= 0.0:
+            half = np.sqrt(excess * np.diag(one.covariance))
+            low.append(one.coordinates - half)
+            high.append(one.coordinates + half)
+    return np.array(low).reshape(-1, p), np.array(high).reshape(-1, p)
+
+
+def explore(
+    chi_squared: Callable[[Float[np.ndarray, "n p"]], Float[np.ndarray, " n"]],
+    descend: Callable[[Float[np.ndarray, " p"]], RunMisfit],
+    minimum: RunMisfit,
+    covariances: Sequence[Float[np.ndarray, "p p"]],
+    limits: Float[np.ndarray, " p"],
+    number: int,
+    rounds: int,
+    likely: float,
+    generator: np.random.Generator,
+) -> Exploration:
+    """Explore the neighbourhood of a minimum for all points with a similar chi squared.
+
+    The first round draws `number` points from normal distributions with the given covariances, with
+    once, twice and four times their standard errors. Each further round draws half as many points
+    among the lowest points so far, and as many again around the lowest minimum if that has moved or
+    if noise doesn't explain its chi squared. After every round, local searches start from some of
+    the lowest points that are far from each other and from the known minima. The exploration ends
+    when the intervals have settled and noise explains the lowest chi squared, or after `rounds`
+    rounds.
+
+    **Arguments:**
+
+    - `chi_squared`: function that returns chi squared (n,) at points (n, p).
+    - `descend`: function that searches from a point (p,) and returns a local minimum.
+    - `minimum`: the minimum of the fit.
+    - `covariances`: matrices (p, p); the first is that of the minimum.
+    - `limits`: (p,) largest distance of points from the minimum of the fit, in coordinates. Points
+      around a lower minimum are limited about that one.
+    - `number`: number of points in the first round.
+    - `rounds`: maximum number of rounds.
+    - `likely`: largest chi squared that noise alone explains.
+    - `generator`: source of random numbers.
+    """
+    p = len(minimum.coordinates)
+    bounds = minimum.coordinates - limits, minimum.coordinates + limits
+
+    def around(centre: np.ndarray, covariances: Sequence[np.ndarray], count: int) -> np.ndarray:
+        # The points take the covariances and factors in turn.
+        roots = [w * _root(one) for one in covariances for w in WIDENINGS]
+        normal = generator.standard_normal((count, p))
+        offsets = np.stack([roots[k % len(roots)] @ row for k, row in enumerate(normal)])
+        return centre + within(offsets, limits)
+
+    fresh = around(minimum.coordinates, covariances, number)
+    points, values = minimum.coordinates[None], np.array([minimum.chi_squared])
+    minima, best, before = [minimum], minimum, None
+    for count in range(1, rounds + 1):
+        points = np.concatenate([points, fresh])
+        values = np.concatenate([values, chi_squared(fresh)])
+        # The lowest points are kept: at least `KEPT`, and all of a chi squared that is worth
+        # exploring, but at most half of `number`.
+        order = np.argsort(values, kind="stable")
+        low_enough = int((values <= values.min() + WORTH * RISE).sum())
+        kept = points[order[: min(max(KEPT, low_enough), number // 2)]]
+        # Local searches from points in known minima would only find these minima again.
+        candidates = [x for x in kept if not any(inside(one, x) for one in minima)]
+        # `apart` measures distances in standard deviations of the points, so it needs two or more.
+        several = len(candidates) > 1
+        chosen = apart(np.array(candidates), DESCENTS) if several else range(len(candidates))
+        descended = [descend(candidates[k]) for k in chosen]
+        # Returned as it is only if the intervals have settled.
+        explored = Exploration(points, values, (*minima, *descended), count, True)
+        low, high = explored.intervals()
+        # A minimum is new if it affects the intervals and is none of the known ones.
+        relevant = [one for one in descended if one.chi_squared <= explored.lowest + RISE]
+        new = [a for a in relevant if not any(inside(b, a.coordinates) for b in minima)]
+        minima += descended
+        lower = min(minima, key=lambda one: one.chi_squared)
+        decrease = best.chi_squared - lower.chi_squared
+        best = lower
+        if before is not None and not new and explored.lowest <= likely:
+            # Growth of each interval at its two ends since the round before, relative to its width.
+            grown = np.maximum(before[0] - low, high - before[1]) / (high - low)
+            if (grown < SETTLED).all():
+                return explored
+        before = low, high
+        # New points are drawn among the kept points and the minima, because local searches reach
+        # lower chi squared than random points.
+        limit = explored.lowest + WORTH * RISE
+        near = [one.coordinates for one in minima if one.chi_squared <= limit]
+        kept = np.concatenate([kept, np.array(near).reshape(-1, p)])
+        # A covariance in p dimensions needs p + 1 neighbours; twice as many make it less random.
+        fresh = among(kept, number // 2, 2 * (p + 1), bounds, generator)
+        # If the minimum has moved, the first points were drawn around the wrong one.
+        if decrease > RISE or explored.lowest > likely:
+            again = around(best.coordinates, [best.covariance, *covariances[1:]], number // 2)
+            fresh = np.concatenate([fresh, again])
+    return replace(explored, settled=False)
+
+
+def inside(minimum: RunMisfit, point: Float[np.ndarray, " p"]) -> bool:
+    """Return whether a point (p,) is within one standard error of a minimum, by its covariance C.
+
+    That is, whether d^T C^-1 d < 1 for the offset d of the point from the minimum. A search from
+    such a point would probably end in this minimum.
+    """
+    offset = point - minimum.coordinates
+    errors = np.sqrt(np.diag(minimum.covariance))
+    # In units of the standard errors, C is the correlation matrix. It may be singular, and the
+    # cutoff of its pseudoinverse does not depend on the units of the coordinates.
+    scaled = minimum.covariance / np.outer(errors, errors)
+    return float((offset / errors) @ np.linalg.pinv(scaled) @ (offset / errors)) < 1.0
+
 
 ROUNDS = 6
 """Maximum number of rounds in which an exploration draws points."""
@@ -74,8 +387,8 @@ class LikelihoodCheck:
     (True, 14)
     """
 
-    test: likelihood.QuadraticTest
-    exploration: likelihood.Exploration | None
+    test: QuadraticTest
+    exploration: Exploration | None
     searches: tuple[Search, ...]
     runs: int
     seconds: float
@@ -107,7 +420,7 @@ class LikelihoodCheck:
         **Arguments:** `best`: the best run of the fit, with its covariance.
         """
         assert self.exploration is not None
-        half = np.sqrt(likelihood.RISE * np.diag(best.covariance))
+        half = np.sqrt(RISE * np.diag(best.covariance))
         low, high = self.exploration.intervals()
         ratios = np.abs(np.concatenate([best.coordinates - low, high - best.coordinates]))
         ratios = ratios / np.tile(half, 2)
@@ -122,10 +435,10 @@ class LikelihoodCheck:
         """
         if self.exploration is None:
             return 1
-        limit = self.exploration.lowest + likelihood.RISE
+        limit = self.exploration.lowest + RISE
         distinct: list[RunMisfit] = []
         for one in sorted(self.exploration.minima, key=lambda minimum: minimum.chi_squared):
-            apart = not any(likelihood.inside(other, one.coordinates) for other in distinct)
+            apart = not any(inside(other, one.coordinates) for other in distinct)
             if one.chi_squared <= limit and apart:
                 distinct.append(one)
         return len(distinct)
@@ -178,7 +491,7 @@ def check(
         # Chi squared of an early part of the record is smoother and wider: its covariance draws
         # points beyond the minimum that the whole record's covariance describes.
         covariances = [best.covariance, *_early_covariances(best, runs, data, test.horizon)]
-        explored = likelihood.explore(
+        explored = explore(
             chi_squared,
             descend,
             best,
@@ -192,7 +505,7 @@ def check(
         # The local searches of the exploration end early. If one of them has found a lower minimum,
         # the fit moves there, which takes an accurate search.
         lowest = min(explored.minima, key=lambda minimum: minimum.chi_squared)
-        if best.chi_squared - lowest.chi_squared > likelihood.FLOOR:
+        if best.chi_squared - lowest.chi_squared > FLOOR:
             descend(lowest.coordinates, NEAREST, 4 * STEPS_DOWN)
         count += len(explored.points) + sum(search.evaluations for search in searches)
         # If noise doesn't explain chi squared, the model is wrong, and so would be its posterior.
@@ -205,7 +518,7 @@ def check(
     return LikelihoodCheck(test, explored, found, count, seconds, difference, posterior)
 
 
-def _extent(explored: likelihood.Exploration, lowest: RunMisfit) -> Float[np.ndarray, " p"]:
+def _extent(explored: Exploration, lowest: RunMisfit) -> Float[np.ndarray, " p"]:
     """Return how far explored points with a low chi squared are from the lowest minimum, (p,).
 
     For each coordinate, this is the largest distance, and at least two standard errors. Chi squared
@@ -213,7 +526,7 @@ def _extent(explored: likelihood.Exploration, lowest: RunMisfit) -> Float[np.nda
 
     **Arguments:** `lowest`: the run at the lowest minimum.
     """
-    low = explored.chi_squared <= explored.lowest + likelihood.WORTH * likelihood.RISE
+    low = explored.chi_squared <= explored.lowest + WORTH * RISE
     offsets = np.abs(explored.points[low] - lowest.coordinates)
     least = 2.0 * np.sqrt(np.diag(lowest.covariance))
     return np.maximum(offsets.max(axis=0, initial=0.0), least)
@@ -248,7 +561,7 @@ def _small_posterior(
     # do not come near the lowest minimum have missed it.
     nearest = found.coordinates[found.log_likelihood.argmax()]
     rise = float(lanes.chi_squared(nearest[None], lanes.count)[0, -1]) - lowest
-    return None if found.warnings or rise > likelihood.RISE else found
+    return None if found.warnings or rise > RISE else found
 
 
 def _quadratic_test(
@@ -257,13 +570,13 @@ def _quadratic_test(
     data: Samples,
     limits: Float[np.ndarray, " p"],
     generator: np.random.Generator,
-) -> likelihood.QuadraticTest:
+) -> QuadraticTest:
     """Compare runs at points around the best run with the prediction of its covariance.
 
     **Arguments:** `best`, `runs`, `data`: as in `check`; `limits`: (p,) largest distance of the
     points, in coordinates; `generator`: source of random numbers.
     """
-    offsets = likelihood.displacements(best.covariance, limits, generator)
+    offsets = displacements(best.covariance, limits, generator)
     times, shape = np.asarray(runs.times), data.weights.shape
     trials = [run_misfit(runs, data, times[-1], best.coordinates + offset) for offset in offsets]
     moved = np.array([trial.residuals.reshape(shape) for trial in trials])
@@ -271,7 +584,7 @@ def _quadratic_test(
     # nothing about the motion: only near points decide up to which time the fit is reliable.
     near = np.all(np.abs(offsets) < 0.5 * limits, axis=1)
     residuals, jacobian = best.residuals.reshape(shape), best.jacobian.reshape(*shape, -1)
-    return likelihood.tested(residuals, jacobian, offsets, moved, times, near)
+    return tested(residuals, jacobian, offsets, moved, times, near)
 
 
 def _descent(

@@ -9,17 +9,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from ..export.labelled import Labelled, labelled_dataset, texts
-from ..export.tabular import AbstractTabular
+from ..export.labelled import AbstractTabular, Labelled, labelled_dataset, texts
 from ..information import fisher_information as information
 from ..information.horizon import FitHorizon
 from ..measurements.series import Measurements
 from ..model.bodies import State
 from ..model.scene import Scene
-from ..parametrisation.parameter import Parameter, step_limits, values_at
-from ..parametrisation.scales import Bounded
+from ..parametrisation.parameter import Bounded, Parameter, step_limits, values_at
+from . import checking
 from . import goodness_of_fit as statistics
-from . import likelihood
 from .checking import LikelihoodCheck
 from .levenberg_marquardt import Ending, Search
 from .posterior.result import Posterior
@@ -175,7 +173,7 @@ class Fit(AbstractTabular):
         if posterior is not None:
             low, high = posterior.box
             minima = [m for m in minima if ((m.coordinates < low) | (m.coordinates > high)).any()]
-        parts = [likelihood.intervals(minima, self.chi_squared)] if minima else []
+        parts = [checking.intervals(minima, self.chi_squared)] if minima else []
         if posterior is not None:
             scales = [parameter.scale for parameter in self.parameters.values()]
             pairs = zip(scales, posterior.intervals.values(), strict=True)
@@ -351,7 +349,7 @@ class Fit(AbstractTabular):
         # Standard errors are still right if there is one minimum, and the exploration, where it can
         # be trusted, found intervals of about their width. The test tolerates a decrease of chi
         # squared up to `FLOOR`, which is no move to another minimum.
-        single = check.minima == 1 and moved <= likelihood.FLOOR
+        single = check.minima == 1 and moved <= checking.FLOOR
         reliable = explored.settled and abs(check.difference) <= 1.0
         alike = single and reliable and check.widening(self.best.best) < ALIKE
         head = "Chi squared is rough" if alike else "Standard errors are not valid"
@@ -367,7 +365,7 @@ class Fit(AbstractTabular):
         parts = [f"{head}: {result}. {intervals}"]
         if alike:
             parts.append("There may be lower minima farther away.")
-        if moved > likelihood.FLOOR:
+        if moved > checking.FLOOR:
             parts.append(
                 f"The fit has moved to a minimum whose chi squared is {moved:.3g} lower than "
                 "at the end of the search."
@@ -375,7 +373,7 @@ class Fit(AbstractTabular):
         return " ".join([*parts, *self._check_limits(check, explored)])
 
     def _check_limits(
-        self, check: LikelihoodCheck, explored: likelihood.Exploration
+        self, check: LikelihoodCheck, explored: checking.Exploration
     ) -> Iterator[str]:
         """Yield sentences on what may make the intervals wrong where chi squared was explored."""
         until = check.horizon

@@ -23,7 +23,7 @@ from ..fields.checks import (
     require_range,
     require_type,
 )
-from ..fields.conversion import as_numbers
+from ..fields.objects import as_numbers
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import PASS_PARAMETERS, Parameter

@@ -23,7 +23,7 @@ import optimistix as optx
 from jaxtyping import Float, PyTree
 
 from ..compilation import Compiled
-from ..fields.conversion import on_device
+from ..fields.objects import on_device
 from .residuals import RunMisfit
 
 PATIENCE = 15

@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
+from ..information.fisher_information import aligned
 from ..information.horizon import FitHorizon
-from ..information.text_tables import aligned
 from ..measurements.series import Measurements
 from ..parametrisation.parameter import Parameter
 from ..parametrisation.variations import SeriesDelay, StateNumber

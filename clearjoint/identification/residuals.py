@@ -18,7 +18,7 @@ from jaxtyping import Float
 
 from ..compilation import Compiled
 from ..fields.checks import require
-from ..fields.conversion import on_device
+from ..fields.objects import on_device
 from ..fields.types import ArrayLike
 from ..information import fisher_information as information
 from ..math.vectors import Scalar
@@ -35,8 +35,7 @@ from ..simulation.run.sampling import NOTHING_ELSE, Sampled, padded, sampled_com
 from ..simulation.run.sensitivities import check_outputs
 from ..simulation.step import presets
 from ..simulation.step.method import Scheme
-from ..simulation.step.settings import Settings, settings_or
-from ..simulation.step.spans import check_span, checked_times
+from ..simulation.step.settings import Settings, check_span, checked_times, settings_or
 
 APART = 1e-7
 """Time, s, from a sample to either end of the central difference that gives the rate of a delayed

@@ -30,9 +30,16 @@ from ..simulation.run.sensitivities import Sensitivities, sensitivities
 from ..simulation.step import presets
 from ..simulation.step.settings import Settings, settings_or
 from . import error_growth as growth
-from .analysis import Identifiability, identifiability_from
-from .sensors import Sensor, Sensors, as_sensors, outputs_of, times_of
-from .text_tables import aligned, number
+from .analysis import (
+    Identifiability,
+    Sensor,
+    Sensors,
+    as_sensors,
+    identifiability_from,
+    outputs_of,
+    times_of,
+)
+from .fisher_information import aligned, number
 
 LOOSER = 10.0
 """Tolerance of the run with which the main run is compared to estimate its error, relative to that

@@ -15,8 +15,7 @@ from ..fields.checks import errors_about, require, require_types
 from ..fields.types import ArrayLike
 from ..model.drives.functions_of_time import PiecewiseConstant, PiecewiseLinear
 from ..quantities.base import Quantity
-from .series import Measurements, Series
-from .units import to_si
+from .series import Measurements, Series, to_si
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -1,29 +1,174 @@
-"""Rigid bodies, their motion, and the state of a system."""
+"""Rigid bodies and homogeneous solids, their motion, and the state of a system.
 
+The methods `rod`, `cylinder`, `box` and `sphere` of `Body` take the dimensions and either a mass or
+a density, from which functions of this module compute mass and moments of inertia.
+"""
+
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import PyTree
 
 from ..fields.checks import (
     as_number,
+    caution_above,
+    caution_outside,
     caution_unless,
     checkable,
     concrete,
     named,
     require,
+    require_axis,
     require_euler_parameters,
     require_finite,
+    require_numbers,
+    require_positive,
     require_shape,
 )
-from ..fields.declarations import quantity
-from ..fields.readable import AbstractReadable
+from ..fields.objects import AbstractReadable, as_numbers, quantity
 from ..fields.types import ArrayLike, Quadruple, QuadrupleLike, Single, Square, Triple, TripleLike
 from ..math.vectors import IDENTITY, ZERO, Matrix, Scalar, Vector
-from . import solids
+from .densities import STEEL
+
+AXES = ("x", "y", "z")
+METRES = "give it in m"
+LIGHTEST, HEAVIEST = 10.0, 25e3
+"""Range of the density of solids, kg/m^3, from foams to platinum, outside which a warning is
+issued."""
+Number = PyTree
+"""A number that a user passes, which JAX may trace; ``None`` if it is not given."""
+
+
+Solid = tuple[ArrayLike, PyTree]
+"""Mass, kg, and principal moments about axes along x, y and z through the centre of mass, (3,)
+kg m^2."""
+
+
+def require_one(mass: Number, density: Number) -> None:
+    """Check that exactly one of mass and density is not ``None``."""
+    given = {"mass": mass, "density": density}
+    named = [name for name, value in given.items() if value is not None]
+    remedy = "pass mass= in kg, or density= in kg/m^3, such as clearjoint.densities.STEEL"
+    require(len(named) == 1, "mass", named or None, "given, or else a density", remedy)
+
+
+def slender_rod(length: Number, mass: Number, axis: str) -> Solid:
+    """Return mass and moments of a thin rod from its length, m, and mass, kg.
+
+    The moments across the axis are m l^2/12. A thin rod has no moment about its axis, but a body
+    needs one: it is m d^2/8 with the diameter d of a round steel bar of this mass and length.
+    `axis` is "x", "y" or "z".
+
+    **Raises:** `ValueError` if the steel bar would be thicker than long.
+    """
+    length, mass = _length("length", length), _number("mass", mass, "give it in kg")
+    # A round bar has the mass rho pi/4 d^2 l.
+    squared_diameter = 4.0 * mass / (math.pi * STEEL * length)
+    fits, values = (lambda _, d, l: d <= l**2), (mass, squared_diameter, length)
+    remedy = "give its diameter in m, or check mass (kg) and length (m)"
+    require_numbers(fits, "mass", values, "that of a rod longer than thick", remedy)
+    return _along(axis, mass, mass * squared_diameter / 8.0, mass * length**2 / 12.0)
+
+
+def cylinder(
+    diameter: Number,
+    length: Number,
+    mass: Number,
+    density: Number,
+    inner_diameter: Number,
+    axis: str,
+) -> Solid:
+    """Return mass and moments of a cylinder or tube from its dimensions, m.
+
+    The moments are m (D^2 + d^2)/8 about the axis and m (D^2 + d^2)/16 + m l^2/12 across it, with
+    the outer and inner diameters D and d. Either the mass, kg, or the density, kg/m^3, is ``None``.
+    `axis` is "x", "y" or "z".
+    """
+    diameter, length = _length("diameter", diameter), _length("length", length)
+    inner = _inner(inner_diameter, diameter)
+    mass = _mass(mass, density, 0.25 * math.pi * (diameter**2 - inner**2) * length)
+    squares = diameter**2 + inner**2
+    across = mass * (squares / 16.0 + length**2 / 12.0)
+    return _along(axis, mass, mass * squares / 8.0, across)
+
+
+def box(lengths: Number, mass: Number, density: Number) -> Solid:
+    """Return mass and moments of a box from its `lengths` along x, y and z, (3,) m.
+
+    The moment about x is m (b^2 + c^2)/12 for the lengths b and c along y and z. Either the mass,
+    kg, or the density, kg/m^3, is ``None``.
+    """
+    lengths = as_number(lengths)
+    require_shape("lengths", lengths, (3,), "pass three lengths in m, along x, y and z")
+    sides = [_length(f"lengths[{k}]", lengths[k]) for k in range(3)]
+    mass = _mass(mass, density, sides[0] * sides[1] * sides[2])
+    a, b, c = (side**2 for side in sides)
+    return mass, as_numbers([mass * pair / 12.0 for pair in (b + c, c + a, a + b)])
+
+
+def sphere(diameter: Number, mass: Number, density: Number, inner_diameter: Number) -> Solid:
+    """Return mass and moments of a solid or hollow sphere from its diameters, m.
+
+    The moment about every axis is m (D^5 - d^5)/(10 (D^3 - d^3)), with the outer and inner
+    diameters D and d. Either the mass, kg, or the density, kg/m^3, is ``None``.
+    """
+    diameter = _length("diameter", diameter)
+    inner = _inner(inner_diameter, diameter)
+    cubes = diameter**3 - inner**3
+    mass = _mass(mass, density, math.pi * cubes / 6.0)
+    return mass, as_numbers([mass * (diameter**5 - inner**5) / (10.0 * cubes)] * 3)
+
+
+def _along(axis: str, mass: Number, about: Number, across: Number) -> Solid:
+    """Return the solid of revolution about an axis "x", "y" or "z".
+
+    **Arguments:** `mass`: kg; `about`: moment about this axis; `across`: moment about each of the
+    other two, kg m^2.
+    """
+    require(axis in AXES, "axis", axis, f"one of {AXES}", "pass one of these")
+    return mass, as_numbers([about if axis == name else across for name in AXES])
+
+
+def _mass(mass: Number, density: Number, volume: Number) -> Number:
+    """Return the mass, kg, if it is given, otherwise the density, kg/m^3, times the volume, m^3.
+
+    An unusual density gives a warning.
+    """
+    require_one(mass, density)
+    if mass is not None:
+        return _number("mass", mass, "give it in kg")
+    density = _number("density", density, "give it in kg/m^3")
+    remedy = "give it in kg/m^3; clearjoint.densities has some"
+    caution_outside("density", density, "kg/m^3", LIGHTEST, HEAVIEST, remedy)
+    return density * volume
+
+
+def _inner(inner_diameter: Number, diameter: Number) -> Number:
+    """Return the diameter of a hole, m, zero for none, after a check against the outer diameter."""
+    inner = as_number(inner_diameter)
+    require_positive("inner_diameter", inner, METRES, zero=True)
+    expected = "less than the diameter, {1} m"
+    values = inner, diameter
+    require_numbers(lambda d, outer: d < outer, "inner_diameter", values, expected, METRES)
+    return inner
+
+
+def _length(argument: str, value: Number) -> Number:
+    return _number(argument, value, METRES)
+
+
+def _number(argument: str, value: Number, remedy: str) -> Number:
+    """Return a value as an array, (), after a check that it is one positive number."""
+    number = as_number(value)
+    require_positive(argument, number, remedy)
+    return number
+
 
 GROUND = "ground"
 """Name of the fixed body; it is part of every scene but of no state.
@@ -145,12 +290,12 @@ class Body(AbstractReadable):
         long, or for another axis.
         **Warns:** `UnusualValueWarning` for a density outside 10 to 25e3 kg/m^3.
         """
-        solids.require_one(mass, density)
+        require_one(mass, density)
         if diameter is not None:
-            return Body(*solids.cylinder(diameter, length, mass, density, 0.0, axis))
+            return Body(*cylinder(diameter, length, mass, density, 0.0, axis))
         remedy = "pass diameter= in m, or mass= in kg instead of the density"
         require(density is None, "diameter", None, "given with a density", remedy)
-        return Body(*solids.slender_rod(length, mass, axis))
+        return Body(*slender_rod(length, mass, axis))
 
     @staticmethod
     def cylinder(
@@ -182,7 +327,7 @@ class Body(AbstractReadable):
         than the cylinder, unless exactly one of mass and density is given, or for another axis.
         **Warns:** `UnusualValueWarning` for a density outside 10 to 25e3 kg/m^3.
         """
-        return Body(*solids.cylinder(diameter, length, mass, density, inner_diameter, axis))
+        return Body(*cylinder(diameter, length, mass, density, inner_diameter, axis))
 
     @staticmethod
     def box(
@@ -208,7 +353,7 @@ class Body(AbstractReadable):
         density is given.
         **Warns:** `UnusualValueWarning` for a density outside 10 to 25e3 kg/m^3.
         """
-        return Body(*solids.box(lengths, mass, density))
+        return Body(*box(lengths, mass, density))
 
     @staticmethod
     def sphere(
@@ -236,7 +381,7 @@ class Body(AbstractReadable):
         than the sphere, or unless exactly one of mass and density is given.
         **Warns:** `UnusualValueWarning` for a density outside 10 to 25e3 kg/m^3.
         """
-        return Body(*solids.sphere(diameter, mass, density, inner_diameter))
+        return Body(*sphere(diameter, mass, density, inner_diameter))
 
     def gyration_radius(self) -> float:
         """Return the radius of gyration about the centre of mass, m.
@@ -505,3 +650,47 @@ def body_state(
         require_shape(name, getattr(numbers, name), (3,), "pass three numbers")
     require_euler_parameters("orientation", numbers.orientation)
     return numbers
+
+
+MOST_REVOLUTIONS = 2
+"""Number of revolutions above which a warning asks whether the angle is in degrees."""
+
+
+def rotation(axis: TripleLike, angle: Scalar) -> Quadruple:
+    """Return the Euler parameters of a rotation about an axis.
+
+    They suit the arguments `orientation` of bodies, joints and drives.
+
+    ```python
+    import clearjoint as cj
+    import numpy as np
+
+    tilted = cj.rotation(axis=(0, 0, 1), angle=np.radians(30.0))
+    state = cj.State({"arm": cj.body_state((0.5, 0.0, 0.0), orientation=tilted)})
+    drive = cj.PrescribedRotation("ground", "arm", (0, 0, 1), speed=5.0, orientation=tilted)
+    ```
+
+    Scene files use a table instead: ``orientation = {axis = [0, 0, 1], angle = "30 deg"}``.
+
+    **Arguments:**
+
+    - `axis`: (3,), any length. A rotation does not change the components of its axis, so they may
+      be given in the frame before or after the rotation.
+    - `angle`: rad, right-handed.
+
+    **Returns:** (4,) Euler parameters, scalar first. They transform components in the rotated frame
+    to the original frame.
+
+    **Raises:** `ValueError` if the axis has zero length, a number is not finite, or a shape is
+    wrong.
+    **Warns:** `UnusualValueWarning` if the angle exceeds two revolutions.
+    """
+    vector, radians = as_number(axis), as_number(angle)
+    require_axis("axis", vector)
+    require_shape("angle", radians, (), "pass one number in rad")
+    caution_above("angle", abs(radians), "rad", MOST_REVOLUTIONS * 2.0 * math.pi, "give it in rad")
+    # Known numbers stay in NumPy, so that nothing is compiled when a scene is built.
+    numpy = jnp if isinstance(vector, jax.Array) or isinstance(radians, jax.Array) else np
+    direction = vector / numpy.sqrt(vector @ vector)
+    sine, cosine = numpy.sin(0.5 * radians), numpy.cos(0.5 * radians)
+    return numpy.stack([cosine, *(sine * direction[k] for k in range(3))])

@@ -15,13 +15,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ..fields.conversion import AbstractConverting
-from ..fields.declarations import quantity
+from ..fields.objects import AbstractConverting, quantity
 from ..fields.types import Single
-from ..math.functions import polar_angle
-from ..math.smoothing import norm_and_direction
+from ..math.smoothing import norm_and_direction, polar_angle
 from ..math.vectors import Scalar, Vector, square_root
-from .contact.gap import Limit
+from .contact.laws import Limit
 
 
 @jax.tree_util.register_dataclass

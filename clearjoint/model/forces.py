@@ -7,12 +7,10 @@ import equinox as eqx
 from jaxtyping import PyTree
 
 from ..fields.checks import require_euler_parameters, require_numbers, require_point, require_shape
-from ..fields.declarations import quantity
+from ..fields.objects import quantity
 from ..fields.types import ArrayLike, Quadruple, Single, Triple
-from ..math.functions import wrapped
-from ..math.rotation_vectors import RotationVector, rotation_vector
-from ..math.rotations import rotation_matrix
-from ..math.smoothing import norm_and_direction
+from ..math.rotations import RotationVector, rotation_matrix, rotation_vector
+from ..math.smoothing import norm_and_direction, wrapped
 from ..math.vectors import Matrix, Scalar, Vector, pack, unpack
 from .bodies import Wrench
 from .drives.drivers import AbstractDriveAboutAxis, AbstractDriveTorque

@@ -25,10 +25,9 @@ from ..fields.checks import (
     require,
     require_finite,
 )
-from ..fields.conversion import AbstractConverting, on_device
-from ..fields.declarations import quantity
+from ..fields.objects import AbstractConverting, on_device, quantity
 from ..fields.types import ArrayLike, Column
-from ..math.functions import polar_angle
+from ..math.smoothing import polar_angle
 from ..math.vectors import Scalar, library
 
 NEWTON_STEPS = 4

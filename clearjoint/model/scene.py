@@ -7,13 +7,11 @@ import jax
 import numpy as np
 
 from ..fields.cautions import LooseBodyWarning, caution
-from ..fields.checks import caution_above, caution_unless, concrete, named, require
-from ..fields.declarations import optional_quantity
-from ..fields.readable import AbstractReadable
-from ..fields.suggestions import nearest
+from ..fields.checks import caution_above, caution_unless, concrete, named, nearest, require
+from ..fields.objects import AbstractReadable, optional_quantity
 from ..fields.types import Triple, TripleLike
 from .bodies import GROUND, Body
-from .contact.bristles import AbstractBristleFriction
+from .contact.friction import AbstractBristleFriction
 from .contact.laws import AbstractContactLaw
 from .drives.drivers import AbstractDrive
 from .joints.base import AbstractConstraint, AbstractContactJoint, AbstractElement, AbstractForce

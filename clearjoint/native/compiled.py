@@ -14,7 +14,7 @@ from jax.core import Tracer
 from jaxtyping import PyTree
 
 from ..compilation import Compiled
-from ..compilation.tracing import is_tracing
+from ..compilation.xla import is_tracing
 from .functions import FlatArguments, NativeFunction
 from .lowering import UnsupportedPrimitiveError
 

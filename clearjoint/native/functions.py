@@ -12,7 +12,7 @@ from jax.interpreters import partial_eval
 from jaxtyping import PyTree
 from numpy.typing import ArrayLike
 
-from ..compilation.tracing import (
+from ..compilation.xla import (
     begins_a_program,
     collector_at_rest,
     program_is_made_inside,

@@ -16,7 +16,7 @@ from jax.extend import core
 from jax.interpreters import partial_eval
 from jaxtyping import PyTree
 
-from ..compilation.tracing import program_of
+from ..compilation.xla import program_of
 from .cells import Memory, Region, numbers_of
 from .control import borrowed, loop
 from .functions import RULES

@@ -22,7 +22,7 @@ from jax.core import ShapedArray
 from jax.extend import core, source_info_util
 from numpy.typing import ArrayLike
 
-from ..compilation.tracing import CALLS
+from ..compilation.xla import CALLS
 from .cells import Region
 from .elementwise import PARAMETERS, RULES, apply
 from .operations import KINDS, Operations, Symbol, Value

@@ -9,13 +9,12 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import PyTree
 
-from ..fields.conversion import with_arrays
+from ..fields.objects import with_arrays
 from ..fields.types import ArrayLike
 from ..math.vectors import ConstantFolded, fold_constants, unpack
 from ..model.bodies import State
 from ..model.scene import Scene
-from .parameter import Parameter
-from .scales import AbstractScale
+from .parameter import AbstractScale, Parameter
 from .variations import Change, NumberSetter
 
 Coordinates = jax.Array | np.ndarray

@@ -16,8 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from ..fields.checks import as_number, concrete, require
-from ..fields.suggestions import nearest
+from ..fields.checks import as_number, concrete, nearest, require
 
 NumberPath = Callable[[PyTree], PyTree]
 """Function that receives a scene or a state and returns one of its numbers, or several numbers that

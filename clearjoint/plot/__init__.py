@@ -47,11 +47,10 @@ The argument `window` is the start and the end of the drawn time, s; by default 
 >>> limits = cj.fit_horizon(scene, state, unknown, probe, uncertainty={"stiffness": np.log(1.5)})
 """
 
-from ..fields.readable import without_modules as _without_modules
+from ..fields.objects import without_modules as _without_modules
 from . import style as style
 from .animation import animate_journal as animate_journal
 from .animation import journal_frames as journal_frames
-from .energies import energy_ledger as energy_ledger
 from .fits import correlations as correlations
 from .fits import fitted as fitted
 from .fits import growth as growth
@@ -90,6 +89,7 @@ from .sweeps import parameter_map as parameter_map
 from .sweeps import power_law_exponent as power_law_exponent
 from .sweeps import running_median as running_median
 from .time_series import amplitude_spectrum as amplitude_spectrum
+from .time_series import energy_ledger as energy_ledger
 from .time_series import phase_portrait as phase_portrait
 from .time_series import rate_series as rate_series
 from .time_series import series as series

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Annulus, Circle
 
 from ..model.clearance_joints.journal_bases import BASES
-from ..simulation.results.observation import Observation
+from ..simulation.results.observe import Observation
 from .journal import CrossSection, eccentricity_vectors
 from .style import DARK, GREY, LIGHT
 

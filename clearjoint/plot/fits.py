@@ -19,8 +19,7 @@ from ..information.analysis import Identifiability
 from ..information.error_growth import DISTURBANCE
 from ..information.horizon import FitHorizon
 from ..measurements.series import Measurements
-from .labels import scaled
-from .style import BLUE, DARK, GREY, VERMILLION, axes_or_new, draw_lines, dress, lines
+from .style import BLUE, DARK, GREY, VERMILLION, axes_or_new, draw_lines, dress, lines, scaled
 
 
 class FittedModel(Protocol):

@@ -14,10 +14,21 @@ from ..fields.checks import require, require_count
 from ..fields.drawn_text import shown
 from ..model.clearance_joints.journal_bases import BASES
 from ..simulation.results.impact_table import Impacts
-from ..simulation.results.observation import ContactObservation, Observation
+from ..simulation.results.observe import ContactObservation, Observation
 from . import observed
-from .labels import fitting_unit, time_axis, time_unit
-from .style import BLUE, DARK, TimeSpan, axes_or_new, draw_lines, dress, inside, legend_above
+from .style import (
+    BLUE,
+    DARK,
+    TimeSpan,
+    axes_or_new,
+    draw_lines,
+    dress,
+    fitting_unit,
+    inside,
+    legend_above,
+    time_axis,
+    time_unit,
+)
 
 
 def contact_and_reaction(

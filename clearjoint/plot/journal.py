@@ -15,10 +15,20 @@ from ..fields.checks import require
 from ..fields.drawn_text import shown
 from ..fields.types import ArrayLike
 from ..model.clearance_joints.journal_bases import BASES
-from ..simulation.results.observation import Observation
-from .labels import fitting_unit, time_unit
+from ..simulation.results.observe import Observation
 from .observed import contact, contacts, without_twins
-from .style import BLUE, DARK, TimeSpan, axes_or_new, draw_lines, dress, inside, legend_above
+from .style import (
+    BLUE,
+    DARK,
+    TimeSpan,
+    axes_or_new,
+    draw_lines,
+    dress,
+    fitting_unit,
+    inside,
+    legend_above,
+    time_unit,
+)
 from .sweeps import require_names
 
 CrossSection = Mapping[str, ArrayLike]

@@ -8,7 +8,7 @@ from matplotlib.ticker import MultipleLocator
 
 from ..fields.checks import require
 from ..fields.drawn_text import shown
-from ..simulation.results.observation import Observation
+from ..simulation.results.observe import Observation
 from ..simulation.results.solution import Trajectory
 from .observed import named
 from .style import TimeSpan, axes_or_new, draw_lines, dress, inside, legend_above, lines, show

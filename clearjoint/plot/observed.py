@@ -8,10 +8,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..fields.checks import require
+from ..fields.checks import nearest, require
 from ..fields.drawn_text import shown
-from ..fields.suggestions import nearest
-from ..simulation.results.observation import ContactObservation, Observation
+from ..simulation.results.observe import ContactObservation, Observation
 
 T = TypeVar("T")
 

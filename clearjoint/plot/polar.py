@@ -17,11 +17,10 @@ from scipy.stats import binned_statistic
 from ..fields.checks import require, require_count
 from ..fields.drawn_text import shown
 from ..model.clearance_joints.journal_bases import BASES
-from ..simulation.results.observation import Observation
+from ..simulation.results.observe import Observation
 from .journal import CrossSection, eccentricity_vectors, observed_clearance
-from .labels import fitting_unit
 from .observed import contact, without_twins
-from .style import BLUE, DARK, LIGHT, VERMILLION, legend_above, polar_or_new
+from .style import BLUE, DARK, LIGHT, VERMILLION, fitting_unit, legend_above, polar_or_new
 from .sweeps import require_names
 
 BAR_STYLES = (

@@ -17,8 +17,18 @@ from ..fields.drawn_text import shown
 from ..simulation.results.solution import Crossings
 from ..simulation.run.sections import Section
 from .journal import clearance_circle
-from .labels import fitting_unit, scale_axes, scaled, tick_logarithm
-from .style import BLUE, DARK, LIGHT, axes_or_new, dress, legend_above
+from .style import (
+    BLUE,
+    DARK,
+    LIGHT,
+    axes_or_new,
+    dress,
+    fitting_unit,
+    legend_above,
+    scale_axes,
+    scaled,
+    tick_logarithm,
+)
 from .sweeps import is_successful, mark_failed, only_axis, require_names
 
 

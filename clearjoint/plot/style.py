@@ -1,16 +1,20 @@
-"""Colours and line styles of all figures, and functions that give figures the same look."""
+"""Look of all figures: colours, line styles, labels, units with SI prefixes, and scales."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import cycle
+from typing import NamedTuple
 
 import matplotlib.pyplot as plt
 import numpy as np
+import xarray as xr
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.projections.polar import PolarAxes
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 
 from ..fields.checks import require
-from ..fields.drawn_text import broken
+from ..fields.drawn_text import broken, shown
 from ..fields.types import ArrayLike
 
 BLUE, VERMILLION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
@@ -139,3 +143,196 @@ def inside(times: np.ndarray, window: TimeSpan | None) -> np.ndarray:
     expected, remedy = "an interval with observed times", "widen it, or observe at more instants"
     require(window is None or mask.any(), "window", window, expected, remedy)
     return mask
+
+
+PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
+"""SI prefixes by their power of ten."""
+PREFIXED = ("m", "s", "N", "J", "W", "Pa", "Hz", "rad", "N s")
+"""Units that take a prefix, also as the numerator of a quotient: mm/s."""
+GEOMETRIC = 1e-6
+"""Largest relative difference of the ratios of successive values in a geometric series, which
+allows for rounding errors."""
+
+
+class ScaledValues(NamedTuple):
+    """Numbers to draw in a unit with a prefix.
+
+    - `values`: the data in the SI unit, times `factor`; same shape as the data.
+    - `label`: text of the axis: name and unit with prefix, such as "force, kN".
+    - `factor`: from the SI unit to the drawn unit.
+    """
+
+    values: np.ndarray
+    label: str
+    factor: float
+
+
+def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
+    """Convert data to the unit with the SI prefix that brings the largest value between 1 and 1000,
+    and make the label of their axis.
+
+    Prefixes are from n to M, but metres, seconds and radians get neither k nor M. Units that are
+    not in `PREFIXED` stay as they are.
+
+    **Arguments:**
+
+    - `data`: any shape, with its SI unit in ``attrs["units"]``; without it, "1".
+    - `present`: label of the axes, such as "force, kN", if these already show other data; empty
+      for new axes. The unit of this label is then used, and the new label has both names.
+
+    **Raises:** `ValueError` if the label's unit is not that of the data with some prefix.
+    """
+    values = np.asarray(data.values, dtype=float)
+    si = data.attrs.get("units", "1")
+    exponent, unit = _prefixed(values, si)
+    name = shown(str(data.name).replace("_", " "))
+    if present:  # both data have one axis, and thus one prefix
+        names, exponent, unit = _present_unit(present.replace("\n", " "), si)
+        name = names if name in names.split(", ") else f"{names}, {name}"
+    factor = 10.0**-exponent
+    return ScaledValues(values * factor, name if unit == "1" else f"{name}, {unit}", factor)
+
+
+def _present_unit(label: str, unit: str) -> tuple[str, int, str]:
+    """Split an axis label such as "force, kN" into names ("force"), power of ten of the prefix (3)
+    and unit with prefix ("kN").
+
+    **Arguments:** `unit`: SI unit of the data that are added to the axis, without prefix.
+
+    **Raises:** `ValueError` for a label with another unit.
+    """
+    text = unit.replace("^2", "²").replace("^3", "³")
+    if text == "1":
+        return label, 0, text
+    names, _, prefixed = label.rpartition(", ")
+    exponents = {PREFIXES[exponent] + text: exponent for exponent in PREFIXES}
+    expected, remedy = f"of an axis with the unit of {label!r}", "draw it into new axes"
+    require(prefixed in exponents, "axes", unit, expected, remedy)
+    return names, exponents[prefixed], prefixed
+
+
+def legend_label(dataset: xr.Dataset, variable: str, axis: str) -> str:
+    """Return the legend's text for an output of a sweep, such as "peak force, clearance 0.2 mm".
+
+    The text has the output's name, and the name and value of each swept parameter of which a single
+    value is selected in the data set, since the curve belongs to these values.
+
+    **Arguments:** `variable`: name of the output; `axis`: name of the drawn axis.
+    """
+    texts = [shown(variable.replace("_", " "))]
+    for name, coordinate in dataset.coords.items():
+        if coordinate.ndim == 0 and name != axis:  # a single value is selected
+            value, label, _ = scaled(coordinate)
+            has_unit = coordinate.attrs.get("units", "1") != "1"
+            title, _, unit = label.rpartition(", ") if has_unit else (label, "", "")
+            texts.append(f"{title} {float(value):.4g} {unit}".strip())
+    return ", ".join(texts)
+
+
+def fitting_unit(values: np.ndarray, unit: str) -> tuple[float, str]:
+    """Choose the prefix that brings the largest of `values` (any shape, in the SI unit `unit`)
+    between 1 and 1000; forces are in N if all are below 10 kN, else in kN.
+
+    Prefixes are from n to M, but metres, seconds and radians get neither k nor M. Units that are
+    not in `PREFIXED` stay as they are.
+
+    **Returns:** the factor from the SI unit to the unit with prefix, and the latter's text.
+    """
+    if unit == "N":
+        largest = np.abs(values).max(initial=0.0)
+        return (1e-3, "kN") if largest >= 1e4 else (1.0, "N")
+    exponent, text = _prefixed(np.asarray(values, dtype=float), unit)
+    return 10.0**-exponent, text
+
+
+def time_unit(times: np.ndarray, window: TimeSpan | None = None) -> tuple[float, str]:
+    """Choose the unit of a time axis: ms if all times are below 2 s, else s.
+
+    **Arguments:** `times`: (N,) s; `window`: start and end, s, considered instead of `times`.
+
+    **Returns:** the factor from s to the unit, and the unit's text.
+    """
+    last = np.abs(np.asarray(times if window is None else window, dtype=float)).max(initial=0.0)
+    return (1e3, "ms") if last < 2.0 else (1.0, "s")
+
+
+def time_axis(
+    axes: Axes, times: np.ndarray, window: TimeSpan | None
+) -> tuple[np.ndarray, np.ndarray, str]:
+    """Prepare a time axis, and limit it to a window if one is given.
+
+    **Arguments:** `times`: (N,) s, increasing; `window`: start and end of the drawn time, s.
+
+    **Returns:** mask (N,) of the times to draw, these times (n,) in ms or s, and the axis label.
+    """
+    factor, unit = time_unit(times, window)
+    scaled_window = None if window is None else (factor * window[0], factor * window[1])
+    mask = show(axes, np.asarray(times) * factor, scaled_window)
+    return mask, np.asarray(times)[mask] * factor, f"time, {unit}"
+
+
+def _prefixed(values: np.ndarray, unit: str) -> tuple[int, str]:
+    """Return the power of ten of the prefix that brings the largest finite value between 1 and
+    1000, and the text of the unit with this prefix.
+
+    The power is 0 for units without prefix and if all values are zero. It is limited by `PREFIXES`,
+    and to at most 0 for metres, seconds and radians.
+    """
+    text = unit.replace("^2", "²").replace("^3", "³")
+    first = unit.split("/")[0]  # a prefix scales the numerator: mm/s for m/s
+    largest = np.abs(values[np.isfinite(values)]).max(initial=0.0)
+    if first not in PREFIXED or largest == 0.0:
+        return 0, text
+    highest = 0 if first in ("m", "s", "rad") else max(PREFIXES)  # no kilometres or kiloseconds
+    exponent = int(np.clip(3 * np.floor(np.log10(largest) / 3), min(PREFIXES), highest))
+    return exponent, PREFIXES[exponent] + text
+
+
+def suits_logarithm(values: np.ndarray, swept: bool = False) -> bool:
+    """Return whether an axis for values (any shape) should be logarithmic.
+
+    All finite values must be positive, and the largest must exceed 12 times the smallest, or, for
+    the values of a `swept` parameter, they must form a geometric series.
+    """
+    finite = values[np.isfinite(values)]
+    if finite.size == 0 or finite.min() <= 0.0:
+        return False
+    if finite.max() > 12.0 * finite.min():  # a little more than a decade
+        return True
+    distinct = np.unique(finite)
+    if not swept or len(distinct) < 3:
+        return False
+    # A geometric series has equal ratios and unequal differences.
+    ratios, steps = np.diff(np.log(distinct)), np.diff(distinct)
+    equal = np.ptp(ratios) <= GEOMETRIC * ratios.mean()
+    return bool(equal and np.ptp(steps) > GEOMETRIC * steps.mean())
+
+
+def scale_axes(axes: Axes, x: np.ndarray, y: np.ndarray, swept: str = "x") -> None:
+    """Make the x and the y axis logarithmic where their values suit, see `suits_logarithm`, and
+    linear where some value is not positive; otherwise keep the scale.
+
+    **Arguments:** `x`, `y`: drawn values, any shape; `swept`: letters of the axes that show swept
+    parameters, "x", "y" or "xy".
+    """
+    for letter, axis, values in (("x", axes.xaxis, x), ("y", axes.yaxis, y)):
+        if suits_logarithm(values, letter in swept):
+            axes.set(**{f"{letter}scale": "log"})
+            tick_logarithm(axis, values)
+        elif bool((values <= 0.0).any()):
+            axes.set(**{f"{letter}scale": "linear"})
+
+
+def tick_logarithm(axis: Axis, values: np.ndarray) -> None:
+    """Set the ticks of a logarithmic axis for positive values (any shape), as numbers like 0.2.
+
+    Ticks are at equal distances if the largest value is at most 5 times the smallest, at 1, 2 and 5
+    times powers of ten up to 500 times, and matplotlib's own, at powers of ten, above.
+    """
+    finite = values[np.isfinite(values)]
+    if finite.max() < 500.0 * finite.min():
+        few = finite.max() <= 5.0 * finite.min()
+        equal = MaxNLocator(5, steps=[1, 2, 2.5, 5, 10])
+        axis.set_major_locator(equal if few else LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axis.set_minor_formatter(NullFormatter())

@@ -11,8 +11,19 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.patches import Patch
 
 from ..fields.checks import require
-from .labels import legend_label, scale_axes, scaled, suits_logarithm, tick_logarithm
-from .style import VERMILLION, axes_or_new, dress, inside, legend_above, next_colour
+from .style import (
+    VERMILLION,
+    axes_or_new,
+    dress,
+    inside,
+    legend_above,
+    legend_label,
+    next_colour,
+    scale_axes,
+    scaled,
+    suits_logarithm,
+    tick_logarithm,
+)
 
 
 def is_successful(dataset: xr.Dataset) -> xr.DataArray:

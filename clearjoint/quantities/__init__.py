@@ -19,7 +19,7 @@ their units. They compare by value, so that a program is not compiled again for 
 | other | a function of an `Instant`, with an explicit unit |
 """
 
-from ..fields.readable import without_modules as _without_modules
+from ..fields.objects import without_modules as _without_modules
 from .accelerometer import AccelerometerReading as AccelerometerReading
 from .base import AbstractQuantity as AbstractQuantity
 from .base import Component as Component

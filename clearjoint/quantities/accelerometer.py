@@ -10,8 +10,14 @@ import equinox as eqx
 import numpy as np
 
 from ..fields.cautions import quiet
-from ..fields.checks import as_number, require, require_axis, require_point, require_positive
-from ..fields.suggestions import nearest
+from ..fields.checks import (
+    as_number,
+    nearest,
+    require,
+    require_axis,
+    require_point,
+    require_positive,
+)
 from ..fields.types import TripleLike
 from ..math.rotations import unit
 from ..math.vectors import Scalar
@@ -19,8 +25,7 @@ from ..model.bodies import Body, BodyState, State, body_state
 from ..model.forces import SpringDamper
 from ..model.joints.ideal import PrismaticJoint
 from ..model.scene import Scene
-from .base import AbstractQuantity, require_known
-from .instant import Instant
+from .base import AbstractQuantity, Instant, require_known
 
 ARM = 1e-2
 """Free length of the spring, m. It is much longer than the deflections, which are micrometres."""

@@ -17,6 +17,7 @@ from .base import (
     AbstractQuantity,
     Axes,
     Component,
+    Instant,
     Numbers,
     as_axes,
     as_component,
@@ -26,7 +27,6 @@ from .base import (
     optional_numbers,
     require_known,
 )
-from .instant import Instant
 
 
 class AbstractBodyQuantity(AbstractQuantity):

@@ -22,6 +22,7 @@ from .base import (
     AbstractQuantity,
     Axes,
     Component,
+    Instant,
     as_axes,
     as_component,
     component_or_magnitude,
@@ -29,7 +30,6 @@ from .base import (
     one_of,
     require_known,
 )
-from .instant import Instant
 
 
 class AbstractJointQuantity(AbstractQuantity):

@@ -18,9 +18,8 @@ import jax
 import numpy as np
 from jaxtyping import PyTree
 
-from ..fields.checks import require
-from ..fields.readable import AbstractReadable
-from ..fields.suggestions import nearest
+from ..fields.checks import nearest, require
+from ..fields.objects import AbstractReadable
 from ..model.bodies import BodyState, body_state
 from ..quantities.base import AbstractQuantity, Quantity
 from .locations import FileLocation, listed

@@ -15,10 +15,9 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Float, PyTree
 
-from ..fields.checks import as_number
-from ..fields.suggestions import nearest
-from ..measurements.units import to_si
-from ..model.orientations import rotation
+from ..fields.checks import as_number, nearest
+from ..measurements.series import to_si
+from ..model.bodies import rotation
 from .classes import (
     ANYTHING,
     CHECKED,

@@ -20,19 +20,17 @@ import numpy as np
 from jaxtyping import PyTree
 
 from ..fields.cautions import NotCarriedOverWarning, caution
-from ..fields.suggestions import nearest
+from ..fields.checks import nearest
 from ..fields.types import TripleLike
 from ..model.bodies import GROUND, Body, State, body_state
-from ..model.clearance_joints.axial import FixedAxially
 from ..model.clearance_joints.backlash import Backlash
-from ..model.clearance_joints.clearance import ClearanceJoint
+from ..model.clearance_joints.clearance import ClearanceJoint, FixedAxially
 from ..model.joints.base import AbstractConstraint, AbstractContactJoint
 from ..model.joints.ideal import FixedJoint, PrismaticJoint, RevoluteJoint
 from ..model.scene import Scene
 from .classes import Expectation, arguments
 from .files import FilePath
-from .formats import read_bytes
-from .locations import FileLocation, listed
+from .locations import FileLocation, listed, read_bytes
 from .reading import Reader
 
 if TYPE_CHECKING:

@@ -22,14 +22,13 @@ from typing_extensions import Unpack
 
 from ..export.labelled import Labelled, labelled_dataset, texts
 from ..fields.checks import require, require_count, require_positive
-from ..fields.conversion import with_arrays
+from ..fields.objects import with_arrays
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..simulation.step.settings import Settings
-from ..sweeps.outputs import Output
+from ..sweeps.layout import Output
 from ..sweeps.sweep import SweepOptions, sweep
-from .ensemble import DISTURBANCE, number_failed, scalar_outputs
-from .starts import directions, disturbed_axes
+from .ensemble import DISTURBANCE, directions, disturbed_axes, number_failed, scalar_outputs
 from .uncertain import Uncertain, check_confidence, check_uncertain
 
 if TYPE_CHECKING:

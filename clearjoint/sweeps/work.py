@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..result_codes import RESULTS, result_number
+from ..simulation.lanes.lane import Common, Task
 from ..simulation.lanes.scheduler import Batch, Ended, Running
-from ..simulation.lanes.tasks import Common, Task
-from ..simulation.results.state_tables import STATE_PARTS
+from ..simulation.results.solution import STATE_PARTS
 from .layout import RESULT, LaneArrays, Variable
 
 CONTACT = "contact"
@@ -74,7 +74,7 @@ class Work:
 
     def _results(self, ended: Ended) -> LaneArrays:
         """Return the results of lanes that have ended, arrays (lanes, ...) by variable."""
-        # Names are those of `clearjoint.sweeps.descriptions.variables_of`.
+        # Names are those of `clearjoint.sweeps.sweep.variables_of`.
         outcome = ended.outcome
         results: LaneArrays = {
             RESULT: result_number(outcome.result),

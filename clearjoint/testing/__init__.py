@@ -5,15 +5,15 @@ motions of bodies for these checks. `native_seconds` returns the time that this 
 compile native programs.
 """
 
-from ..fields.readable import without_modules as _without_modules
+from ..fields.objects import without_modules as _without_modules
 from .conformance import check_bristles as check_bristles
 from .conformance import check_constraint as check_constraint
 from .conformance import check_friction as check_friction
 from .conformance import check_law as check_law
 from .contact_joints import check_contact_joint as check_contact_joint
+from .continuity import moving as moving
 from .films import check_film as check_film
 from .force_conformance import check_force as check_force
-from .moving_bodies import moving as moving
 from .native_times import native_seconds as native_seconds
 
 __dir__ = _without_modules(globals())

@@ -18,13 +18,10 @@ from jaxtyping import Float, PyTree
 from ..dynamics.multipliers import row_rate
 from ..math.vectors import Condition, Scalar, Vector, unpack
 from ..model.bodies import Motion
-from ..model.contact.bristles import AbstractBristleFriction
-from ..model.contact.friction import AbstractFriction
-from ..model.contact.gap import Gap
-from ..model.contact.laws import UNKNOWN_ENTRY_SPEED, AbstractContactLaw
+from ..model.contact.friction import AbstractBristleFriction, AbstractFriction
+from ..model.contact.laws import UNKNOWN_ENTRY_SPEED, AbstractContactLaw, Gap
 from ..model.joints.base import AbstractConstraint
-from .continuity import jumps
-from .moving_bodies import moved
+from .continuity import jumps, moved
 
 DEPTHS = (-1e-3, -1e-9, 0.0, 1e-12, 1e-8, 1e-6, 1e-5)
 """Penetrations at which laws are tested, m; gaps are negative."""

@@ -1,11 +1,15 @@
-"""Find jumps of scalar functions in intervals, such as those of a force law over the depth."""
+"""Motions of bodies for checks, and jumps of scalar functions in intervals."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Float
+
+from ..math.rotations import normalised, rotation_matrix
+from ..math.vectors import EulerParameters, Vector
+from ..model.bodies import Motion
 
 PIECES = 64
 """Number of pieces into which each interval is divided."""
@@ -86,3 +90,49 @@ def jumps(
     # Of the pieces of each interval, the one with the largest jump.
     largest = jnp.argmax(jnp.abs(sizes), axis=0)[None]
     return Jumps(*(jnp.take_along_axis(rows, largest, axis=0)[0] for rows in (sizes, positions)))
+
+
+def moving(
+    position: Sequence[float],
+    orientation: Sequence[float],
+    velocity: Sequence[float],
+    spin: Sequence[float],
+) -> Motion:
+    """Return the motion of a body, for `check_constraint`, `check_force` and `check_contact_joint`.
+
+    **Arguments:**
+
+    - `position`: (3,) m, of the centre of mass, in global axes.
+    - `orientation`: (4,) Euler parameters, scalar first, of any length except zero.
+    - `velocity`: (3,) m/s, of the centre of mass, in global axes.
+    - `spin`: (3,) rad/s, angular velocity in body axes.
+
+    >>> arm = testing.moving((0.5, 0, 0), (1, 0, 0, 0), velocity=(0, 1, 0), spin=(0, 0, 2))
+    >>> arm.spin.z
+    2
+    """
+    parameters = normalised(EulerParameters(*orientation))
+    return Motion(Vector(*position), rotation_matrix(parameters), Vector(*velocity), Vector(*spin))
+
+
+def moved(motions: Mapping[str, Motion], time: float) -> dict[str, Motion]:
+    """Return the motions of bodies, by name, `time` seconds later, if their velocities in global
+    axes and their angular velocities (spins) in body axes stay constant. Checks compare time
+    derivatives with differences of such motions."""
+    return {
+        name: Motion(
+            motion.position + motion.velocity * time,
+            motion.rotation @ rotation_matrix(_exponential(motion.spin * time)),
+            motion.velocity,
+            motion.spin,
+        )
+        for name, motion in motions.items()
+    }
+
+
+def _exponential(angle: Vector) -> EulerParameters:
+    """Return the Euler parameters of a rotation given by its rotation vector `angle`, rad: its
+    direction is the axis, its length the angle."""
+    size = jnp.sqrt(angle.dot(angle)) + 1e-300  # no division by zero without rotation
+    scale = jnp.sin(0.5 * size) / size
+    return EulerParameters(jnp.cos(0.5 * size), angle.x * scale, angle.y * scale, angle.z * scale)

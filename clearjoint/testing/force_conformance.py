@@ -7,12 +7,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ..fields.conversion import on_device
+from ..fields.objects import on_device
 from ..math.vectors import Scalar, Vector, pack, unpack
 from ..model.bodies import Motion, Wrench
 from ..model.joints.base import AbstractForce
 from .conformance import ensure
-from .moving_bodies import moved
+from .continuity import moved
 
 STEP = 1e-5
 """Step of the central differences of the stored energy, s, at which their errors are well below the

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..model.clearance_joints.journal_bases import axial_positions
-from ..simulation.results.observation import MotionMode, Observation
+from ..simulation.results.observe import MotionMode, Observation
 from . import meshes
-from .parts import FORCE, LOAD, DrawnPart, between
+from .meshes import FORCE, LOAD, DrawnPart, between
 from .proportions import Proportions
 from .sketching import SketchingPen
 

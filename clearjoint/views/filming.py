@@ -19,9 +19,8 @@ from matplotlib.patches import Patch
 
 from ..fields.checks import require
 from ..fields.drawn_text import literal, shown
-from .meshes import Mesh, needed
+from .meshes import DrawnPart, Mesh, needed
 from .page import Legend
-from .parts import DrawnPart
 from .proportions import WIDE, Camera, in_perspective
 
 LIGHT = np.array([0.35, 0.55, 0.75])

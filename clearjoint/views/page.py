@@ -15,8 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .meshes import needed
-from .parts import MODES, DrawnPart
+from .meshes import MODES, DrawnPart, needed
 from .proportions import FIELD_OF_VIEW, Camera
 
 

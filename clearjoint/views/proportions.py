@@ -15,8 +15,7 @@ from ..fields.checks import require, require_positive
 from ..model.bodies import Body
 from ..model.scene import Scene
 from ..model.survey import SurveyingPen
-from .meshes import frame_about
-from .parts import FORCE, LOAD, DrawnPart, corners
+from .meshes import FORCE, LOAD, DrawnPart, corners, frame_about
 from .poses import BodyPoses
 
 BORE = 2.4

@@ -21,8 +21,19 @@ from ..model.pen import AbstractPen, Marker
 from ..model.profiles import AbstractProfile
 from ..model.scene import Scene
 from . import meshes
-from .meshes import Mesh, frame_about, frames, pose_at
-from .parts import BODIES, CLEAR, GROUND_COLOUR, METAL, DrawnPart, between, still
+from .meshes import (
+    BODIES,
+    CLEAR,
+    GROUND_COLOUR,
+    METAL,
+    DrawnPart,
+    Mesh,
+    between,
+    frame_about,
+    frames,
+    pose_at,
+    still,
+)
 from .poses import BodyPoses
 from .proportions import Proportions, equivalent_solid
 

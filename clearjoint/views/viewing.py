@@ -16,13 +16,11 @@ from ..model.bodies import State
 from ..model.scene import Scene
 from ..model.survey import survey
 from ..simulation.results.nonsmooth_solution import NonsmoothSolution
-from ..simulation.results.observation import MotionMode, Observation
-from ..simulation.results.observe import observe
+from ..simulation.results.observe import MotionMode, Observation, observe
 from ..simulation.results.solution import Solution, Trajectory
 from .arrows import MODE_NAMES, Arrows, arrows, coloured_by_mode, newtons
-from .meshes import Mesh, MeshLike, given_mesh
+from .meshes import FORCE, LOAD, MODES, DrawnPart, Mesh, MeshLike, given_mesh
 from .page import Legend, page
-from .parts import FORCE, LOAD, MODES, DrawnPart
 from .poses import BodyPoses, body_poses, initial_state, instants_to_show, require_bodies
 from .proportions import Camera, Proportions, camera, proportions
 from .sketching import colours, sketch

@@ -17,14 +17,12 @@ import clearjoint as cj
 from clearjoint.command_line import fitting, reports, running, wearing
 from clearjoint.command_line.endings import understandable
 from clearjoint.command_line.folders import read_run
-from clearjoint.command_line.paths import find_path
 from clearjoint.command_line.program import clearjoint
 from clearjoint.command_line.reports import lane_table
-from clearjoint.command_line.study import read_study
-from clearjoint.command_line.study_parts import study_schema
+from clearjoint.command_line.study import find_path, read_study, study_schema
 from clearjoint.command_line.sweeping import sweep_axes
 from clearjoint.scene_files.locations import FileLocation, keys_of, written
-from clearjoint.simulation.run import host_run, interruptions
+from clearjoint.simulation.run import host_run, progress_bars
 from tests.support.dropped_rod import dropped_rod
 
 STUDY = """
@@ -392,7 +390,7 @@ def read_times(**options):
 def test_the_first_interruption_waits_and_the_second_does_not():
     import signal
 
-    with interruptions.interruptions_deferred() as stopped:
+    with progress_bars.interruptions_deferred() as stopped:
         assert not stopped()
         signal.raise_signal(signal.SIGINT)
         assert stopped()

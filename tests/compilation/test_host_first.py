@@ -8,7 +8,7 @@ import pytest
 import clearjoint as cj
 from clearjoint.compilation import HostFirst
 from clearjoint.dynamics import assembly, constraint_report, journals
-from clearjoint.math.functions import cosine, polar_angle, sine, where
+from clearjoint.math.smoothing import cosine, polar_angle, sine, where
 from clearjoint.simulation.run.run_checks import check_structure
 from studies.benchmark.first_calls import four_bar
 

@@ -6,7 +6,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.compilation import package_code
-from clearjoint.fields import declarations
+from clearjoint.fields import objects
 from clearjoint.model.contact import laws
 from clearjoint.simulation.step import step_length, stepping
 
@@ -52,9 +52,9 @@ def test_replaced_code_is_noticed(state, replaced, monkeypatch):
 
 
 def test_new_constants_in_dictionaries_and_new_attributes_are_noticed(state, monkeypatch):
-    name = next(iter(declarations._COUNTS))
+    name = next(iter(objects._COUNTS))
     with monkeypatch.context() as patch:
-        patch.setitem(declarations._COUNTS, name, None)
+        patch.setitem(objects._COUNTS, name, None)
         with pytest.raises(package_code.ChangedCodeError):
             package_code.source_digest()
     state.changed = False

@@ -18,7 +18,7 @@ import pytest
 import clearjoint as cj
 from clearjoint.compilation.plain_values import NotPlainError, digest_of
 from clearjoint.math.groups import GroupName
-from clearjoint.simulation.results.observation import MotionMode
+from clearjoint.simulation.results.observe import MotionMode
 
 
 def test_data_differ_by_type_and_value():

@@ -17,13 +17,18 @@ from scipy.spatial.transform import Rotation
 import clearjoint as cj
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.grouping import condensing as grouping
-from clearjoint.dynamics.grouping.condensing import condensed, groups, whole
-from clearjoint.dynamics.grouping.coordinates import GroupedMotions, summed_wrenches
+from clearjoint.dynamics.grouping.condensing import (
+    GroupedMotions,
+    condensed,
+    groups,
+    summed_wrenches,
+    whole,
+)
 from clearjoint.dynamics.system import System
 from clearjoint.math.groups import GroupName, by_group, by_name, each
 from clearjoint.math.vectors import Vector, fold_constants, unpack
 from clearjoint.simulation.run import host_run as running
-from clearjoint.simulation.run.segments import begin, segment
+from clearjoint.simulation.run.host_run import begin, segment
 from clearjoint.simulation.step.method import Scheme
 from clearjoint.simulation.step.step_state import Variables
 from clearjoint.simulation.step.stepping import attempt, start

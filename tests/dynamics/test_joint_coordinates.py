@@ -14,7 +14,7 @@ from clearjoint.dynamics import equations_of_motion as dynamics
 from clearjoint.dynamics.constraint_report import constraint_report
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.system import System
-from clearjoint.fields.declarations import quantity
+from clearjoint.fields.objects import quantity
 from clearjoint.math.rotations import conjugate, rotation_matrix, unit
 from clearjoint.math.vectors import EulerParameters, fold_constants, pack, unpack
 from clearjoint.mechanisms import bricard, double_four_bar

@@ -9,9 +9,9 @@ import xarray as xr
 
 import clearjoint as cj
 from clearjoint.dynamics.formulation import Formulation
-from clearjoint.export.provenance import setting_notes
+from clearjoint.export.labelled import setting_notes
 from clearjoint.simulation.results.nonsmooth_solution import ContactTotals
-from clearjoint.simulation.results.observation import AccelerationSeries, ContactObservation, Load
+from clearjoint.simulation.results.observe import AccelerationSeries, ContactObservation, Load
 from clearjoint.simulation.run.sections import with_units
 
 COUNT = 5

@@ -8,7 +8,7 @@ import pytest
 import clearjoint as cj
 from clearjoint.extend import optional_quantity, quantity, require_axis
 from clearjoint.fields.checks import recheck
-from clearjoint.fields.conversion import AbstractConverting
+from clearjoint.fields.objects import AbstractConverting
 
 
 class Part(AbstractConverting):

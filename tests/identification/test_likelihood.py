@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.identification import likelihood
-from clearjoint.identification.likelihood import RISE
+from clearjoint.identification import checking
+from clearjoint.identification.checking import RISE
 from clearjoint.identification.residuals import RunMisfit
 
 NOWHERE = np.array([np.inf, np.inf])
@@ -28,22 +28,22 @@ COVARIANCE = np.array([[0.04, 0.018], [0.018, 0.01]])
 
 def test_points_lie_whole_standard_errors_away():
     """Along a parameter where the other one follows it: its own offset is the standard error."""
-    offsets = likelihood.displacements(COVARIANCE, NOWHERE, np.random.default_rng(0))
+    offsets = checking.displacements(COVARIANCE, NOWHERE, np.random.default_rng(0))
     distances = np.sqrt(np.einsum("np,pq,nq->n", offsets, np.linalg.inv(COVARIANCE), offsets))
-    np.testing.assert_allclose(distances[:24], np.tile(np.abs(likelihood.STEPS), 4))
-    np.testing.assert_allclose(offsets[:6, 0], 0.2 * np.array(likelihood.STEPS))
-    np.testing.assert_allclose(offsets[6:12, 1], 0.1 * np.array(likelihood.STEPS))
-    assert len(offsets) == 24 + 2 * likelihood.DRAWN
-    near = likelihood.displacements(COVARIANCE, np.array([0.05, 1.0]), np.random.default_rng(0))
+    np.testing.assert_allclose(distances[:24], np.tile(np.abs(checking.STEPS), 4))
+    np.testing.assert_allclose(offsets[:6, 0], 0.2 * np.array(checking.STEPS))
+    np.testing.assert_allclose(offsets[6:12, 1], 0.1 * np.array(checking.STEPS))
+    assert len(offsets) == 24 + 2 * checking.DRAWN
+    near = checking.displacements(COVARIANCE, np.array([0.05, 1.0]), np.random.default_rng(0))
     assert np.abs(near[:, 0]).max() <= 0.05 + 1e-12
-    blind = likelihood.displacements(COVARIANCE, np.array([0.0, 1.0]), np.random.default_rng(0))
+    blind = checking.displacements(COVARIANCE, np.array([0.0, 1.0]), np.random.default_rng(0))
     assert len(blind) == 0
 
 
 @pytest.mark.parametrize(("bend", "passed"), [(0.0, True), (0.02, True), (1.0, False)])
 def test_a_linear_model_passes_and_a_bent_one_does_not(bend, passed):
     jacobian = jacobian_of(COVARIANCE)
-    offsets = likelihood.displacements(COVARIANCE, NOWHERE, np.random.default_rng(0))
+    offsets = checking.displacements(COVARIANCE, NOWHERE, np.random.default_rng(0))
     residuals = np.random.default_rng(1).standard_normal((1, 40))
     orthogonal = np.linalg.qr(jacobian[0])[0]
     residuals = residuals - residuals @ orthogonal @ orthogonal.T
@@ -52,13 +52,13 @@ def test_a_linear_model_passes_and_a_bent_one_does_not(bend, passed):
     size = np.sqrt((linear**2).sum(axis=(1, 2), keepdims=True))
     moved = residuals + linear + bend * late * np.sin(3.0 * size)
     near = np.ones(len(offsets), bool)
-    test = likelihood.tested(residuals, jacobian, offsets, moved, np.arange(40.0), near)
+    test = checking.tested(residuals, jacobian, offsets, moved, np.arange(40.0), near)
     np.testing.assert_allclose(test.predicted, (linear**2).sum(axis=(1, 2)))
     assert test.passed == passed
     assert math.isinf(test.horizon) == passed
     if not passed:
         assert 20.0 <= test.horizon < 30.0
-        quiet = likelihood.tested(residuals, jacobian, offsets, moved, np.arange(40.0), ~near)
+        quiet = checking.tested(residuals, jacobian, offsets, moved, np.arange(40.0), ~near)
         assert not quiet.passed and math.isinf(quiet.horizon)
 
 
@@ -98,7 +98,7 @@ class Rough:
 
     def intervals(self, start, generator):
         found = self.descend(np.array([start]))
-        explored = likelihood.explore(
+        explored = checking.explore(
             self.chi_squared,
             self.descend,
             found,

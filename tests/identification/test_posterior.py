@@ -11,7 +11,7 @@ import pytest
 from scipy.stats import kstest, norm
 
 import clearjoint as cj
-from clearjoint.identification.posterior.modes import modes
+from clearjoint.identification.posterior.posterior import modes
 from clearjoint.identification.posterior.tempering import (
     Target,
     draw,

@@ -13,7 +13,7 @@ from clearjoint.dynamics.contact_forces import contact_wrenches
 from clearjoint.math.rotations import rotation_matrix
 from clearjoint.math.vectors import EulerParameters, Vector, unpack
 from clearjoint.model.bodies import Motion
-from clearjoint.model.contact.gap import Gap
+from clearjoint.model.contact.laws import Gap
 from clearjoint.model.joints.base import AbstractContactJoint
 from clearjoint.testing import check_constraint, check_contact_joint, moving
 

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
-from clearjoint.math.rotation_vectors import rotation_vector
+from clearjoint.math.rotations import rotation_vector
 from clearjoint.math.vectors import Matrix, Vector, pack, unpack
 from clearjoint.testing import moving
 

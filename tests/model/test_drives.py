@@ -9,7 +9,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.dynamics.breakpoints import drivers_are_smooth
-from clearjoint.fields.declarations import quantity
+from clearjoint.fields.objects import quantity
 
 Z = (0.0, 0.0, 1.0)
 ORIGIN = (0.0, 0.0, 0.0)

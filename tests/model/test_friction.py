@@ -7,7 +7,7 @@ import pytest
 
 from clearjoint.frictions import Ambrosio, RegularisedCoulomb
 from clearjoint.math.vectors import Vector, pack
-from clearjoint.model.contact.gap import slip_velocity
+from clearjoint.model.contact.laws import slip_velocity
 
 MU, LOAD = 0.3, 1500.0
 LAWS = (

@@ -8,7 +8,7 @@ import pytest
 import clearjoint as cj
 from clearjoint.math.vectors import fold_constants, unpack
 from clearjoint.model.bodies import GROUND_MOTION
-from clearjoint.simulation.step.discontinuity_analysis import require_declared
+from clearjoint.simulation.step.discontinuities import require_declared
 
 Z = (0.0, 0.0, 1.0)
 ORIGIN = (0.0, 0.0, 0.0)

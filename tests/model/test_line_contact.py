@@ -17,7 +17,7 @@ from clearjoint.dynamics.contact_forces import contact_forces, contact_wrenches
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.math.vectors import unpack
 from clearjoint.model.bodies import GROUND, GROUND_MOTION
-from clearjoint.plot.report_tables import joint_rows
+from clearjoint.plot.report_page import joint_rows
 from clearjoint.results import MotionMode
 from clearjoint.testing import moving
 from tests.support.dropped_rod import dropped_rod

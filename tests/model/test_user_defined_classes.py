@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.fields.conversion import AbstractConverting
+from clearjoint.fields.objects import AbstractConverting
 from clearjoint.simulation.run.host_run import segment_compiled
 
 ABSTRACT = {

@@ -9,7 +9,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.fields.checks import recheck, recheck_changes
-from clearjoint.fields.declarations import quantity
+from clearjoint.fields.objects import quantity
 from clearjoint.parametrisation.paths import unit_at
 
 

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
 from clearjoint import plot
-from clearjoint.plot.report_tables import impact_rows
+from clearjoint.plot.report_page import impact_rows
 from tests.plot.test_pictures import CODES, labels, record, seen_contact
 from tests.support.tumbling_bearing import CLEARANCE, TIMES, solution_of
 

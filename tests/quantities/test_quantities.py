@@ -16,7 +16,7 @@ from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.system import System
 from clearjoint.math.vectors import fold_constants, unpack
 from clearjoint.mechanisms import CRANK_LENGTH, ROD_LENGTH
-from clearjoint.quantities.instant import Instant
+from clearjoint.quantities.base import Instant
 
 JOINT = Formulation(cj.JointCoordinates())
 ABSOLUTE = Formulation(cj.AbsoluteCoordinates())

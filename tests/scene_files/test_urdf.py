@@ -9,7 +9,7 @@ import pytest
 import clearjoint as cj
 from clearjoint.dynamics.constraint_report import constraint_report
 from clearjoint.dynamics.journals import outside
-from clearjoint.model.contact.gap import Gap
+from clearjoint.model.contact.laws import Gap
 
 pytest.importorskip("yourdfpy")
 ARM = """<?xml version="1.0"?>

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.fields.conversion import on_device, with_arrays
+from clearjoint.fields.objects import on_device, with_arrays
 from clearjoint.simulation.run.host_run import segment_compiled
 from clearjoint.simulation.run.run_checks import BY_NUMPY, starts
 from clearjoint.simulation.run.sampling import sampled_compiled

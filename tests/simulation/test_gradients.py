@@ -13,9 +13,8 @@ from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.system import System
 from clearjoint.math.vectors import Vector, fold_constants, unpack
 from clearjoint.mechanisms import STEEL
-from clearjoint.model.contact.gap import Gap
-from clearjoint.model.contact.laws import contact_normal_force
-from clearjoint.simulation.run.segments import begin, segment
+from clearjoint.model.contact.laws import Gap, contact_normal_force
+from clearjoint.simulation.run.host_run import begin, segment
 from clearjoint.simulation.step.loops import PLAIN, Loops, loops_for
 from clearjoint.simulation.step.method import Scheme
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.fields.declarations import quantity
+from clearjoint.fields.objects import quantity
 from clearjoint.math.vectors import ZERO, Vector
 from clearjoint.model.bodies import Wrench
 from clearjoint.simulation.nonsmooth.bounded_lcp import BoxProblem

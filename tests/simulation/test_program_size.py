@@ -11,12 +11,12 @@ import clearjoint as cj
 from clearjoint.math.vectors import fold_constants
 from clearjoint.parametrisation.parameter import coordinates_of
 from clearjoint.parametrisation.parametrised_scene import parametrised
+from clearjoint.simulation.run.host_run import begin
 from clearjoint.simulation.run.run_checks import derivative_scheme
 from clearjoint.simulation.run.sampling import start_with_tangents
-from clearjoint.simulation.run.segments import begin
 from clearjoint.simulation.step import stepping
+from clearjoint.simulation.step.method import SystemFamily
 from clearjoint.simulation.step.stepping import MANY_OPERATIONS, shapes_of
-from clearjoint.simulation.step.systems import SystemFamily
 
 SPAN = (0.0, 1.0, 1e-6)
 

@@ -8,21 +8,19 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from clearjoint.simulation.run import host_run
 from clearjoint.simulation.run import sampling as module
-from clearjoint.simulation.run import segments
 from clearjoint.simulation.run.impact_recorder import (
+    ContactInstant,
     ContactRecord,
     ImpactRow,
     OpenContact,
+    end_in_step,
     impact_rows_of,
     most,
-)
-from clearjoint.simulation.run.recorders import RowBuffer
-from clearjoint.simulation.step.contact_step import (
-    ContactInstant,
-    end_in_step,
     peak_in_step,
 )
+from clearjoint.simulation.run.recorders import RowBuffer
 from tests.support.dropped_rod import dropped_rod
 from tests.support.recorded_rod import EIGHTHS, END, everything, recorded_rod
 
@@ -82,8 +80,8 @@ def test_a_run_goes_on_with_empty_buffers_when_they_are_full(monkeypatch):
         return run.steps, [getattr(run.impacts, field.name) for field in fields(run.impacts)]
 
     expected = kept()
-    monkeypatch.setattr(segments, "STEP_ROWS", 7)
-    monkeypatch.setattr(segments, "IMPACT_ROWS", 1)
+    monkeypatch.setattr(host_run, "STEP_ROWS", 7)
+    monkeypatch.setattr(host_run, "IMPACT_ROWS", 1)
     jax.tree.map(np.testing.assert_array_equal, kept(), expected)
 
 

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.fields.declarations import quantity
+from clearjoint.fields.objects import quantity
 from clearjoint.math.vectors import ZERO, Vector, unpack
 from clearjoint.model.bodies import Wrench
 from clearjoint.model.joints.base import Contact
-from clearjoint.simulation.step.discontinuity_analysis import compares_time
+from clearjoint.simulation.step.discontinuities import compares_time
 from clearjoint.simulation.step.saltation import _mean_force
 from tests.support.planes import Plane
 

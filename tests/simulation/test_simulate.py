@@ -9,8 +9,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.dynamics.formulation import Formulation
-from clearjoint.simulation.run.host_run import segment_compiled
-from clearjoint.simulation.run.segments import begin, recorders_of, segment
+from clearjoint.simulation.run.host_run import begin, recorders_of, segment, segment_compiled
 from clearjoint.simulation.step.landing import Landing
 from clearjoint.simulation.step.method import Scheme
 from clearjoint.simulation.step.solvers import default_controller, ready_solver

@@ -9,8 +9,7 @@ import clearjoint as cj
 from clearjoint.math.rotations import kept_unit, rotation_matrix, within_two_turns
 from clearjoint.math.vectors import EulerParameters, pack, unpack
 from clearjoint.model.bodies import BodyState
-from clearjoint.simulation.run.host_run import _SaveTimes
-from clearjoint.simulation.run.segments import SavedStates
+from clearjoint.simulation.run.host_run import SavedStates, _SaveTimes
 from clearjoint.simulation.step.method import Scheme
 from clearjoint.simulation.step.step_state import Variables
 from clearjoint.simulation.step.stepping import attempt, start

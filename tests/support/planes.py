@@ -7,7 +7,7 @@ import numpy as np
 
 import clearjoint as cj
 from clearjoint.math.vectors import Scalar, Vector
-from clearjoint.model.contact.gap import slip_velocity
+from clearjoint.model.contact.laws import slip_velocity
 from clearjoint.model.joints.base import Contact, Motions
 
 

@@ -7,9 +7,9 @@ from typing import NoReturn
 from unittest.mock import patch
 
 from clearjoint.dynamics import contact_forces, system
-from clearjoint.dynamics.joint_coordinates import branches, links
+from clearjoint.dynamics.joint_coordinates import trees
 from clearjoint.dynamics.system import System
-from clearjoint.model.clearance_joints import axial, clearance, common
+from clearjoint.model.clearance_joints import clearance, common
 from clearjoint.model.contact.friction import RegularisedCoulomb
 from clearjoint.model.joints import motion_subspaces as freedoms
 from clearjoint.parametrisation.parametrised_scene import ParametrisedScene
@@ -21,9 +21,9 @@ FEATURES: Mapping[str, tuple[tuple[object, str], ...]] = MappingProxyType(
         "hinge": (
             (freedoms.Hinge, "rotation"),
             (freedoms.Hinge, "columns"),
-            (branches, "jointed_link"),
+            (trees, "jointed_link"),
         ),
-        "link on a link": ((links.Inertia, "without"),),
+        "link on a link": ((trees.Inertia, "without"),),
         "clearance": (
             (clearance.ClearanceJoint, "contacts"),
             (contact_forces, "contact_normal_force"),
@@ -33,7 +33,7 @@ FEATURES: Mapping[str, tuple[tuple[object, str], ...]] = MappingProxyType(
             (System, "second_rates"),
         ),
         "friction": ((RegularisedCoulomb, "force"), (common, "slip_velocity")),
-        "end play": ((axial.EndPlay, "shoulder_gap"),),
+        "end play": ((clearance.EndPlay, "shoulder_gap"),),
         "energy ledger": ((system, "ledger_powers"),),
         "sensitivities": ((ParametrisedScene, "pushed"), (stepping, "_tangents_after")),
     }

@@ -12,7 +12,7 @@ import numpy as np
 
 import clearjoint as cj
 from clearjoint.fields.checks import require_positive
-from clearjoint.fields.declarations import quantity
+from clearjoint.fields.objects import quantity
 from clearjoint.math.vectors import ZERO, Vector
 from clearjoint.model.bodies import Wrench
 

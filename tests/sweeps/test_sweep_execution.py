@@ -23,7 +23,7 @@ import pytest
 import xarray as xr
 
 import clearjoint as cj
-from clearjoint.fields.declarations import quantity
+from clearjoint.fields.objects import quantity
 from clearjoint.native import is_native
 from clearjoint.runtime import threads_of_sweeps
 from clearjoint.sweeps import computing, executors

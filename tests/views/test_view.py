@@ -14,8 +14,7 @@ from PIL import Image
 
 import clearjoint as cj
 from clearjoint.views.arrows import LONGEST
-from clearjoint.views.meshes import outline
-from clearjoint.views.parts import FORCE, LOAD, METAL, MODES, corners
+from clearjoint.views.meshes import FORCE, LOAD, METAL, MODES, corners, outline
 from clearjoint.views.poses import initial_state
 from clearjoint.views.proportions import equivalent_solid
 from clearjoint.views.sketching import WALL

@@ -1,17 +1,328 @@
-"""Joint coordinates: angles and distances in ideal joints, which then need no constraints.
+"""Joint coordinates, and the equations of motion in them by the composite rigid body algorithm.
 
 A clearance joint is a force element, so it does not close a loop, and in most mechanisms with
 clearances the bodies and ideal joints form trees. In joint coordinates, a tree has no multipliers,
 no drift and no redundant constraints, and few variables. Ideal joints that close a loop remain
 constraints.
+
+The algorithm is that of R. Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 6, for other
+unknowns. Each joint connects a carried body to its carrier, the next body towards the root of the
+tree. The book solves for the rate u' of each joint's speed u, relative to the carrier. This module
+solves for
+
+    r = u' + axis . (angular acceleration of the carrier),
+
+the rate relative to a carrier that does not rotate about the joint's axis. For a translation, r =
+u'.
+
+The purpose is accuracy. With the unknowns u', the inertia of the carried bodies about the axis
+enters the carrier's equations twice, with opposite signs, and the two terms cancel. With the
+unknowns r, it does not enter the carrier's equations at all. In the double pendulum of
+`clearjoint.mechanisms`, arm 2 has 0.001 kg m^2 about the hinge and arm 3, which it carries, has 2.3
+kg m^2. There the rounding errors of the cancelling terms cost two digits of the last impacts. If
+axes are coordinate axes, the terms without inertia are exact zeros, which the compiled program
+omits.
+
+A link is a body of a tree with its kinematics. Its columns are the twists (angular and linear
+velocity of the body) that a unit of each speed of its joint causes. Arguments and results of the
+type `Speeds` have one entry for each speed: those of the first tree from its root to its leaves,
+then those of the second, and so on. Where they are rates or changes of speeds, they have the form
+of r.
 """
 
-from ...model.bodies import GROUND, GROUND_MOTION, BodyState, Motion
-from ...model.joints.base import Motions
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import TypeAlias
+
+from ...math.linear_solvers import OrderedFactorisation
+from ...math.vectors import ZERO, Matrix, Scalar, Vector, add, subtract
+from ...model.bodies import GROUND, GROUND_MOTION, NO_WRENCH, BodyState, Motion
+from ...model.joints.base import Motions, Row
+from ...model.joints.motion_subspaces import REST, Twist
 from ...model.scene import Scene
-from ..coordinates import AbstractCoordinates, free_motion
-from .branches import UPRIGHT, AbstractBranch, JointedBranch, forest
-from .composite_rigid_body import JointMechanics, TreeVariables
+from ..coordinates import (
+    AbstractCoordinates,
+    AbstractMechanics,
+    BodyAcceleration,
+    MotionVariables,
+    Speeds,
+    Wrenches,
+    free_motion,
+)
+from .trees import (
+    UPRIGHT,
+    AbstractBranch,
+    Inertia,
+    JointedBranch,
+    Link,
+    central_inertia,
+    forest,
+    inertia,
+)
+
+ForceAndMoment: TypeAlias = tuple[Vector, Vector]
+"""Force, N, and moment about the centre of mass of the body, N m, in the tree's axes."""
+
+
+TreeVariables: TypeAlias = dict[str, MotionVariables]
+"""Variables by name of body: a `JointState` (relative positions and speeds) if a joint carries the
+body, a `BodyState` (position, orientation, velocity and spin) if it is free."""
+
+
+class JointMechanics(AbstractMechanics):
+    """Equations of motion of all trees of a scene.
+
+    The mass matrix of each tree is factorised once, for all forces and constraints.
+
+    **Arguments:** `scene`: with vectors as separate scalars (`Vector`); `variables`: joint
+    coordinates and speeds, by name of body; `motions`: pose and velocities of each body and of
+    "ground", by name.
+    """
+
+    def __init__(self, scene: Scene, variables: TreeVariables, motions: Motions):
+        self.motions = motions
+        self._scene, self._variables = scene, variables
+        self._gravity = ZERO if scene.gravity is None else scene.gravity
+        trees = forest(scene)
+        self._branches = [branch for tree in trees for branch in tree]
+        index = {branch.body: k for k, branch in enumerate(self._branches)}
+        self._parents = [index.get(branch.parent) for branch in self._branches]
+        # In a free tree, all bodies fall alike: rates are relative to free fall, and gravity is
+        # added to the accelerations (`falls`). In a tree on the ground, gravity is a load on each
+        # body (`weights`). For each branch, `axes` is the rotation matrix of its tree's axes.
+        self._axes: list[Matrix] = []
+        self._falls: list[Vector] = []
+        self._weights: list[Vector] = []
+        for tree in trees:
+            axes = motions[tree[0].body].rotation
+            gravity = axes.transposed_times(self._gravity)
+            fall, weight = (gravity, ZERO) if tree[0].falls() else (ZERO, gravity)
+            self._axes += [axes] * len(tree)
+            self._falls += [fall] * len(tree)
+            self._weights += [weight] * len(tree)
+        self._links: list[Link] = []
+        for branch, parent in zip(self._branches, self._parents, strict=True):
+            carrier = None if parent is None else self._links[parent]
+            self._links.append(branch.link(carrier, variables[branch.body]))
+        self._central = [
+            central_inertia(scene.bodies[branch.body], link.rotation)
+            for branch, link in self._pairs()
+        ]
+        # Index of the first speed of each link, and the number of all speeds at the end.
+        self._firsts = [0]
+        for link in self._links:
+            self._firsts.append(self._firsts[-1] + len(link.columns))
+        # Speeds of different trees are not coupled.
+        bounds = [self._firsts[k] for k, parent in enumerate(self._parents) if parent is None]
+        self._trees = list(pairwise((*bounds, self._firsts[-1])))
+        matrix = self._mass_matrix()
+        self._factorisations = [
+            OrderedFactorisation([row[first:] for row in matrix[first:last]])
+            for first, last in self._trees
+        ]
+
+    def _pairs(self) -> Iterator[tuple[AbstractBranch, Link]]:
+        """Return an iterator over the pairs of each branch and its link."""
+        return zip(self._branches, self._links, strict=True)
+
+    def _mass_matrix(self) -> list[list[Scalar]]:
+        """Return the lower triangle of the mass matrix, one list for each speed: row i has i + 1
+        entries."""
+        # For each link, the inertia of the link and of all bodies that it carries, as far as their
+        # joints transmit that inertia. It is complete when the loop, which goes from the leaves to
+        # the root, reaches the link.
+        matrix: list[list[Scalar]] = [[0.0] * (i + 1) for i in range(self._firsts[-1])]
+        composites: list[Inertia] = [
+            inertia(self._scene.bodies[branch.body], link.centre, central)
+            for (branch, link), central in zip(self._pairs(), self._central, strict=True)
+        ]
+        for k in reversed(range(len(self._links))):
+            columns, first = self._links[k].columns, self._firsts[k]
+            # Momentum of the composite for a unit of each speed; its products with the columns are
+            # the diagonal block. The joint transmits the momentum without that about its free axes.
+            wholes = [composites[k].momentum(column) for column in columns]
+            block = [[_product(column, whole) for column in columns] for whole in wholes]
+            rests = [_transmitted(columns, *pair) for pair in zip(wholes, block, strict=True)]
+            for j, rest in enumerate(rests):
+                matrix[first + j][first:] = block[j][: j + 1]
+                self._fill_row(matrix[first + j], self._parents[k], rest)
+            parent = self._parents[k]
+            if parent is not None:
+                # By the choice of unknowns, the composite does not follow the carrier's rotation
+                # about the joint's axes, so its inertia about them does not act on the carrier.
+                transmitted = composites[k]
+                for column, whole, rest in zip(columns, wholes, rests, strict=True):
+                    transmitted = transmitted.without(column.angular, whole, rest)
+                composites[parent] = composites[parent] + transmitted
+        return matrix
+
+    def _fill_row(self, row: list[Scalar], k: int | None, momentum: Twist) -> None:
+        """Fill a row of the mass matrix with the products of a momentum with the columns of link k
+        and of all its carriers towards the root. `k` is ``None`` beyond the root."""
+        while k is not None:
+            columns, first = self._links[k].columns, self._firsts[k]
+            for j, column in enumerate(columns, first):
+                row[j] = _product(column, momentum)
+            momentum = _transmitted(columns, momentum, row[first : first + len(columns)])
+            k = self._parents[k]
+
+    def solved(self, forces: Speeds) -> Speeds:
+        """Return the rates r that generalised forces, one for each speed, cause."""
+        trees = zip(self._trees, self._factorisations, strict=True)
+        return [rate for (i, j), tree in trees for rate in tree.solve(forces[i:j])]
+
+    def free_rates(self, wrenches: Wrenches) -> Speeds:
+        """Return the rates r under wrenches, by name of body, and gravity, without constraints."""
+        loads = []
+        for k, (force, moment) in enumerate(self._loads(wrenches)):
+            link, body = self._links[k], self._scene.bodies[self._branches[k].body]
+            central = self._central[k]
+            # Part of the load causes the accelerations at constant speeds. The remainder changes
+            # the speeds.
+            gyroscopic = link.spin.cross(central @ link.spin) + central @ link.angular_bias
+            inertial = (link.bias - self._weights[k]) * body.mass
+            loads.append((force - inertial, moment - gyroscopic))
+        return self.solved(self._along_columns(loads))
+
+    def projected(self, wrenches: Wrenches) -> Speeds:
+        """Return the generalised forces, one for each speed, of wrenches by name of body."""
+        return self._along_columns(list(self._loads(wrenches)))
+
+    def _loads(self, wrenches: Wrenches) -> Iterator[ForceAndMoment]:
+        """Yield force, N, and moment about the centre of mass, N m, on each link, in its tree's
+        axes, for wrenches by name of body."""
+        for axes, (branch, link) in zip(self._axes, self._pairs(), strict=True):
+            wrench = wrenches.get(branch.body, NO_WRENCH)
+            yield axes.transposed_times(wrench.force), link.rotation @ wrench.moment
+
+    def _along_columns(self, loads: list[ForceAndMoment]) -> Speeds:
+        """Return the generalised forces of one load on each link, summed from the leaves to the
+        root."""
+        totals = [
+            Twist(moment + link.centre.cross(force), force)
+            for (force, moment), link in zip(loads, self._links, strict=True)
+        ]
+        forces: Speeds = [0.0] * self._firsts[-1]
+        for k in reversed(range(len(totals))):
+            columns, first = self._links[k].columns, self._firsts[k]
+            along = [_product(column, totals[k]) for column in columns]
+            forces[first : first + len(along)] = along
+            parent = self._parents[k]
+            if parent is not None:
+                totals[parent] = totals[parent] + _transmitted(columns, totals[k], along)
+        return forces
+
+    def bias(self, row: Row) -> Scalar:
+        """Return the second time derivative that a constraint row's value has if all rates r are
+        zero, without the row's own `bias`, the part at constant velocities and spins of the bodies.
+
+        The speeds themselves need not be zero. The result is the row's Jacobian times the bodies'
+        accelerations at constant speeds. In a free tree, whose rates are relative to free fall,
+        these include gravity.
+        """
+        # The terms of each tree are added up first, so that rounding errors of a tree's sum do not
+        # depend on other trees.
+        total: Scalar = 0.0
+        of_tree: Scalar = 0.0
+        for k, (force, moment) in enumerate(self._loads(row.jacobian)):
+            if self._parents[k] is None:
+                total, of_tree = add(total, of_tree), 0.0
+            link = self._links[k]
+            bias = link.bias + self._falls[k]
+            of_tree = add(of_tree, add(force.dot(bias), moment.dot(link.angular_bias)))
+        return add(total, of_tree)
+
+    def _per_link(self, rates: Speeds) -> Iterator[tuple[Twist, Speeds]]:
+        """Yield for each link, from the root to the leaves, its acceleration and its rates u'.
+
+        The acceleration (rad/s^2, m/s^2) is that of the point of the link at the tree's origin, as
+        far as the rates cause it; the parts at constant speeds are left out. The rates u' are
+        relative to the carrier: u' = r - axis . (angular acceleration of the carrier).
+        """
+        twists: list[Twist] = []
+        for k, link in enumerate(self._links):
+            parent, part = self._parents[k], rates[self._firsts[k] : self._firsts[k + 1]]
+            twist = REST if parent is None else twists[parent]
+            relative = [
+                subtract(rate, column.angular.dot(twist.angular))
+                for column, rate in zip(link.columns, part, strict=True)
+            ]
+            for column, rate in zip(link.columns, relative, strict=True):
+                twist = twist + column * rate
+            twists.append(twist)
+            yield twist, relative
+
+    def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
+        """Return the accelerations of the bodies, m/s^2 and rad/s^2, by name, for given rates r."""
+        accelerations = {}
+        for k, (twist, _) in enumerate(self._per_link(rates)):
+            link, fall = self._links[k], self._falls[k]
+            linear = twist.linear + twist.angular.cross(link.centre) + link.bias + fall
+            angular = link.rotation.transposed_times(twist.angular + link.angular_bias)
+            acceleration = BodyAcceleration(self._axes[k] @ linear, angular)
+            accelerations[self._branches[k].body] = acceleration
+        return accelerations
+
+    def variable_rates(self, rates: Speeds) -> TreeVariables:
+        """Return the time derivatives of each body's variables, by name, for given rates r."""
+        return {
+            branch.body: branch.rates(state, part, axes, self._gravity)
+            for branch, state, part, axes in self._per_branch(rates)
+        }
+
+    def after_displacement(self, changes: Speeds) -> TreeVariables:
+        """Return each body's variables, by name, after a small displacement along each speed, m or
+        rad, in the form of r."""
+        return {
+            branch.body: branch.after_displacement(state, part, axes)
+            for branch, state, part, axes in self._per_branch(changes)
+        }
+
+    def after_speed_change(self, changes: Speeds) -> TreeVariables:
+        """Return each body's variables, by name, after a sudden change of each speed, m/s or rad/s,
+        in the form of r."""
+        return {
+            branch.body: branch.after_speed_change(state, part, axes)
+            for branch, state, part, axes in self._per_branch(changes)
+        }
+
+    def _per_branch(
+        self, rates: Speeds
+    ) -> Iterator[tuple[AbstractBranch, MotionVariables, Speeds, Matrix]]:
+        """Yield each branch with its variables, its rates u' relative to its carrier, and the axes
+        of its tree, for given rates r."""
+        links = zip(self._branches, self._per_link(rates), self._axes, strict=True)
+        for branch, (_, part), axes in links:
+            yield branch, self._variables[branch.body], part, axes
+
+
+def _product(first: Twist, second: Twist) -> Scalar:
+    """Return the sum of angular times angular and linear times linear part.
+
+    It is the power of a load (moment and force) with a twist, or the product of a momentum with a
+    column.
+    """
+    return add(first.angular.dot(second.angular), first.linear.dot(second.linear))
+
+
+def _transmitted(columns: tuple[Twist, ...], load: Twist, along: Speeds) -> Twist:
+    """Return the part of a load or momentum of carried bodies that acts on their carrier, in the
+    equations for the rates r.
+
+    It has no moments about the free axes of the joint, but all forces. The reason is the choice of
+    unknowns. At constant r, the carried bodies do not follow an angular acceleration of the carrier
+    about a free axis, so a moment about this axis does no work with it. Along a free translation, r
+    is relative to the carrier, whose acceleration the carried bodies do follow at constant r.
+
+    **Arguments:** `columns`: twists of the joint's free directions, whose angular part is zero for
+    a translation; `load`: its `angular` part is the moment, N m, or angular momentum about the
+    tree's origin, and its `linear` part the force, N, or momentum; `along`: products of `load` with
+    each of the columns, which for a rotation are the moments about the joint's axis.
+    """
+    moment = load.angular
+    for column, part in zip(columns, along, strict=True):
+        moment = moment - column.angular * part
+    return Twist(moment, load.linear)
 
 
 class JointCoordinates(AbstractCoordinates):

@@ -19,9 +19,8 @@ from jaxtyping import Float, PyTree
 from ...compilation import Compiled
 from ...math.vectors import fold_constants
 from ...model.bodies import State
-from ...simulation.lanes.lane import Plan
+from ...simulation.lanes.lane import Common, Plan, Task
 from ...simulation.lanes.scheduler import Batch, Ended
-from ...simulation.lanes.tasks import Common, Task
 from ..residuals import UNREACHED, Experiment, Samples
 
 LOG = "samples"

@@ -7,14 +7,13 @@ from typing import Annotated
 import equinox as eqx
 
 from ...fields.checks import as_number, require, require_axis, require_numbers, require_positive
-from ...fields.declarations import quantity
+from ...fields.objects import quantity
 from ...fields.types import Single, Triple, TripleLike
-from ...math.functions import wrapped
 from ...math.rotations import unit
+from ...math.smoothing import wrapped
 from ...math.vectors import ZERO, Scalar, Vector
-from ..contact.damping_factors import ExactRestitution
-from ..contact.gap import Gap
-from ..contact.laws import AbstractContactLaw
+from ..contact.hunt_crossley import ExactRestitution
+from ..contact.laws import AbstractContactLaw, Gap
 from ..joints.base import (
     Contact,
     Motions,

@@ -4,13 +4,12 @@ import equinox as eqx
 import numpy as np
 
 from ...fields.checks import require_point
-from ...fields.declarations import quantity
+from ...fields.objects import quantity
 from ...fields.types import Single, Triple
 from ...math.smoothing import norm_and_direction
 from ...math.vectors import Scalar, subtract
-from ..contact.bristles import FrictionLaw
-from ..contact.gap import Gap, Limit, caution_beyond
-from ..contact.laws import AbstractContactLaw
+from ..contact.friction import FrictionLaw
+from ..contact.laws import AbstractContactLaw, Gap, Limit, caution_beyond
 from ..joints.base import AbstractConstraint, Attachment, Contact, Motions
 from ..joints.ideal import SphericalJoint
 from ..pen import AbstractPen, Marker

@@ -4,14 +4,14 @@ import equinox as eqx
 import numpy as np
 
 from ...fields.checks import require_axis, require_point
-from ...fields.declarations import optional_quantity, quantity
+from ...fields.objects import optional_quantity, quantity
 from ...fields.types import Single, Triple
 from ...math.rotations import unit
 from ...math.vectors import Scalar, add
-from ..contact.bristles import FrictionLaw
+from ..contact.friction import FrictionLaw
 from ..contact.laws import AbstractContactLaw, require_flat_law
 from ..joints.base import AbstractConstraint, Attachment, Contact, Motions
-from ..joints.planes import LineInPlaneJoint, PointInPlaneJoint
+from ..joints.ideal import LineInPlaneJoint, PointInPlaneJoint
 from ..pen import AbstractPen, Marker
 from .common import (
     AbstractSharedLawJoint,

@@ -13,10 +13,15 @@ from ...fields.checks import as_shown, checkable, require, require_numbers
 from ...fields.types import Single, Triple
 from ...math.vectors import Scalar, Vector, subtract
 from ..bodies import GROUND, Motion
-from ..contact.bristles import AbstractBristleFriction, FrictionLaw
-from ..contact.friction import AbstractFriction
-from ..contact.gap import Gap, Limit, slip_velocity
-from ..contact.laws import AbstractContactLaw, require_flat_law, require_instance
+from ..contact.friction import AbstractBristleFriction, AbstractFriction, FrictionLaw
+from ..contact.laws import (
+    AbstractContactLaw,
+    Gap,
+    Limit,
+    require_flat_law,
+    require_instance,
+    slip_velocity,
+)
 from ..joints.base import (
     AbstractConstraint,
     AbstractContactJoint,

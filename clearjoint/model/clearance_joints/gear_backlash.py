@@ -5,15 +5,13 @@ import operator
 from dataclasses import dataclass
 
 from ...fields.checks import caution_above, concrete, require_axis, require_numbers, require_shape
-from ...fields.declarations import quantity
+from ...fields.objects import quantity
 from ...fields.types import ArrayLike, Single, Triple
-from ...math.functions import cosine, polar_angle, sine, where, wrapped
 from ...math.rotations import transverse_axes, unit
-from ...math.smoothing import norm_and_direction
+from ...math.smoothing import cosine, norm_and_direction, polar_angle, sine, where, wrapped
 from ...math.vectors import ZERO, Scalar, Vector, add, square_root
 from ..bodies import Motion
-from ..contact.gap import Gap
-from ..contact.laws import AbstractContactLaw
+from ..contact.laws import AbstractContactLaw, Gap
 from ..joints.base import (
     AbstractPairAtPoints,
     Contact,

@@ -10,7 +10,7 @@ from jaxtyping import PyTree
 from ...math.groups import each
 from ...math.vectors import Scalar, Vector
 from ..bodies import Motion, Wrench
-from ..contact.bristles import AbstractBristleFriction
+from ..contact.friction import AbstractBristleFriction
 from ..contact.laws import AbstractContactLaw
 from ..joints.base import AbstractContactJoint, Contact, Motions
 

@@ -10,7 +10,7 @@ from numpy.polynomial import Legendre
 
 from ...fields.checks import require
 from ...fields.types import Single
-from ...math.functions import where
+from ...math.smoothing import where
 from ...math.vectors import Scalar, Vector
 from ..bodies import Motion
 from ..joints.base import Motions

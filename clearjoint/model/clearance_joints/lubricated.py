@@ -12,15 +12,13 @@ from jaxtyping import Complex, Float, PyTree
 
 from ...compilation import Compiled
 from ...fields.checks import require_positive, require_shape
-from ...fields.conversion import on_device
-from ...fields.declarations import optional_quantity, quantity
+from ...fields.objects import on_device, optional_quantity, quantity
 from ...fields.types import ArrayLike, Single
 from ...math.rotations import unit
 from ...math.smoothing import norm_and_direction, ramp
 from ...math.vectors import UNIT_Z, Scalar, Vector, unpack
 from ..bodies import NO_WRENCH, Wrench
-from ..contact.gap import Gap, Limit, caution_beyond
-from ..contact.laws import AbstractContactLaw, require_instance
+from ..contact.laws import AbstractContactLaw, Gap, Limit, caution_beyond, require_instance
 from ..films import AbstractFilm, FilmGap
 from ..joints.base import AbstractContactJoint, Motions
 from .clearance import ClearanceJoint

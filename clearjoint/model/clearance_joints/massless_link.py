@@ -3,14 +3,14 @@
 import equinox as eqx
 
 from ...fields.checks import require, require_axis, require_point
-from ...fields.declarations import quantity
+from ...fields.objects import quantity
 from ...fields.types import Single, Triple
 from ...math.rotations import transverse_axes, unit
 from ...math.vectors import Scalar, Vector
 from ..joints.base import AbstractConstraint, Attachment, Motions, Row, require_distinct
 from ..joints.constraint_rows import distance_row, point_in_plane
 from ..pen import AbstractPen, Marker
-from .axial import AbstractAxialPolicy, FreeAxially
+from .clearance import AbstractAxialPolicy, FreeAxially
 from .journal_bases import BASES
 
 

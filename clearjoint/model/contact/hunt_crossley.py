@@ -1,30 +1,171 @@
-"""The Hunt-Crossley family of contact laws: base classes, and laws without a requested restitution.
+"""The Hunt-Crossley contact laws: base classes, damping factors, delivered restitution.
 
-The normal force is F = K delta^n (1 + chi rate/entry speed), N, with the penetration delta, m, its
-rate, m/s, and the entry speed, m/s, which is the rate at the onset of the contact. chi is a
-dimensionless damping factor.
+The normal force is F = K delta^n (1 + chi v/v0), N, with the penetration delta, m, its rate v, m/s,
+and the entry speed v0, m/s, which is the rate at the onset of the contact. `stiffness` is K, N/m^n,
+and `exponent` is n, 1.5 unless a class says otherwise. chi is dimensionless.
+
+`restitution` is c, the requested ratio of rebound speed to entry speed in a free impact. The actual
+ratio follows from chi alone, and most of the published factors meet the request only approximately.
+The examples print the ratio that a law delivers, which `delivered_restitution` computes.
+`ExactRestitution` delivers the requested value. All arguments, and the values that are refused, are
+described in `AbstractDampedLaw`.
 """
 
 import abc
 from dataclasses import replace
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+import numpy as np
+import optimistix
+from jaxtyping import ArrayLike, Float
 
-from ...fields.checks import require, require_positive, require_range
-from ...fields.declarations import optional_quantity, quantity
+from ...fields.cautions import LawRangeWarning, caution
+from ...fields.checks import concrete, require, require_positive, require_range
+from ...fields.objects import optional_quantity, quantity
 from ...fields.types import Single
 from ...math.smoothing import positive_power, ramp
 from ...math.vectors import Scalar
-from .gap import Gap
 from .laws import (
     AbstractElasticity,
     AbstractElasticLaw,
     AbstractStiffness,
+    Gap,
     as_stiffness,
     require_exponent,
+    require_rebound,
 )
-from .restitution import delivered_restitution
+
+_SERIES_BELOW = 1e-5
+"""Damping factor below which e = 1 - 2 chi/3 is more accurate than the numerical solution, which is
+rounded."""
+_NEWTON = optimistix.Newton(rtol=1e-14, atol=1e-14)
+_MOST_STEPS = 32
+"""Step limit of Newton's method, which needs five steps for every damping factor."""
+
+
+def delivered_restitution(damping_factor: Float[ArrayLike, "..."]) -> Float[jax.Array, "..."]:
+    r"""Return rebound speed over entry speed of a free impact with a Hunt-Crossley law.
+
+    $$\chi (1 + e) = \ln \frac{1 + \chi}{1 - \chi e}$$
+
+    **Arguments:** `damping_factor`: chi of F = K delta^n (1 + chi rate/entry speed), not negative;
+    a number or an array of any shape.
+
+    **Returns:** the solution e in (0, 1], of the same shape; differentiable.
+
+    >>> print(f"{cj.laws.delivered_restitution(0.3):.4f}")
+    0.8329
+    """
+    return _solve_restitution(jnp.asarray(damping_factor, dtype=float))
+
+
+@jnp.vectorize
+def _solve_restitution(damping_factor: jax.Array) -> jax.Array:
+    """Return the restitution e for one damping factor chi, a scalar."""
+    # The unknown is y = -ln(1 - chi e), which stays exact where chi e rounds to one. In it the
+    # equation is y - 1 + exp(-y) = chi - ln(1 + chi). The left side is about y^2/2 for small y.
+    small = damping_factor < _SERIES_BELOW
+    chi = jnp.where(small, _SERIES_BELOW, damping_factor)
+    loss = chi - jnp.log1p(chi)
+    start = loss + jnp.sqrt(2.0 * loss)
+    root = optimistix.root_find(
+        _residual, _NEWTON, start, args=loss, max_steps=_MOST_STEPS, throw=False
+    ).value
+    series = 1.0 - 2.0 * damping_factor / 3.0
+    return jnp.where(small, series, -jnp.expm1(-root) / chi)
+
+
+def _residual(y: Scalar, loss: Scalar) -> Scalar:
+    """Return the residual y - 1 + exp(-y) - loss of the unknown y.
+
+    It increases with y > 0 and is convex, so that Newton's method converges.
+    """
+    return y + jnp.expm1(-y) - loss
+
+
+_SERIES_TERMS = 18
+"""Number of terms of the power series of `_chord`, with which it is exact to rounding."""
+_SERIES_WITHIN = 0.1
+"""Largest absolute value of x for which `_chord` is computed by its power series."""
+_EXACT_STEPS = 5
+"""Steps of Newton's method; four reach rounding accuracy for restitutions between 1e-6 and 1."""
+
+
+def exact_damping_factor(restitution: Float[ArrayLike, ""]) -> Scalar:
+    """Return the damping factor chi with which a free impact delivers a given restitution.
+
+    **Arguments:** `restitution`: e in (0, 1].
+
+    **Returns:** the solution chi of chi (1 + e) = ln[(1 + chi)/(1 - chi e)], zero for e = 1 and
+    approximately 1/e for small e; differentiable.
+
+    >>> chi = cj.laws.exact_damping_factor(0.8)
+    >>> print(f"{cj.laws.delivered_restitution(chi):.6f}")
+    0.800000
+    """
+    e = jnp.asarray(restitution, dtype=float)
+    return -jnp.expm1(-_logarithm(e)) / e
+
+
+@jax.custom_jvp
+def _logarithm(e: Scalar) -> Scalar:
+    """Return y = -ln(1 - chi e) for a restitution e.
+
+    Unlike chi e, y doesn't lose digits where chi e rounds to one.
+    """
+    # Start from the factor of Carvalho and Martins, which is accurate to four digits above 0.5, or
+    # for e up to 0.4 from one above the asymptote y = 1 + 1/e - ln(1 + 1/e). The minimum keeps the
+    # logarithm finite where the other start is used.
+    approximate = 1.5 * (1.0 - e) * (11.0 - e) / (1.0 + 9.0 * e)
+    start = jnp.where(
+        e > 0.4, -jnp.log1p(-jnp.minimum(approximate * e, 0.9)), 2.0 + 1.0 / e - jnp.log1p(1.0 / e)
+    )
+
+    def step(_: int, y: Scalar) -> Scalar:
+        value, slope = jax.jvp(lambda y: _relation(y, e), (y,), (jnp.ones_like(y),))
+        return y - value / slope
+
+    return jax.lax.fori_loop(0, _EXACT_STEPS, step, start)
+
+
+@_logarithm.defjvp
+def _logarithm_along(primals: tuple[Scalar], tangents: tuple[Scalar]) -> tuple[Scalar, Scalar]:
+    """Return y and its tangent, -(dr/de)/(dr/dy) times that of e, for the residual r = 0 of
+    `_relation`."""
+    (e,), (along,) = primals, tangents
+    y = _logarithm(e)
+    by_y = jax.grad(_relation)(y, e)
+    by_e = jax.grad(_relation, argnums=1)(y, e)
+    return y, -by_e / by_y * along
+
+
+def _relation(y: Scalar, e: Scalar) -> Scalar:
+    """Return a residual that increases with y and is zero for the unknown y = -ln(1 - chi e).
+
+    The equation chi (1 + e) = ln[(1 + chi)/(1 - chi e)] states that x - ln(1 + x) is the same for
+    x = chi and x = -chi e. The residual is the difference of the square roots, divided by chi and
+    thus without the trivial root chi = 0.
+    """
+    loss = -jnp.expm1(-y)
+    return e * _chord(-loss, -y) - _chord(loss / e, jnp.log1p(loss / e))
+
+
+def _chord(x: Scalar, logarithm: Scalar) -> Scalar:
+    """Return sqrt(2 (x - ln(1 + x)))/|x|, accurate near zero too.
+
+    **Arguments:** `x`: above -1; `logarithm`: ln(1 + x), which the caller knows more accurately.
+    """
+    near = jnp.abs(x) < _SERIES_WITHIN
+    small = jnp.where(near, x, 0.0)
+    large, logarithm = jnp.where(near, 1.0, x), jnp.where(near, 0.0, logarithm)
+    series = jnp.polyval(_COEFFICIENTS, small)
+    return jnp.sqrt(jnp.where(near, series, 2.0 * (large - logarithm) / large**2))
+
+
+_COEFFICIENTS = np.array([2.0 * (-1.0) ** k / (k + 2) for k in range(_SERIES_TERMS)][::-1])
+"""Power series of 2 (x - ln(1 + x))/x^2, highest power first."""
 
 
 class AbstractHertzianLaw(AbstractElasticLaw):
@@ -260,3 +401,284 @@ class AbstractDampedLaw(AbstractHertzianLaw):
         """Return the normal force, N, with an entry speed of at least `entry_speed_floor`."""
         assert entry_speed is not None
         return super().force(gap, jnp.maximum(entry_speed, self.entry_speed_floor))
+
+
+class HuntCrossley(AbstractDampedLaw):
+    r"""Law with the damping factor chi = 3 (1 - c)/2.
+
+    Source: K. H. Hunt, F. R. E. Crossley 1975; D. W. Marhefka, D. E. Orin 1999.
+
+    $$\chi = \frac{3 (1 - c)}{2}$$
+
+    >>> law = cj.laws.HuntCrossley(restitution=0.8, stiffness=1e9)
+    >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
+    0.3000, delivers 0.8329
+    """
+
+    def damping_factor(self) -> Scalar:
+        """Return chi = 3 (1 - c)/2."""
+        return 1.5 * (1.0 - self.restitution)
+
+
+class HerbertMcWhannell(AbstractDampedLaw):
+    r"""Law with the damping factor chi = 6 (1 - c)/((2 c - 1)^2 + 3).
+
+    Source: R. G. Herbert, D. C. McWhannell 1977.
+
+    $$\chi = \frac{6 (1 - c)}{(2 c - 1)^2 + 3}$$
+
+    >>> law = cj.laws.HerbertMcWhannell(restitution=0.8, stiffness=1e9)
+    >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
+    0.3571, delivers 0.8070
+    """
+
+    def damping_factor(self) -> Scalar:
+        """Return chi = 6 (1 - c)/((2 c - 1)^2 + 3)."""
+        return 6.0 * (1.0 - self.restitution) / ((2.0 * self.restitution - 1.0) ** 2 + 3.0)
+
+
+class LeeWang(AbstractDampedLaw):
+    r"""Law with the damping factor chi = 3 (1 - c)/4.
+
+    Source: T. W. Lee, A. C. Wang 1983.
+
+    $$\chi = \frac{3 (1 - c)}{4}$$
+
+    Near c = 1 it dissipates half the energy that c requires. For c = 0 the rebound speed is still
+    0.66 times the entry speed.
+
+    >>> law = cj.laws.LeeWang(restitution=0.8, stiffness=1e9)
+    >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
+    0.1500, delivers 0.9090
+    """
+
+    def damping_factor(self) -> Scalar:
+        """Return chi = 3 (1 - c)/4."""
+        return 0.75 * (1.0 - self.restitution)
+
+
+class LankaraniNikravesh(AbstractDampedLaw):
+    r"""Law with the damping factor chi = 3 (1 - c^2)/4.
+
+    Source: H. M. Lankarani, P. E. Nikravesh 1990; P. Flores et al. 2006, eq. 24.
+
+    $$\chi = \frac{3 (1 - c^2)}{4}$$
+
+    >>> law = cj.laws.LankaraniNikravesh(restitution=0.8, stiffness=1e9)
+    >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
+    0.2700, delivers 0.8471
+    """
+
+    def damping_factor(self) -> Scalar:
+        """Return chi = 3 (1 - c^2)/4."""
+        return 0.75 * (1.0 - self.restitution**2)
+
+
+class ZhiyingQishao(AbstractDampedLaw):
+    r"""Law with the damping factor chi = 3/4 (1 - c^2) exp(2 (1 - c)).
+
+    Source: Q. Zhiying, L. Qishao 2006.
+
+    $$\chi = \frac{3}{4} (1 - c^2) e^{2 (1 - c)}$$
+
+    >>> law = cj.laws.ZhiyingQishao(restitution=0.8, stiffness=1e9)
+    >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
+    0.4028, delivers 0.7874
+    """
+
+    def damping_factor(self) -> Scalar:
+        """Return chi = 3/4 (1 - c^2) exp(2 (1 - c))."""
+        return 0.75 * (1.0 - self.restitution**2) * jnp.exp(2.0 * (1.0 - self.restitution))
+
+
+class CarvalhoMartins(AbstractDampedLaw):
+    r"""Law with the damping factor chi = 3 (1 - c)(11 - c)/(2 (1 + 9 c)).
+
+    Source: A. S. Carvalho, J. M. Martins 2019.
+
+    $$\chi = \frac{3 (1 - c) (11 - c)}{2 (1 + 9 c)}$$
+
+    It delivers the requested restitution to four digits for c >= 0.5.
+
+    >>> law = cj.laws.CarvalhoMartins(restitution=0.8, stiffness=1e9)
+    >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
+    0.3732, delivers 0.8000
+    """
+
+    def damping_factor(self) -> Scalar:
+        """Return chi = 3 (1 - c)(11 - c)/(2 (1 + 9 c))."""
+        c = self.restitution
+        return 1.5 * (1.0 - c) * (11.0 - c) / (1.0 + 9.0 * c)
+
+
+class AbstractReboundingLaw(AbstractDampedLaw):
+    """Base class of laws whose damping factor is infinite for a restitution of zero.
+
+    **Raises:** `ValueError` for this restitution.
+    """
+
+    def __check_init__(self):
+        require_rebound(self.restitution)
+
+
+class Flores2011(AbstractReboundingLaw):
+    r"""Law with the damping factor chi = 8 (1 - c)/(5 c), for restitutions from nearly 0 to 1.
+
+    Source: P. Flores et al. 2011.
+
+    $$\chi = \frac{8 (1 - c)}{5 c}$$
+
+    K. Ye et al. 2009 derived the same factor for the exponent 1.5.
+
+    >>> law = cj.laws.Flores2011(restitution=0.8, stiffness=1e9)
+    >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
+    0.4000, delivers 0.7885
+    """
+
+    def damping_factor(self) -> Scalar:
+        """Return chi = 8 (1 - c)/(5 c)."""
+        return 1.6 * (1.0 - self.restitution) / self.restitution
+
+
+class Gonthier(AbstractReboundingLaw):
+    r"""Law with the damping factor chi = (1 - c^2)/c.
+
+    Source: Y. Gonthier et al. 2004, as an approximation of the equation that `ExactRestitution`
+    solves.
+
+    $$\chi = \frac{1 - c^2}{c}$$
+
+    >>> law = cj.laws.Gonthier(restitution=0.8, stiffness=1e9)
+    >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
+    0.4500, delivers 0.7680
+    """
+
+    def damping_factor(self) -> Scalar:
+        """Return chi = (1 - c^2)/c."""
+        return (1.0 - self.restitution**2) / self.restitution
+
+
+class GharibHurmuzlu(AbstractReboundingLaw):
+    r"""Law with the damping factor chi = 1/c, for nearly plastic impacts.
+
+    Source: M. Gharib, Y. Hurmuzlu 2012.
+
+    $$\chi = \frac{1}{c}$$
+
+    The delivered restitution never exceeds 0.594, its value for c = 1.
+
+    >>> law = cj.laws.GharibHurmuzlu(restitution=0.8, stiffness=1e9)
+    >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
+    1.2500, delivers 0.5362
+    """
+
+    def damping_factor(self) -> Scalar:
+        """Return chi = 1/c."""
+        return 1.0 / self.restitution
+
+
+class HuGuo(AbstractReboundingLaw):
+    r"""Law with the damping factor chi = 3 (1 - c)/(2 c).
+
+    Source: S. Hu, X. Guo 2015.
+
+    $$\chi = \frac{3 (1 - c)}{2 c}$$
+
+    >>> law = cj.laws.HuGuo(restitution=0.8, stiffness=1e9)
+    >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
+    0.3750, delivers 0.7992
+    """
+
+    def damping_factor(self) -> Scalar:
+        """Return chi = 3 (1 - c)/(2 c)."""
+        return 1.5 * (1.0 - self.restitution) / self.restitution
+
+
+class SafaeifarFarshidianfar(AbstractReboundingLaw):
+    r"""Law with the damping factor chi = 5 (1 - c)/(4 c).
+
+    Source: H. Safaeifar, A. Farshidianfar 2020.
+
+    $$\chi = \frac{5 (1 - c)}{4 c}$$
+
+    >>> law = cj.laws.SafaeifarFarshidianfar(restitution=0.8, stiffness=1e9)
+    >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
+    0.3125, delivers 0.8271
+    """
+
+    def damping_factor(self) -> Scalar:
+        """Return chi = 5 (1 - c)/(4 c)."""
+        return 1.25 * (1.0 - self.restitution) / self.restitution
+
+
+class YePounding(AbstractReboundingLaw):
+    r"""Law with the damping factor chi = 3 (1 - c)/(2 c) and a linear spring.
+
+    Source: K. Ye et al. 2009, for colliding buildings.
+
+    $$\chi = \frac{3 (1 - c)}{2 c}$$
+
+    >>> law = cj.laws.YePounding(restitution=0.8, stiffness=1e9)
+    >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
+    0.3750, delivers 0.7992
+    """
+
+    exponent: float = eqx.field(default=1.0, static=True)
+
+    def damping_factor(self) -> Scalar:
+        """Return chi = 3 (1 - c)/(2 c)."""
+        return 1.5 * (1.0 - self.restitution) / self.restitution
+
+
+class PantWijeyewickrema(AbstractReboundingLaw):
+    r"""Law with the damping factor chi = 3 (1 - c^2)/(2 c^2) and a linear spring.
+
+    Source: D. R. Pant, A. C. Wijeyewickrema 2012.
+
+    $$\chi = \frac{3 (1 - c^2)}{2 c^2}$$
+
+    The delivered restitution is far too small: 0.22 for c = 0.5, and 0.81 for c = 0.9. Use this law
+    only to reproduce published results.
+
+    **Warns:** `LawRangeWarning` for any restitution below 1.
+
+    >>> import warnings
+    >>> warnings.filterwarnings("ignore", category=cj.LawRangeWarning)
+    >>> law = cj.laws.PantWijeyewickrema(restitution=0.9, stiffness=1e6)
+    >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
+    0.3519, delivers 0.8093
+    """
+
+    exponent: float = eqx.field(default=1.0, static=True)
+
+    def _caution_together(self) -> None:
+        requested = concrete(self.restitution)
+        if requested is not None and requested < 1.0:
+            caution(
+                f"`PantWijeyewickrema` delivers far less than the requested restitution of "
+                f"{float(requested):g}, for example 0.22 for 0.5: use `ExactRestitution`.",
+                LawRangeWarning,
+            )
+
+    def damping_factor(self) -> Scalar:
+        """Return chi = 3 (1 - c^2)/(2 c^2)."""
+        return 1.5 * (1.0 - self.restitution**2) / self.restitution**2
+
+
+class ExactRestitution(AbstractReboundingLaw):
+    r"""Law whose damping factor chi delivers exactly the requested restitution c in a free impact.
+
+    $$\chi (1 + c) = \ln \frac{1 + \chi}{1 - \chi c}$$
+
+    The equation holds for any elastic force and is solved numerically for chi.
+
+    Source: Y. Gonthier et al. 2004; J. Zhang, I. Sharf 2009.
+
+    >>> law = cj.laws.ExactRestitution(restitution=0.8, stiffness=1e9)
+    >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")
+    0.3731, delivers 0.8000
+    """
+
+    def damping_factor(self) -> Scalar:
+        """Return the solution chi of chi (1 + c) = ln[(1 + chi)/(1 - chi c)]."""
+        return exact_damping_factor(self.restitution)

@@ -1,27 +1,121 @@
-"""Interfaces of the laws of the normal force of a contact, and of their elastic force.
+"""Penetrations and slips of contacts, and interfaces of the laws of normal and elastic force.
 
 A law computes the force from the penetration delta, m, its rate, m/s, and the entry speed, m/s,
 which is the rate at the onset of the contact. Laws of the Hunt-Crossley family are in
-`hunt_crossley` and `damping_factors`, laws with a parallel dashpot in `dashpots`. Other laws
+`hunt_crossley`, laws with a parallel dashpot in `dashpots`. Other laws
 subclass `AbstractContactLaw`; test them with `clearjoint.testing.check_law`.
 """
 
 import abc
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, ClassVar
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ...fields.checks import require, require_numbers
-from ...fields.conversion import AbstractConverting
-from ...fields.declarations import optional_quantity, quantity
+from ...fields.cautions import LawRangeWarning, caution
+from ...fields.checks import concrete, require, require_numbers
+from ...fields.objects import AbstractConverting, optional_quantity, quantity
 from ...fields.types import Single
 from ...math.smoothing import positive_power
-from ...math.vectors import Scalar
-from .gap import Gap, Limit
+from ...math.vectors import Scalar, Vector
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """Penetration of a contact, its rate, and the radii of the surfaces.
+
+    - `depth`: penetration, m, negative without contact.
+    - `rate`: its time derivative, m/s, positive while the surfaces approach.
+    - `bearing_radius` and radial `clearance`: m, ``None`` for flat surfaces. The clearance is given
+      instead of the journal's radius, because a difference of radii would lose digits.
+
+    >>> extend.Gap(depth=1e-6, rate=0.05, bearing_radius=10e-3, clearance=0.5e-3)
+    Gap(depth=1e-06, rate=0.05, bearing_radius=0.01, clearance=0.0005)
+    """
+
+    depth: Scalar
+    rate: Scalar
+    bearing_radius: Scalar | None = None
+    clearance: Scalar | None = None
+
+    @property
+    def journal_radius(self) -> Scalar:
+        """Bearing radius minus clearance, m; only for a gap that has both."""
+        assert self.bearing_radius is not None and self.clearance is not None
+        return self.bearing_radius - self.clearance
+
+
+def slip_velocity(relative: Vector, normal: Vector, rate: Scalar) -> Vector:
+    """Return the tangential part of a relative velocity, m/s.
+
+    **Arguments:** `relative`: velocity, m/s. `normal`: unit vector. `rate`: component of the
+    velocity along the normal, m/s.
+
+    >>> normal, relative = extend.UNIT_X, extend.Vector(0.1, 0.2, 0.0)
+    >>> extend.slip_velocity(relative, normal, rate=0.1).y
+    0.2
+    """
+    return relative - normal * rate
+
+
+class Limit(NamedTuple):
+    """A quantity of a contact: its value, and the range of values for which a law is valid.
+
+    The method `limits` of a law returns one for each quantity that its validity depends on.
+
+    - `law`: name of the law's class.
+    - `quantity`: name of the quantity, such as "penetration" or "clearance".
+    - `unit`: of the three numbers below, as text.
+    - `value`: present value of the quantity.
+    - `least`, `most`: ends of the valid range.
+
+    >>> cylinder = cj.laws.JohnsonCylinder(207e9, 0.3, length=10e-3)
+    >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
+    >>> limit = cylinder.limits(gap)[0]
+    >>> limit.quantity, limit.unit
+    ('penetration', 'm')
+    """
+
+    law: str
+    quantity: str
+    unit: str
+    value: Scalar
+    least: Scalar
+    most: Scalar
+
+
+def exceeded(limits: tuple[Limit, ...], quantity: str) -> list[str]:
+    """Return a sentence, for a warning, on each limit whose value is outside its range.
+
+    **Arguments:** `limits`: of a law. `quantity`: name of the quantity to check; other limits are
+    ignored, and so are limits with numbers that JAX traces.
+    """
+    sentences = []
+    for limit in limits:
+        numbers = [concrete(number) for number in (limit.value, limit.least, limit.most)]
+        # ``None`` stands for a traced number, whose value is unknown.
+        if limit.quantity != quantity or any(number is None for number in numbers):
+            continue
+        value, least, most = (float(number) for number in numbers if number is not None)
+        if not least <= value <= most:
+            sentences.append(
+                f"`{limit.law}` holds for a {quantity} from {least:.4g} {limit.unit} to "
+                f"{most:.4g} {limit.unit}, but it is {value:.4g} {limit.unit}."
+            )
+    return sentences
+
+
+def caution_beyond(limits: tuple[Limit, ...], quantity: str) -> None:
+    """Issue a `LawRangeWarning` for each limit of a `quantity` whose value is outside its range."""
+    for sentence in exceeded(limits, quantity):
+        caution(sentence, LawRangeWarning)
+
 
 SOFTEST_CONTACT = 1e6
 """Stiffness K of a law K delta^n, N/m^n, below which a warning is issued, since it is far below
@@ -390,3 +484,64 @@ def contact_normal_force(law: AbstractContactLaw, gap: Gap, entry_speed: Scalar 
         assert entry_speed is not None
         entry_speed = jnp.where(entry_speed > 0.0, entry_speed, gap.rate)
     return law.force(gap, entry_speed)
+
+
+class WeightedLaw(AbstractContactLaw):
+    """A contact law times a weight, for one of several contacts that share a line contact.
+
+    The weights of all these contacts add up to 1, as those of a quadrature rule along the line.
+
+    - `law`: the law of the whole contact.
+    - `weight`: share of the law's force and energy.
+    - `uses_entry_speed`, `force_jumps`: those of `law`.
+    """
+
+    law: AbstractContactLaw
+    weight: float = eqx.field(static=True)
+    uses_entry_speed: bool = eqx.field(static=True)  # pyright: ignore
+    force_jumps: bool = eqx.field(static=True)
+
+    @classmethod
+    def of(cls, law: AbstractContactLaw, weight: float) -> Self:
+        """Return a law multiplied by a weight."""
+        return cls(law, weight, law.uses_entry_speed, law.force_jumps)
+
+    def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
+        """Return the weight times the law's force, N."""
+        return self.weight * self.law.force(gap, entry_speed)
+
+    def elastic_force(self, gap: Gap) -> Scalar:
+        """Return the weight times the law's elastic force, N."""
+        return self.weight * self.law.elastic_force(gap)
+
+    def stored_energy(self, gap: Gap) -> Scalar:
+        """Return the weight times the law's energy, J."""
+        return self.weight * self.law.stored_energy(gap)
+
+    def onset_offset(self) -> Scalar:
+        """Return the distance of the surfaces at which the law's force begins, m."""
+        return self.law.onset_offset()
+
+    def slope_jumps(self) -> bool:
+        """Return whether the derivative of the law's force may jump at the onset."""
+        return self.law.slope_jumps()
+
+    def limits(self, gap: Gap) -> tuple[Limit, ...]:
+        """Return the validity limits of the law at a gap."""
+        return self.law.limits(gap)
+
+    @property
+    def delivered_restitution(self) -> Callable[[], Scalar]:
+        """Method of the law that returns the coefficient of restitution of a free impact.
+
+        It is unchanged, because an impact in which force and mass have the same factor has the same
+        motion. It is a property, so that ``hasattr`` tells whether the law has the method.
+
+        **Raises:** `AttributeError` if the law has no such method.
+        """
+        return self.law.delivered_restitution  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def whole_law(law: AbstractContactLaw) -> AbstractContactLaw:
+    """Return the law of the whole contact for a `WeightedLaw`, and any other law unchanged."""
+    return law.law if isinstance(law, WeightedLaw) else law

@@ -13,11 +13,10 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ...fields.checks import require_axis, require_euler_parameters
-from ...fields.declarations import optional_quantity, quantity
+from ...fields.objects import optional_quantity, quantity
 from ...fields.types import Quadruple, Single, Triple
-from ...math.functions import wrapped
 from ...math.rotations import unit
-from ...math.smoothing import ramp
+from ...math.smoothing import ramp, wrapped
 from ...math.vectors import Scalar
 from ..bodies import Wrench
 from ..joints.base import (

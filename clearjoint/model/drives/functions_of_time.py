@@ -12,8 +12,7 @@ import numpy as np
 from jaxtyping import PyTree
 
 from ...fields.checks import as_number, require, require_finite, require_numbers, require_shape
-from ...fields.conversion import AbstractConverting, on_device
-from ...fields.declarations import quantity
+from ...fields.objects import AbstractConverting, on_device, quantity
 from ...fields.types import ArrayLike, Column, Single, TableRows, Triple
 from ...math.interpolation import Slope, hermite_value
 from ...math.vectors import Scalar, Vector

@@ -16,14 +16,12 @@ import numpy as np
 from jaxtyping import PyTree
 
 from ...fields.checks import require, require_point
-from ...fields.conversion import AbstractConverting
-from ...fields.declarations import quantity
+from ...fields.objects import AbstractConverting, quantity
 from ...fields.types import Triple
 from ...math.vectors import Scalar, Vector
 from ..bodies import Motion, Wrench
-from ..contact.bristles import AbstractBristleFriction
-from ..contact.gap import Gap, Limit
-from ..contact.laws import AbstractContactLaw
+from ..contact.friction import AbstractBristleFriction
+from ..contact.laws import AbstractContactLaw, Gap, Limit
 from ..pen import AbstractPen, Marker
 from .motion_subspaces import AbstractMotionSubspace
 

@@ -12,8 +12,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ...math.functions import polar_angle, where
 from ...math.rotations import rotation_matrix, transverse_axes, unit
+from ...math.smoothing import polar_angle, where
 from ...math.vectors import (
     UNIT_X,
     UNIT_Y,

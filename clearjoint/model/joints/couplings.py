@@ -16,10 +16,10 @@ from ...fields.checks import (
     require_positive,
     require_shape,
 )
-from ...fields.declarations import quantity
+from ...fields.objects import quantity
 from ...fields.types import ArrayLike, Quadruple, Single, Triple
-from ...math.functions import cosine, polar_angle, sine, where, wrapped
 from ...math.rotations import composed, rotation_matrix, transverse_axes, unit, within_two_turns
+from ...math.smoothing import cosine, polar_angle, sine, where, wrapped
 from ...math.vectors import ZERO, EulerParameters, Scalar, Vector
 from ..pen import AbstractPen
 from .base import PARALLEL, AbstractConstraint, Motions, Row, require_distinct

@@ -14,9 +14,6 @@ import equinox as eqx
 import jax
 from jaxtyping import PyTree
 
-from ...math.functions import cosine as cosine_of
-from ...math.functions import polar_angle, where
-from ...math.functions import sine as sine_of
 from ...math.rotations import (
     composed,
     conjugate,
@@ -26,6 +23,9 @@ from ...math.rotations import (
     turned,
     within_two_turns,
 )
+from ...math.smoothing import cosine as cosine_of
+from ...math.smoothing import polar_angle, where
+from ...math.smoothing import sine as sine_of
 from ...math.vectors import (
     UNIT_X,
     UNIT_Y,

@@ -7,7 +7,7 @@ joints with clearances for dynamic analysis of multi-body systems, 2006.
 import math
 
 from ...math.vectors import Scalar
-from ..contact.damping_factors import LankaraniNikravesh
+from ..contact.hunt_crossley import LankaraniNikravesh
 from ..contact.laws import RavnStiffness
 from ..joints.base import AbstractConstraint, AbstractContactJoint, AbstractForce
 

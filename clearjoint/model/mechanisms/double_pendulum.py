@@ -2,9 +2,8 @@
 
 from ...math.vectors import Scalar
 from ..bodies import Body, State, body_state
-from ..clearance_joints.axial import AbstractAxialPolicy
-from ..clearance_joints.clearance import ClearanceJoint
-from ..contact.bristles import FrictionLaw
+from ..clearance_joints.clearance import AbstractAxialPolicy, ClearanceJoint
+from ..contact.friction import FrictionLaw
 from ..contact.laws import AbstractContactLaw
 from ..joints.ideal import RevoluteJoint
 from ..scene import Scene

@@ -12,7 +12,7 @@ from ...math.vectors import Scalar
 from ..bodies import GROUND, Body, BodyState, State, body_state
 from ..clearance_joints.ball_in_socket import BallInSocket
 from ..clearance_joints.clearance import ClearanceJoint
-from ..contact.bristles import FrictionLaw
+from ..contact.friction import FrictionLaw
 from ..contact.laws import AbstractContactLaw
 from ..joints.base import AbstractConstraint, AbstractForce
 from ..joints.ideal import InlineJoint, RevoluteJoint, SphericalJoint

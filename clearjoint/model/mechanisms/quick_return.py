@@ -7,12 +7,11 @@ import numpy as np
 from ...math.vectors import Scalar
 from ..bodies import GROUND, Body, BodyState, State, body_state
 from ..clearance_joints.between_walls import PinInSlot
-from ..contact.bristles import FrictionLaw
-from ..contact.damping_factors import HuntCrossley
+from ..contact.friction import FrictionLaw
+from ..contact.hunt_crossley import HuntCrossley
 from ..contact.laws import AbstractContactLaw, GivenStiffness
 from ..drives.drivers import PrescribedRotation
-from ..joints.ideal import RevoluteJoint
-from ..joints.planes import PointInPlaneJoint
+from ..joints.ideal import PointInPlaneJoint, RevoluteJoint
 from ..scene import Scene
 from .common import ORIGIN, Y_AXIS, Z_AXIS, turned_about_z
 

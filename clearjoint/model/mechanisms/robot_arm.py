@@ -12,7 +12,7 @@ from ...math.rotations import composed, rotation_matrix
 from ...math.vectors import EulerParameters, Scalar, pack
 from ..bodies import GROUND, Body, BodyState, State, body_state
 from ..clearance_joints.backlash import Backlash
-from ..contact.damping_factors import ExactRestitution
+from ..contact.hunt_crossley import ExactRestitution
 from ..contact.laws import AbstractContactLaw
 from ..drives.drivers import PrescribedRotation
 from ..joints.ideal import RevoluteJoint

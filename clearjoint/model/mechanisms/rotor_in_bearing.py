@@ -5,10 +5,9 @@ import numpy as np
 from ...fields.types import TripleLike
 from ...math.vectors import Scalar
 from ..bodies import GROUND, Body, State, body_state
-from ..clearance_joints.axial import FixedAxially
-from ..clearance_joints.clearance import ClearanceJoint
+from ..clearance_joints.clearance import ClearanceJoint, FixedAxially
 from ..clearance_joints.lubricated import LubricatedJoint
-from ..contact.bristles import FrictionLaw
+from ..contact.friction import FrictionLaw
 from ..contact.laws import AbstractContactLaw
 from ..drives.drivers import PrescribedRotation
 from ..films import AbstractFilm

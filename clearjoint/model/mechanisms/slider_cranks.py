@@ -9,14 +9,18 @@ from ...math.vectors import Scalar
 from ..bodies import GROUND, Body, BodyState, State, body_state
 from ..clearance_joints.between_walls import SliderInGuide
 from ..clearance_joints.clearance import ClearanceJoint
-from ..contact.bristles import FrictionLaw
-from ..contact.damping_factors import ExactRestitution
-from ..contact.friction import RegularisedCoulomb
+from ..contact.friction import FrictionLaw, RegularisedCoulomb
+from ..contact.hunt_crossley import ExactRestitution
 from ..contact.laws import AbstractContactLaw
 from ..drives.drivers import PrescribedRotation
 from ..joints.base import AbstractConstraint, AbstractForce
-from ..joints.ideal import InlineJoint, PrismaticJoint, RevoluteJoint
-from ..joints.planes import LineInPlaneJoint, PointInPlaneJoint
+from ..joints.ideal import (
+    InlineJoint,
+    LineInPlaneJoint,
+    PointInPlaneJoint,
+    PrismaticJoint,
+    RevoluteJoint,
+)
 from ..scene import Scene
 from .common import ORIGIN, X_AXIS, Y_AXIS, Z_AXIS, Joints, steel_law, turned_about_z, with_motor
 

@@ -24,7 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from ...compilation.tracing import begins_a_program, program_is_made_inside
+from ...compilation.xla import begins_a_program, program_is_made_inside
 from ...math.vectors import Scalar, pack
 from ...native import Native, UnsupportedPrimitiveError, is_native
 from ...native.cells import Cells
@@ -34,11 +34,21 @@ from ...native.lanes import LaneLoop
 from ...native.machine_code import load_or_make
 from ...runtime import threads_of_sweeps
 from ..run.impact_recorder import ImpactRow
-from ..run.interruptions import interruptions_deferred
+from ..run.progress_bars import interruptions_deferred
 from ..step.dense_output import Snapshot
 from ..step.types import Numbers
-from .lane import WINDOW, Lane, Outcome, SegmentRequest, begin_lane, moves, outcome, step_lane
-from .tasks import Common, Task
+from .lane import (
+    WINDOW,
+    Common,
+    Lane,
+    Outcome,
+    SegmentRequest,
+    Task,
+    begin_lane,
+    moves,
+    outcome,
+    step_lane,
+)
 from .xla_lanes import XlaFunction, XlaLaneLoop, zeros_like
 
 PERIOD = 0.2

@@ -25,12 +25,12 @@ from ...dynamics.coordinates import AbstractMechanics, Motions, Speeds
 from ...dynamics.equations_of_motion import flattened
 from ...dynamics.multipliers import response, row_rate, row_weights
 from ...dynamics.system import System
-from ...fields.checks import require
+from ...fields.checks import require, require_range
 from ...math.linear_solvers import inner
 from ...math.rotations import transverse_axes
 from ...math.smoothing import norm_and_direction
 from ...math.vectors import Condition, Scalar, Vector, add, multiply
-from ...model.joints.base import AbstractContactJoint, Contact, Row
+from ...model.joints.base import AbstractContactJoint, Contact, Row, each_label
 from ...model.scene import Scene
 from .bounded_lcp import BoxProblem, Impulses, largest
 
@@ -330,3 +330,33 @@ def _extrapolation(last: Alternation, change: Impulses) -> Scalar:
 def _largest_of(live: Sequence[Condition], numbers: Sequence[Scalar]) -> Scalar:
     """Return the largest magnitude among those numbers whose condition in `live` is true."""
     return largest([jnp.where(one, number, 0.0) for one, number in zip(live, numbers, strict=True)])
+
+
+def require_restitution(scene: Scene, restitution: Scalar | None) -> None:
+    """Check that every contact has a coefficient of restitution: the given number or, for ``None``,
+    that of its law.
+
+    **Raises:** `ValueError` for a number outside 0 to 1; without a number, for a contact law
+    without a method `delivered_restitution`.
+    """
+    if restitution is not None:
+        require_range("restitution", restitution, 0.0, 1.0, "1 is elastic, 0 is plastic")
+        return
+    for name, family in scene.laws().items():
+        for label, law in family.items():
+            fine, given = hasattr(law, "delivered_restitution"), type(law).__name__
+            expected = f"of a law with delivered_restitution() at {label!r}"
+            remedy = "pass restitution=, or give the law such a method"
+            require(fine, f"scene.joints[{name!r}]", given, expected, remedy)
+
+
+def restitutions(scene: Scene, restitution: Scalar | None) -> dict[str, dict[str, Scalar]]:
+    """Return Newton's coefficient of restitution of each contact, as restitutions[joint][contact].
+
+    **Arguments:** `restitution`: the coefficient of all contacts, or ``None`` for the coefficients
+    that the contact laws report, from the rebound of a free impact.
+    """
+    laws = scene.laws()
+    if restitution is not None:
+        return each_label(lambda name, label: restitution, laws)
+    return each_label(lambda name, label: laws[name][label].delivered_restitution(), laws)  # pyright: ignore

@@ -1,29 +1,258 @@
 """Simulation with rigid contacts, whose impacts have no duration: the function
 `simulate_nonsmooth`."""
 
+from dataclasses import replace
+from functools import reduce
+
+import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
-from ...dynamics.coordinates import AbstractCoordinates
+from ...compilation import Compiled
+from ...dynamics.breakpoints import (
+    breakpoints,
+    drivers_are_smooth,
+    one_sided_time,
+    since_breakpoints,
+)
+from ...dynamics.coordinates import AbstractCoordinates, MotionVariables
 from ...dynamics.formulation import Formulation
 from ...dynamics.joint_coordinates.coordinates import JointCoordinates
 from ...dynamics.journals import warn_of_journals_outside
+from ...dynamics.system import System
 from ...fields.checks import require, require_positive
-from ...fields.conversion import with_arrays
+from ...fields.objects import with_arrays
 from ...fields.types import ArrayLike
-from ...math.vectors import Scalar, fold_constants
-from ...model.bodies import State
+from ...math.vectors import Condition, ConstantFolded, Scalar, fold_constants, pack, unpack
+from ...model.bodies import BodyState, State
 from ...model.joints.base import each_label
 from ...model.scene import Scene
 from ...result_codes import RESULTS
-from ..results.nonsmooth_solution import NonsmoothSolution
+from ..results.nonsmooth_solution import ContactTotals, NonsmoothSolution
 from ..results.solution import Trajectory, raise_failure
 from ..run.run_checks import check_numbers, check_precision, check_start, in_domain, is_traced
 from ..run.saving import EXCEPT_TIMES, Saving, saving_or_nothing
-from ..step.spans import check_span
-from .restitution import require_restitution
-from .run import RigidRun, RigidStop, run_compiled
+from ..step.settings import check_span
+from ..step.step_state import choose
+from ..step.trial_step import all_finite
+from .contact_problem import require_restitution, restitutions
+from .moreau_jean import ContactStep, Rigid, advance
+
+DRIVER_TOLERANCE = 1e-5
+"""Largest difference between the change of a driver's value (a prescribed motion) over a step and
+the integral of its rate, and between the change of its rate and the integral of its second rate.
+Both are relative to the driver's speed in the step. For a smooth driver, the integrals have far
+smaller errors. A larger difference means that the driver has a kink or jump inside the step, which
+the step does not follow."""
+
+
+class RigidRun(eqx.Module):
+    """A run between two steps.
+
+    - `t`: s; `variables`: the variables of the motion at t.
+    - `touching[joint][contact]`: whether the contact had an impulse in the last step.
+    - `totals[joint][contact]`: sums and extreme values since the start of the run.
+    - `residual`: largest relative residual of the contact problem in any step.
+    - `result`: the result code so far; `steps`: number of steps.
+    """
+
+    t: Scalar
+    variables: MotionVariables
+    touching: dict[str, dict[str, Condition]]
+    totals: dict[str, dict[str, ContactTotals]]
+    residual: Scalar
+    result: RESULTS
+    steps: Scalar
+
+
+class RigidStop(eqx.Module):
+    """State of a run at a stop; at S stops, each array has an additional first axis of length S.
+
+    - `bodies`: states of the bodies, whose vectors are arrays (3,).
+    - `totals[joint][contact]`: sums and extreme values of each contact since the start of the run.
+    - `result`: the result code so far.
+    """
+
+    bodies: dict[str, BodyState]
+    totals: dict[str, dict[str, ContactTotals]]
+    result: RESULTS
+
+
+def run(
+    folded_scene: ConstantFolded,
+    formulation: Formulation,
+    state: State,
+    stops: Float[jax.Array, " stops"],
+    longest: Scalar,
+    restitution: Scalar | None,
+    admissible: Condition | None = None,
+) -> tuple[RigidRun, RigidStop]:
+    """Run a scene from the first to the last stop, and return the run at its end, and all stops
+    except the first.
+
+    **Arguments:**
+
+    - `folded_scene`: the scene, whose exact zeros and ones are compiled as constants.
+    - `formulation`: coordinates, stabilisation and linear solver of the equations of motion.
+    - `state`: the initial state, whose vectors are arrays (3,).
+    - `stops`: (S,) s, not decreasing: the start, the times to save at, and the end.
+    - `longest`: s, length of the longest step.
+    - `restitution`: Newton's coefficient of restitution of every contact, or ``None`` for those of
+      the contact laws.
+    - `admissible`: whether all numbers are within their ranges; if not, the run ends at once.
+      ``None`` if the numbers have been checked.
+    """
+    system = System(unpack(folded_scene), formulation)
+    rigid = Rigid(system, restitutions(system.scene, restitution))
+    first = _first(rigid, system.encode(unpack(state.bodies)), stops[0])
+    if admissible is not None:
+        first = replace(first, result=RESULTS.where(admissible, first.result, RESULTS.domain))
+    times, rows = _with_breakpoints(system.scene, stops)
+
+    def to_stop(now: RigidRun, span: tuple[Scalar, Scalar]) -> tuple[RigidRun, RigidStop]:
+        now = _past_kink(system, _to_stop(rigid, now, *span, longest), *span)
+        return now, RigidStop(pack(system.decode(now.variables)), now.totals, now.result)
+
+    # The scan goes from breakpoint to breakpoint too; only the states at stops are kept.
+    end, kept = jax.lax.scan(to_stop, first, (times[:-1], times[1:]))
+    if rows is not None:
+        kept = jax.tree.map(lambda leaf: leaf[rows], kept)
+    return end, kept
+
+
+run_compiled = Compiled(run)
+
+
+def _with_breakpoints(
+    scene: Scene, stops: Float[jax.Array, " stops"]
+) -> tuple[Float[jax.Array, " times"], Int[jax.Array, " rest"] | None]:
+    """Return the times at which steps must end, s: stops and breakpoints together, sorted.
+
+    **Returns:** (T,) times, and for each stop except the first its index in `times[1:]`. The
+    indices are ``None`` if there are no breakpoints.
+    """
+    elements = jax.tree.leaves(breakpoints(scene))
+    if not elements:
+        return stops, None
+    # A breakpoint outside of the run is moved to its start or end, where it adds no step.
+    inside = [jnp.clip(jnp.ravel(at).astype(float), stops[0], stops[-1]) for at in elements]
+    # A stop that is a breakpoint too is there twice. The last of equal times is the stop's row, as
+    # the velocities behind the breakpoint hold from there on.
+    times = jnp.sort(jnp.concatenate([stops, *inside]))
+    return times, jnp.searchsorted(times, stops[1:], side="right") - 2
+
+
+def _past_kink(system: System, now: RigidRun, start: Scalar, stop: Scalar) -> RigidRun:
+    """Return the run `now` at the time `stop`, with the velocities that drivers prescribe after it.
+
+    Velocities change only if a driver has a breakpoint at `stop`.
+
+    **Arguments:** `start`, `stop`: s, the span of time that the run has just covered.
+    """
+    since = since_breakpoints(system, start, stop)
+    joints = [lands for name, (lands, _) in since.items() if name in system.scene.joints]
+    if not joints:
+        return now
+    # Where a driver's velocity jumps, the change of the speeds has the least kinetic energy.
+    time = one_sided_time(system, stop, stop)
+    # A run that failed stays where it is, before `stop`.
+    variables = jax.lax.cond(
+        reduce(jnp.logical_or, joints) & (now.result == RESULTS.successful),
+        lambda variables: system.project_velocities(variables, time),
+        lambda variables: variables,
+        now.variables,
+    )
+    return replace(now, variables=variables)
+
+
+def _to_stop(rigid: Rigid, now: RigidRun, start: Scalar, stop: Scalar, longest: Scalar) -> RigidRun:
+    """Return the run after equal steps, not longer than `longest`, from the time `start` to `stop`,
+    all in s. A run stays as it is from the first step on that fails."""
+    # The factor is slightly below 1, because rounding of the span could otherwise add a step.
+    count = jnp.ceil((stop - start) / longest * (1.0 - 1e-9))
+    h = (stop - start) / jnp.maximum(count, 1.0)
+
+    def goes(carry: tuple[RigidRun, Scalar]) -> Scalar:
+        return (carry[1] < count) & (carry[0].result == RESULTS.successful)
+
+    def go(carry: tuple[RigidRun, Scalar]) -> tuple[RigidRun, Scalar]:
+        now, k = carry
+        return _after_step(rigid, now, start + k * h, h), k + 1.0
+
+    return jax.lax.while_loop(goes, go, (now, jnp.zeros(())))[0]
+
+
+def _first(rigid: Rigid, variables: MotionVariables, t: Scalar) -> RigidRun:
+    """Return a run before its first step, at the time t, s, with the totals of each contact at
+    zero."""
+    zero, none = jnp.zeros(()), jnp.zeros((), int)
+    nothing = ContactTotals(none, zero, zero, zero, zero, zero)
+    laws = rigid.system.scene.laws()
+    return RigidRun(
+        t=t,
+        variables=jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), variables),
+        touching=each_label(lambda name, label: jnp.asarray(False), laws),
+        totals=each_label(lambda name, label: nothing, laws),
+        residual=zero,
+        result=RESULTS.successful,
+        steps=none,
+    )
+
+
+def _after_step(rigid: Rigid, now: RigidRun, t: Scalar, h: Scalar) -> RigidRun:
+    """Return a run after a step of length h from time t, s.
+
+    If the step fails, the run stays as it was, and gets the result code of the failure.
+    """
+    end = advance(rigid, now.variables, t, h)
+    # A state that is not finite has its own result code, since the other conditions mean nothing
+    # then. If several of the others fail, the last one below gives the code.
+    finite = all_finite(end.variables)
+    contacts = end.contacts
+
+    def total(name: str, label: str) -> ContactTotals:
+        return _total(now.totals[name][label], contacts[name][label], now.touching[name][label])
+
+    result = RESULTS.where(finite, now.result, RESULTS.non_finite)
+    result = RESULTS.where(finite & ~end.solved, RESULTS.solver_failed, result)
+    result = RESULTS.where(finite & ~end.shallow, RESULTS.step_too_long, result)
+    good = finite & end.solved & end.shallow
+    # Drivers enter the equations by their second derivatives, at single times of a step only.
+    # Without this check, a kink or jump between these times would pass unnoticed.
+    smooth = drivers_are_smooth(rigid.system, end.variables, t, t + h, DRIVER_TOLERANCE)
+    if smooth is not None:
+        result = RESULTS.where(good & ~smooth, RESULTS.not_followed, result)
+        good = good & smooth
+    following = RigidRun(
+        t=t + h,
+        variables=end.variables,
+        touching=each_label(lambda name, label: contacts[name][label].impulse > 0.0, contacts),
+        totals=each_label(total, contacts),
+        residual=jnp.maximum(now.residual, end.residual),
+        result=now.result,
+        steps=now.steps + 1,
+    )
+    return replace(choose(good, following, now), result=result)
+
+
+def _total(totals: ContactTotals, step: ContactStep, touched: Condition) -> ContactTotals:
+    """Return the totals of a contact after a step.
+
+    **Arguments:** `totals`: totals before the step; `step`: the contact in this step; `touched`:
+    whether the contact had an impulse in the step before, so that no new impact is counted.
+    """
+    pushes = step.impulse > 0.0
+    approach = jnp.where(pushes, jnp.maximum(-step.opening, 0.0), 0.0)
+    return ContactTotals(
+        impacts=totals.impacts + (pushes & ~touched),
+        impulse=totals.impulse + step.impulse,
+        dissipated=totals.dissipated + step.dissipated,
+        hardest=jnp.maximum(totals.hardest, step.impulse),
+        fastest=jnp.maximum(totals.fastest, approach),
+        penetration=jnp.maximum(totals.penetration, step.penetration),
+    )
+
 
 MOST_STEPS = 1e9
 """Largest number of steps of a run. A run of more steps would take hours."""

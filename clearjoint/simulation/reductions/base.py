@@ -16,11 +16,10 @@ import numpy as np
 from jaxtyping import PyTree
 
 from ...fields.checks import as_number, require
-from ...fields.conversion import AbstractConverting
+from ...fields.objects import AbstractConverting
 from ...math.vectors import Condition, Scalar
 from ...model.scene import Scene
-from ...quantities.base import check_quantity
-from ...quantities.instant import Instant
+from ...quantities.base import Instant, check_quantity
 
 Instants: TypeAlias = Annotated[float | None, "s"]
 """A time in s; ``None`` for the start or the end of the run."""

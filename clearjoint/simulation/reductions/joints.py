@@ -11,10 +11,9 @@ from ...fields.checks import require_count, require_positive
 from ...math.smoothing import norm_and_direction
 from ...math.vectors import Condition, Scalar, Vector, add
 from ...model.clearance_joints.journal_bases import BASES, HasJournal, require_bases_only
-from ...model.contact.gap import slip_velocity
+from ...model.contact.laws import slip_velocity
 from ...model.scene import Scene
-from ...quantities.base import require_known
-from ...quantities.instant import Instant
+from ...quantities.base import Instant, require_known
 from .base import AbstractWindowedReduction
 
 LOSSES = ("normal damping", "friction", "film")

@@ -17,8 +17,7 @@ from ...compilation import traced_once
 from ...fields.checks import as_number, require, require_finite
 from ...math.interpolation import Parabola, Point, highest_after
 from ...math.vectors import Scalar
-from ...quantities.base import Quantity, numbers, require_quantity
-from ...quantities.instant import Instant
+from ...quantities.base import Instant, Quantity, numbers, require_quantity
 from .base import AbstractWindowedReduction
 
 GAUSS_NODES = (-math.sqrt(0.6), 0.0, math.sqrt(0.6))

@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...export.labelled import Labelled, labelled_dataset, texts
-from ...export.tabular import AbstractTabular
-from ...model.contact.gap import exceeded
+from ...export.labelled import AbstractTabular, Labelled, labelled_dataset, texts
+from ...model.contact.laws import exceeded
 from ...model.scene import Scene
 
 if TYPE_CHECKING:

@@ -6,14 +6,13 @@ import equinox as eqx
 import numpy as np
 
 from ...dynamics.formulation import Formulation
-from ...export.tabular import AbstractTabular
+from ...export.labelled import AbstractTabular
 from ...fields.checks import require
-from ...fields.readable import AbstractReadable
+from ...fields.objects import AbstractReadable
 from ...model.bodies import State
 from ...result_codes import RESULTS
 from ..step.types import Integers, Numbers
-from .solution import Trajectory, is_abstract, run_text
-from .state_tables import by_contact
+from .solution import Trajectory, by_contact, is_abstract, run_text
 
 if TYPE_CHECKING:
     import xarray as xr

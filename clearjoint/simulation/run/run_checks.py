@@ -19,7 +19,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import PyTree
 
-from ...compilation.tracing import is_tracing
+from ...compilation.xla import is_tracing
 from ...dynamics.assembly import (
     ACCEPTED_VIOLATION,
     REPRESENTED,
@@ -35,14 +35,14 @@ from ...dynamics.formulation import Formulation
 from ...dynamics.journals import FAR_OUTSIDE, contact_depths, require_in_bearings
 from ...fields.caching import cached_by_numbers
 from ...fields.checks import conditions_of, conditions_of_changes, recheck, require
-from ...fields.conversion import with_arrays
+from ...fields.objects import with_arrays
 from ...math.vectors import Condition, Scalar
 from ...model.bodies import State
 from ...model.scene import Scene
 from ...native import NativeFunction, UnsupportedPrimitiveError, is_native
 from ...native.functions import FlatArguments
 from ..step.dense_output import require_dense
-from ..step.discontinuity_analysis import require_declared
+from ..step.discontinuities import require_declared
 from ..step.method import Scheme
 from ..step.settings import Settings
 

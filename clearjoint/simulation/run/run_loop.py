@@ -20,13 +20,13 @@ from ...dynamics.system import System
 from ...math.groups import by_group, by_name
 from ...math.vectors import Condition, Scalar, unpack
 from ...model.bodies import State
-from ...quantities.instant import Instant
+from ...quantities.base import Instant
 from ...result_codes import RESULTS
 from ..step.dense_output import DenseStep, Snapshot
 from ..step.loops import PLAIN, Loops
+from ..step.method import SystemFamily
 from ..step.step_state import Attempt, Method, Step, Variables, choose
 from ..step.stepping import attempt, blank_attempt, running, start
-from ..step.systems import SystemFamily
 
 R = TypeVar("R", bound=PyTree)
 

@@ -26,21 +26,19 @@ from ...math.vectors import Condition, Scalar
 from ...model.bodies import State
 from ...native import Native
 from ...parametrisation.parametrised_scene import Coordinates, ParametrisedScene
-from ...quantities.base import Quantity
-from ...quantities.instant import Instant
+from ...quantities.base import Instant, Quantity
 from ...result_codes import RESULTS
 from ..step.dense_output import correct, dense_time, look_inside
-from ..step.method import Scheme
+from ..step.method import Scheme, SystemFamily
 from ..step.step_state import Attempt, Method, SolverState, Step, Tangents, Variables, choose
 from ..step.stepping import attempt, start
-from ..step.systems import SystemFamily
 from ..step.trial_step import term_of
 from ..step.types import Gradients, Numbers
+from .host_run import IMPACTS, LATEST, SECTIONS
 from .impact_recorder import ImpactRecord, ImpactRecorder, most
 from .recorders import LatestAttempt
 from .run_loop import Progress, Recorders, RunLoop, final_result, named, state_of
 from .sections import SectionRecord, SectionRecorder
-from .segments import IMPACTS, LATEST, SECTIONS
 
 FEW_TIMES, GROWTH = 64, 8
 """The number of times in a compiled program is rounded up to 64, 512, 4096 ..., so that few

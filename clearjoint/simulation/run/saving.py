@@ -9,7 +9,7 @@ from ...fields.types import ArrayLike
 from ...math.vectors import Scalar
 from ...model.scene import Scene
 from ..reductions.base import AbstractReduction, check_reductions
-from ..step.spans import check_strictly_rising, checked_times
+from ..step.settings import check_strictly_rising, checked_times
 from ..step.types import Numbers
 from .sections import Section, SectionRecorder
 

@@ -17,12 +17,11 @@ import jax
 import jax.numpy as jnp
 
 from ...fields.checks import require, require_array_names, require_count, require_finite
-from ...fields.conversion import on_device
+from ...fields.objects import on_device
 from ...math.interpolation import secant_root
 from ...math.vectors import Scalar
 from ...model.scene import Scene
-from ...quantities.base import Quantity, check_quantity, require_quantity
-from ...quantities.instant import Instant
+from ...quantities.base import Instant, Quantity, check_quantity, require_quantity
 from ..results.solution import TIME, Crossings
 from ..step.dense_output import Snapshot, on_constraints
 from .recorders import ROWS, RowBuffer

@@ -16,9 +16,14 @@ import jax
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...export.labelled import Labelled, labelled_dataset, texts
-from ...export.provenance import Notes, setting_notes
-from ...export.tabular import AbstractTabular
+from ...export.labelled import (
+    AbstractTabular,
+    Labelled,
+    Notes,
+    labelled_dataset,
+    setting_notes,
+    texts,
+)
 from ...fields.checks import require, require_names
 from ...fields.types import ArrayLike
 from ...math.vectors import pack
@@ -31,8 +36,7 @@ from ...result_codes import RESULTS
 from ..results.impact_table import Impacts
 from ..results.solution import Crossings, Trajectory, raise_failure
 from ..step import presets
-from ..step.settings import Settings, settings_or
-from ..step.spans import check_span, checked_times
+from ..step.settings import Settings, check_span, checked_times, settings_or
 from .impact_recorder import impact_rows_of
 from .progress_bars import compiling_bar
 from .run_checks import derivative_scheme

@@ -7,10 +7,10 @@ import equinox as eqx
 import numpy as np
 
 from ...dynamics.journals import warn_of_journals_outside
-from ...export.provenance import setting_notes
+from ...export.labelled import setting_notes
 from ...fields.cautions import LawRangeWarning, caution
 from ...fields.checks import require
-from ...fields.conversion import on_device, with_arrays
+from ...fields.objects import on_device, with_arrays
 from ...math.vectors import Scalar, fold_constants
 from ...model.bodies import State
 from ...model.scene import Scene
@@ -22,14 +22,12 @@ from ..step import presets
 from ..step.dense_output import require_dense
 from ..step.loops import loops_for
 from ..step.method import Scheme
-from ..step.settings import Settings, settings_or
-from ..step.spans import check_span
+from ..step.settings import Settings, check_span, settings_or
 from ..step.types import Numbers
-from .host_run import Run
-from .interruptions import RunInterrupted
+from .host_run import Run, begin, recorders_of
+from .progress_bars import RunInterrupted
 from .run_checks import check_numbers, check_precision, check_start, in_domain, is_traced
 from .saving import EXCEPT_TIMES, Saving, saving_or_nothing
-from .segments import begin, recorders_of
 
 LEAVE_OUT = "leave it out, or call simulate() outside of the transformation"
 """Remedy in the error message for results that a traced run cannot keep."""

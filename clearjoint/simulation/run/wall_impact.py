@@ -15,8 +15,7 @@ from ...fields.checks import require, require_positive
 from ...fields.types import Single
 from ...math.interpolation import Parabola
 from ...math.vectors import Scalar
-from ...model.contact.gap import Gap
-from ...model.contact.laws import AbstractContactLaw, contact_normal_force
+from ...model.contact.laws import AbstractContactLaw, Gap, contact_normal_force
 from .run_checks import check_precision
 
 TOLERANCE = 1e-11

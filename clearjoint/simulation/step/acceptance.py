@@ -19,7 +19,7 @@ from ...dynamics.system import System
 from ...fields.types import Single
 from ...math.vectors import Condition, Scalar
 from ...result_codes import RESULTS
-from .discontinuity_monitor import has_undeclared_jump, may_have_undeclared_jump
+from .discontinuities import has_undeclared_jump, may_have_undeclared_jump
 from .step_length import (
     length_after_breakpoints,
     lengths_after_contacts,

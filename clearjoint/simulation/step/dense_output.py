@@ -17,8 +17,7 @@ from ...dynamics.coordinates import MotionVariables
 from ...dynamics.system import System
 from ...fields.checks import require
 from ...math.vectors import Scalar
-from ...quantities.base import Quantity
-from ...quantities.instant import Instant
+from ...quantities.base import Instant, Quantity
 from .solvers import DenseOutput, UnrolledExplicit
 from .step_state import Attempt, Method, Variables, choose
 from .time_map import AbstractTimeMap

@@ -41,6 +41,7 @@ from ...model.joints.base import ByLabel, each_label
 from ...result_codes import RESULTS
 from .acceptance import decide_step
 from .breakpoint_events import across_breakpoints, joints_have_breakpoints
+from .method import SystemFamily
 from .saltation import across_contacts, contacts_jump, slopes_jump
 from .solvers import UnrolledExplicit
 from .step_length import end_of_step
@@ -55,7 +56,6 @@ from .step_state import (
     Variables,
     choose,
 )
-from .systems import SystemFamily
 from .trial_step import Trial, error_order, term_of, time_map_of, try_step
 
 Shapes = TypeVar("Shapes")

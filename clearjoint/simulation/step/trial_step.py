@@ -24,10 +24,10 @@ from ...math.groups import sum_
 from ...math.vectors import Condition, Scalar
 from ...model.scene import Scene
 from .dense_output import correct
+from .method import SystemFamily
 from .saltation import contacts_jump, slopes_jump
 from .solvers import DenseInformation, UnrolledExplicit
 from .step_state import Method, SolverState, Step, Variables, choose
-from .systems import SystemFamily
 from .time_map import AbstractTimeMap, FromOnset, WithinContact
 
 REJECTED_ERROR = 1e30

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from .fingerprint import DIGITS, digest
+from .program import DIGITS, digest
 
 if TYPE_CHECKING:
     import zarr
