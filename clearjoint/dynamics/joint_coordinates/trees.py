@@ -7,10 +7,10 @@ velocity in body axes, rad/s.
 
 Kinematics and inertia are computed in one frame for each tree. Its axes are those of the root body.
 Its origin is a point of the root: the joint on the ground or, for a free root, the centre of mass.
-So the root's inertia is constant, constant vectors keep their
-exact zeros, and for a free root the mass matrix contains the total mass times the identity. A twist is the angular velocity of a body with the velocity of its point at the
-origin. "At constant speeds" means: the part of an acceleration that remains if the time derivatives
-of all joint speeds are zero.
+So the root's inertia is constant, constant vectors keep their exact zeros, and for a free root the
+mass matrix contains the total mass times the identity. A twist is the angular velocity of a body
+with the velocity of its point at the origin. "At constant speeds" means: the part of an
+acceleration that remains if the time derivatives of all joint speeds are zero.
 """
 
 import abc
