@@ -394,7 +394,7 @@ class ClearanceJoint(AbstractCentredJoint):
         laws, shoulder_law = super().laws(), self.axial.shoulder_law()
         if self.line_points is not None:
             for label, point in self._axial_points().items():
-                laws[label] = WeightedLaw.of(self.law, point.weight)
+                laws[label] = WeightedLaw(self.law, point.weight)
         return laws if shoulder_law is None else laws | dict.fromkeys(SHOULDERS, shoulder_law)
 
     def deepest(self) -> dict[str, Scalar]:

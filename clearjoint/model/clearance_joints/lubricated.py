@@ -3,7 +3,6 @@
 from functools import wraps
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -18,7 +17,13 @@ from ...math.rotations import unit
 from ...math.smoothing import norm_and_direction, ramp
 from ...math.vectors import UNIT_Z, Scalar, Vector, unpack
 from ..bodies import NO_WRENCH, Wrench
-from ..contact.laws import AbstractContactLaw, Gap, Limit, caution_beyond, require_instance
+from ..contact.laws import (
+    AbstractContactLaw,
+    AbstractLawAround,
+    Gap,
+    caution_beyond,
+    require_instance,
+)
 from ..films import AbstractFilm, FilmGap
 from ..joints.base import AbstractContactJoint, Motions
 from .clearance import ClearanceJoint
@@ -39,17 +44,14 @@ def blending_factor(depth: Scalar, transition: Scalar) -> Scalar:
     return ratio * ratio * (3.0 - 2.0 * ratio)
 
 
-class BlendedContactLaw(AbstractContactLaw):
+class BlendedContactLaw(AbstractLawAround):
     """A contact law multiplied by the `blending_factor`, so that the force begins smoothly.
 
     - `law`: the law of the dry contact.
     - `transition`: penetration from which the factor is 1, m.
-    - `uses_entry_speed`: that of `law`.
     """
 
-    law: AbstractContactLaw
     transition: Single
-    uses_entry_speed: bool = eqx.field(static=True)  # pyright: ignore
     force_jumps = False
 
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
@@ -79,10 +81,6 @@ class BlendedContactLaw(AbstractContactLaw):
     def slope_jumps(self) -> bool:
         """Return ``False``: the blended force starts with zero slope."""
         return False
-
-    def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """Return the validity limits of the dry contact's law at a gap."""
-        return self.law.limits(gap)
 
     def _factor(self, gap: Gap) -> Scalar:
         return blending_factor(gap.depth, self.transition)
@@ -196,8 +194,7 @@ class LubricatedJoint(AbstractContactJoint):
         laws = self.dry.laws()
         if self.transition is not None:
             for label in self.dry.contact_labels():
-                law = laws[label]
-                laws[label] = BlendedContactLaw(law, self.transition, law.uses_entry_speed)
+                laws[label] = BlendedContactLaw(laws[label], self.transition)
         return laws
 
     def film_wrenches(self, motions: Motions) -> dict[str, Wrench]:

@@ -14,7 +14,6 @@ import abc
 import math
 from typing import ClassVar
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -554,13 +553,12 @@ class RoughCylinders(AbstractContactLaw):
     asperities: GreenwoodTripp
     length: Single = quantity("m", positive=True, remedy="give the length of the contact in m")
     law: AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
-    uses_entry_speed: bool = eqx.field(static=True, init=False)  # pyright: ignore
     force_jumps = False
 
-    def __init__(self, asperities: GreenwoodTripp, length: Scalar, law: AbstractContactLaw):
-        self.asperities, self.length, self.law = asperities, length, law
-        # `__check_init__` refuses a `law` of another class afterwards, with a clear message.
-        self.uses_entry_speed = bool(getattr(law, "uses_entry_speed", False))
+    @property
+    def uses_entry_speed(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Whether the law of the walls uses the entry speed."""
+        return self.law.uses_entry_speed
 
     def __check_init__(self):
         require_instance("asperities", self.asperities, GreenwoodTripp)

@@ -10,7 +10,7 @@ import abc
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -486,25 +486,36 @@ def contact_normal_force(law: AbstractContactLaw, gap: Gap, entry_speed: Scalar 
     return law.force(gap, entry_speed)
 
 
-class WeightedLaw(AbstractContactLaw):
+class AbstractLawAround(AbstractContactLaw):
+    """Base class of laws that change the force of another law, `law`."""
+
+    law: AbstractContactLaw
+
+    @property
+    def uses_entry_speed(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Whether `law` uses the entry speed."""
+        return self.law.uses_entry_speed
+
+    def limits(self, gap: Gap) -> tuple[Limit, ...]:
+        """Return the validity limits of `law` at a gap."""
+        return self.law.limits(gap)
+
+
+class WeightedLaw(AbstractLawAround):
     """A contact law times a weight, for one of several contacts that share a line contact.
 
     The weights of all these contacts add up to 1, as those of a quadrature rule along the line.
 
     - `law`: the law of the whole contact.
     - `weight`: share of the law's force and energy.
-    - `uses_entry_speed`, `force_jumps`: those of `law`.
     """
 
-    law: AbstractContactLaw
     weight: float = eqx.field(static=True)
-    uses_entry_speed: bool = eqx.field(static=True)  # pyright: ignore
-    force_jumps: bool = eqx.field(static=True)
 
-    @classmethod
-    def of(cls, law: AbstractContactLaw, weight: float) -> Self:
-        """Return a law multiplied by a weight."""
-        return cls(law, weight, law.uses_entry_speed, law.force_jumps)
+    @property
+    def force_jumps(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Whether the law's force may jump."""
+        return self.law.force_jumps
 
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
         """Return the weight times the law's force, N."""
@@ -525,10 +536,6 @@ class WeightedLaw(AbstractContactLaw):
     def slope_jumps(self) -> bool:
         """Return whether the derivative of the law's force may jump at the onset."""
         return self.law.slope_jumps()
-
-    def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """Return the validity limits of the law at a gap."""
-        return self.law.limits(gap)
 
     @property
     def delivered_restitution(self) -> Callable[[], Scalar]:
