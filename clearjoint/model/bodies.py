@@ -1,7 +1,7 @@
 """Rigid bodies and homogeneous solids, their motion, and the state of a system.
 
-The methods `rod`, `cylinder`, `box` and `sphere` of `Body` take the dimensions and either a mass or
-a density, from which functions of this module compute mass and moments of inertia.
+The methods `rod`, `cylinder`, `box` and `sphere` of `Body` compute mass and moments of inertia from
+the dimensions and either a mass or a density.
 """
 
 import math
@@ -45,12 +45,7 @@ Number = PyTree
 """A number that a user passes, which JAX may trace; ``None`` if it is not given."""
 
 
-Solid = tuple[ArrayLike, PyTree]
-"""Mass, kg, and principal moments about axes along x, y and z through the centre of mass, (3,)
-kg m^2."""
-
-
-def require_one(mass: Number, density: Number) -> None:
+def _require_one(mass: Number, density: Number) -> None:
     """Check that exactly one of mass and density is not ``None``."""
     given = {"mass": mass, "density": density}
     named = [name for name, value in given.items() if value is not None]
@@ -58,89 +53,12 @@ def require_one(mass: Number, density: Number) -> None:
     require(len(named) == 1, "mass", named or None, "given, or else a density", remedy)
 
 
-def slender_rod(length: Number, mass: Number, axis: str) -> Solid:
-    """Return mass and moments of a thin rod from its length, m, and mass, kg.
-
-    The moments across the axis are m l^2/12. A thin rod has no moment about its axis, but a body
-    needs one: it is m d^2/8 with the diameter d of a round steel bar of this mass and length.
-    `axis` is "x", "y" or "z".
-
-    **Raises:** `ValueError` if the steel bar would be thicker than long.
-    """
-    length, mass = _length("length", length), _number("mass", mass, "give it in kg")
-    # A round bar has the mass rho pi/4 d^2 l.
-    squared_diameter = 4.0 * mass / (math.pi * STEEL * length)
-    fits, values = (lambda _, d, l: d <= l**2), (mass, squared_diameter, length)
-    remedy = "give its diameter in m, or check mass (kg) and length (m)"
-    require_numbers(fits, "mass", values, "that of a rod longer than thick", remedy)
-    return _along(axis, mass, mass * squared_diameter / 8.0, mass * length**2 / 12.0)
-
-
-def cylinder(
-    diameter: Number,
-    length: Number,
-    mass: Number,
-    density: Number,
-    inner_diameter: Number,
-    axis: str,
-) -> Solid:
-    """Return mass and moments of a cylinder or tube from its dimensions, m.
-
-    The moments are m (D^2 + d^2)/8 about the axis and m (D^2 + d^2)/16 + m l^2/12 across it, with
-    the outer and inner diameters D and d. Either the mass, kg, or the density, kg/m^3, is ``None``.
-    `axis` is "x", "y" or "z".
-    """
-    diameter, length = _length("diameter", diameter), _length("length", length)
-    inner = _inner(inner_diameter, diameter)
-    mass = _mass(mass, density, 0.25 * math.pi * (diameter**2 - inner**2) * length)
-    squares = diameter**2 + inner**2
-    across = mass * (squares / 16.0 + length**2 / 12.0)
-    return _along(axis, mass, mass * squares / 8.0, across)
-
-
-def box(lengths: Number, mass: Number, density: Number) -> Solid:
-    """Return mass and moments of a box from its `lengths` along x, y and z, (3,) m.
-
-    The moment about x is m (b^2 + c^2)/12 for the lengths b and c along y and z. Either the mass,
-    kg, or the density, kg/m^3, is ``None``.
-    """
-    lengths = as_number(lengths)
-    require_shape("lengths", lengths, (3,), "pass three lengths in m, along x, y and z")
-    sides = [_length(f"lengths[{k}]", lengths[k]) for k in range(3)]
-    mass = _mass(mass, density, sides[0] * sides[1] * sides[2])
-    a, b, c = (side**2 for side in sides)
-    return mass, as_numbers([mass * pair / 12.0 for pair in (b + c, c + a, a + b)])
-
-
-def sphere(diameter: Number, mass: Number, density: Number, inner_diameter: Number) -> Solid:
-    """Return mass and moments of a solid or hollow sphere from its diameters, m.
-
-    The moment about every axis is m (D^5 - d^5)/(10 (D^3 - d^3)), with the outer and inner
-    diameters D and d. Either the mass, kg, or the density, kg/m^3, is ``None``.
-    """
-    diameter = _length("diameter", diameter)
-    inner = _inner(inner_diameter, diameter)
-    cubes = diameter**3 - inner**3
-    mass = _mass(mass, density, math.pi * cubes / 6.0)
-    return mass, as_numbers([mass * (diameter**5 - inner**5) / (10.0 * cubes)] * 3)
-
-
-def _along(axis: str, mass: Number, about: Number, across: Number) -> Solid:
-    """Return the solid of revolution about an axis "x", "y" or "z".
-
-    **Arguments:** `mass`: kg; `about`: moment about this axis; `across`: moment about each of the
-    other two, kg m^2.
-    """
-    require(axis in AXES, "axis", axis, f"one of {AXES}", "pass one of these")
-    return mass, as_numbers([about if axis == name else across for name in AXES])
-
-
 def _mass(mass: Number, density: Number, volume: Number) -> Number:
     """Return the mass, kg, if it is given, otherwise the density, kg/m^3, times the volume, m^3.
 
     An unusual density gives a warning.
     """
-    require_one(mass, density)
+    _require_one(mass, density)
     if mass is not None:
         return _number("mass", mass, "give it in kg")
     density = _number("density", density, "give it in kg/m^3")
@@ -290,12 +208,19 @@ class Body(AbstractReadable):
         long, or for another axis.
         **Warns:** `UnusualValueWarning` for a density outside 10 to 25e3 kg/m^3.
         """
-        require_one(mass, density)
         if diameter is not None:
-            return Body(*cylinder(diameter, length, mass, density, 0.0, axis))
+            return Body.cylinder(diameter, length, mass=mass, density=density, axis=axis)
+        _require_one(mass, density)
         remedy = "pass diameter= in m, or mass= in kg instead of the density"
         require(density is None, "diameter", None, "given with a density", remedy)
-        return Body(*slender_rod(length, mass, axis))
+        length, mass = _length("length", length), _number("mass", mass, "give it in kg")
+        # A thin rod has no moment about its axis, but a body needs one. It is m d^2/8, with the
+        # diameter d of a round steel bar, whose mass is rho pi/4 d^2 l.
+        squared_diameter = 4.0 * mass / (math.pi * STEEL * length)
+        fits, values = (lambda _, d, l: d <= l**2), (mass, squared_diameter, length)
+        remedy = "give its diameter in m, or check mass (kg) and length (m)"
+        require_numbers(fits, "mass", values, "that of a rod longer than thick", remedy)
+        return _round_body(axis, mass, mass * squared_diameter / 8.0, mass * length**2 / 12.0)
 
     @staticmethod
     def cylinder(
@@ -327,7 +252,13 @@ class Body(AbstractReadable):
         than the cylinder, unless exactly one of mass and density is given, or for another axis.
         **Warns:** `UnusualValueWarning` for a density outside 10 to 25e3 kg/m^3.
         """
-        return Body(*cylinder(diameter, length, mass, density, inner_diameter, axis))
+        diameter, length = _length("diameter", diameter), _length("length", length)
+        inner = _inner(inner_diameter, diameter)
+        mass = _mass(mass, density, 0.25 * math.pi * (diameter**2 - inner**2) * length)
+        # The moments are m (D^2 + d^2)/8 about the axis and m (D^2 + d^2)/16 + m l^2/12 across it.
+        squares = diameter**2 + inner**2
+        across = mass * (squares / 16.0 + length**2 / 12.0)
+        return _round_body(axis, mass, mass * squares / 8.0, across)
 
     @staticmethod
     def box(
@@ -353,7 +284,13 @@ class Body(AbstractReadable):
         density is given.
         **Warns:** `UnusualValueWarning` for a density outside 10 to 25e3 kg/m^3.
         """
-        return Body(*box(lengths, mass, density))
+        lengths = as_number(lengths)
+        require_shape("lengths", lengths, (3,), "pass three lengths in m, along x, y and z")
+        sides = [_length(f"lengths[{k}]", lengths[k]) for k in range(3)]
+        mass = _mass(mass, density, sides[0] * sides[1] * sides[2])
+        # The moment about x is m (b^2 + c^2)/12 for the lengths b and c along y and z.
+        a, b, c = (side**2 for side in sides)
+        return Body(mass, as_numbers([mass * pair / 12.0 for pair in (b + c, c + a, a + b)]))
 
     @staticmethod
     def sphere(
@@ -381,7 +318,12 @@ class Body(AbstractReadable):
         than the sphere, or unless exactly one of mass and density is given.
         **Warns:** `UnusualValueWarning` for a density outside 10 to 25e3 kg/m^3.
         """
-        return Body(*sphere(diameter, mass, density, inner_diameter))
+        diameter = _length("diameter", diameter)
+        inner = _inner(inner_diameter, diameter)
+        cubes = diameter**3 - inner**3
+        mass = _mass(mass, density, math.pi * cubes / 6.0)
+        # The moment about every axis is m (D^5 - d^5)/(10 (D^3 - d^3)).
+        return Body(mass, as_numbers([mass * (diameter**5 - inner**5) / (10.0 * cubes)] * 3))
 
     def gyration_radius(self) -> float:
         """Return the radius of gyration about the centre of mass, m.
@@ -404,6 +346,16 @@ class Body(AbstractReadable):
         if isinstance(self.inertia, Matrix):
             return self.inertia @ spin
         return spin.componentwise_product(self.inertia)
+
+
+def _round_body(axis: str, mass: Number, about: Number, across: Number) -> Body:
+    """Return a body of revolution about an axis "x", "y" or "z".
+
+    **Arguments:** `mass`: kg; `about`: moment about this axis; `across`: moment about each of the
+    other two, kg m^2.
+    """
+    require(axis in AXES, "axis", axis, f"one of {AXES}", "pass one of these")
+    return Body(mass, as_numbers([about if axis == name else across for name in AXES]))
 
 
 def _box_density(mass: float, inertia: np.ndarray) -> float:
