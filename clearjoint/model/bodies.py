@@ -213,14 +213,14 @@ class Body(AbstractReadable):
         _require_one(mass, density)
         remedy = "pass diameter= in m, or mass= in kg instead of the density"
         require(density is None, "diameter", None, "given with a density", remedy)
-        length, mass = _length("length", length), _number("mass", mass, "give it in kg")
+        length, weight = _length("length", length), _number("mass", mass, "give it in kg")
         # A thin rod has no moment about its axis, but a body needs one. It is m d^2/8, with the
         # diameter d of a round steel bar, whose mass is rho pi/4 d^2 l.
-        squared_diameter = 4.0 * mass / (math.pi * STEEL * length)
-        fits, values = (lambda _, d, l: d <= l**2), (mass, squared_diameter, length)
+        squared_diameter = 4.0 * weight / (math.pi * STEEL * length)
+        fits, values = (lambda _, d, l: d <= l**2), (weight, squared_diameter, length)
         remedy = "give its diameter in m, or check mass (kg) and length (m)"
         require_numbers(fits, "mass", values, "that of a rod longer than thick", remedy)
-        return _round_body(axis, mass, mass * squared_diameter / 8.0, mass * length**2 / 12.0)
+        return _round_body(axis, weight, weight * squared_diameter / 8.0, weight * length**2 / 12.0)
 
     @staticmethod
     def cylinder(

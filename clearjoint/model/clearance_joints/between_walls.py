@@ -14,7 +14,7 @@ from ..joints.base import AbstractConstraint, Attachment, Contact, Motions
 from ..joints.ideal import LineInPlaneJoint, PointInPlaneJoint
 from ..pen import AbstractPen, Marker
 from .common import (
-    AbstractSharedLawJoint,
+    AbstractFrictionJoint,
     FlatWall,
     offset_at_flat_wall,
     require_right_angle,
@@ -29,7 +29,7 @@ WALLS, ENDS = ("lower wall", "upper wall"), ("lower end", "upper end")
 """
 
 
-class PinInSlot(AbstractSharedLawJoint):
+class PinInSlot(AbstractFrictionJoint):
     """A cylindrical pin in a straight slot, in which the pin slides and rotates, with play across.
 
     The pin touches one of two parallel walls when its centre is half the play from the middle, and
@@ -164,7 +164,7 @@ CORNERS = {
 normal."""
 
 
-class SliderInGuide(AbstractSharedLawJoint):
+class SliderInGuide(AbstractFrictionJoint):
     """A slider between two parallel walls of a guide: a translational joint with clearance.
 
     Each of the slider's four corners can touch the wall on its side and then applies the full

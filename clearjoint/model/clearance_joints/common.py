@@ -42,35 +42,51 @@ LEAST_TRANSVERSE_LOAD = 1e-6
 error."""
 
 
-class AbstractFrictionlessJoint(AbstractContactJoint):
-    """Base class of joints whose contacts share the normal law `law`.
-
-    There is no friction unless a subclass overrides `friction_force`.
-    """
+class AbstractOneLawJoint(AbstractContactJoint):
+    """Base class of joints whose contacts share the normal law `law` and the friction law
+    `friction`, which is ``None`` for no friction."""
 
     if TYPE_CHECKING:  # pyright mistakes AbstractVar for a field
         law: ClassVar[AbstractContactLaw]
     else:
         law: eqx.AbstractVar[AbstractContactLaw]
+    friction: eqx.AbstractVar[FrictionLaw | None]
 
     @abc.abstractmethod
     def contact_labels(self) -> tuple[str, ...]:
-        """Return the labels of the contacts that share `law`, and `friction` if there is any."""
+        """Return the labels of the contacts that share `law` and `friction`."""
 
     def laws(self) -> dict[str, AbstractContactLaw]:
         """Return the normal law of each contact by label."""
         return dict.fromkeys(self.contact_labels(), self.law)
 
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
-        """Return ``None``: there is no friction."""
+        """Return the friction force on the second body, N in global axes; ``None`` without
+        friction.
+
+        For a law with bristles it is that of steady sliding. A run uses `bristle_laws` instead.
+        """
+        if self.friction is None or contact.slip is None:
+            return None
+        return self.friction.force(normal_force, contact.slip)
+
+    def bristle_laws(self) -> dict[str, AbstractBristleFriction]:
+        """Return the bristle law of each contact by label; empty for other friction."""
+        if isinstance(self.friction, AbstractBristleFriction):
+            return dict.fromkeys(self.contact_labels(), self.friction)
+        return {}
 
 
-class AbstractFlankJoint(AbstractFrictionlessJoint):
+class AbstractFlankJoint(AbstractOneLawJoint):
     """Base class of joints with two flanks, which the second body touches as it rotates.
+
+    There is no friction.
 
     **Raises:** `ValueError` if `law` is no contact law, or takes its stiffness from radii: flanks
     are flat.
     """
+
+    friction: ClassVar[None] = None
 
     def __check_init__(self):
         require_flat_law(self.law, "flanks")
@@ -110,38 +126,18 @@ class CentredInPlay(AbstractConstraint):
         return self.joint.centred_rows(motions)
 
 
-class AbstractSharedLawJoint(AbstractFrictionlessJoint):
-    """Base class of clearance joints whose contacts share a normal law and a friction law.
-
-    `friction` is the friction law, or ``None``.
+class AbstractFrictionJoint(AbstractOneLawJoint):
+    """Base class of clearance joints that may have friction.
 
     **Raises:** `ValueError` if both bodies are the same, or `law` or `friction` is of another
     class.
     """
-
-    friction: eqx.AbstractVar[FrictionLaw | None]
 
     def __check_init__(self):
         require_distinct(*self.pair())
         require_instance("law", self.law, AbstractContactLaw)
         if self.friction is not None:
             require_instance("friction", self.friction, AbstractFriction, AbstractBristleFriction)
-
-    def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
-        """Return the friction force on the second body, N in global axes; ``None`` without
-        friction.
-
-        For a law with bristles it is that of steady sliding. A run uses `bristle_laws` instead.
-        """
-        if self.friction is None or contact.slip is None:
-            return None
-        return self.friction.force(normal_force, contact.slip)
-
-    def bristle_laws(self) -> dict[str, AbstractBristleFriction]:
-        """Return the bristle law of each contact by label; empty for other friction."""
-        if isinstance(self.friction, AbstractBristleFriction):
-            return dict.fromkeys(self.contact_labels(), self.friction)
-        return {}
 
 
 def require_smaller_clearance(clearance: Single, radius: Single, radius_name: str) -> None:
@@ -168,7 +164,7 @@ def require_right_angle(argument: str, direction: Triple, other: str, axis: Trip
         require(fine, argument, numbers, expected, "change one of the two directions")
 
 
-class AbstractCentredJoint(AbstractSharedLawJoint):
+class AbstractCentredJoint(AbstractFrictionJoint):
     """Base class of joints that hold a point of one body near a point of another.
 
     The two points are those of `attachments`: the first of its two entries is a point of the first
