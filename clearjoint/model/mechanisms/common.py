@@ -1,4 +1,4 @@
-"""Shared parts of the mechanisms: axes, a steel, and motors.
+"""Shared parts of the mechanisms: axes, a steel, planar motions, and motors.
 
 The steel is that of P. Flores, J. Ambrosio, J. C. P. Claro, H. M. Lankarani, Spatial revolute
 joints with clearances for dynamic analysis of multi-body systems, 2006.
@@ -6,7 +6,10 @@ joints with clearances for dynamic analysis of multi-body systems, 2006.
 
 import math
 
+import numpy as np
+
 from ...math.vectors import Scalar
+from ..bodies import BodyState, body_state
 from ..contact.hunt_crossley import LankaraniNikravesh
 from ..contact.laws import RavnStiffness
 from ..joints.base import AbstractConstraint, AbstractContactJoint, AbstractForce
@@ -35,6 +38,18 @@ def steel_law(restitution: Scalar) -> LankaraniNikravesh:
 def turned_about_z(angle: float) -> tuple[float, float, float, float]:
     """Return Euler parameters, (4,), scalar first, of a rotation about Z by an angle, rad."""
     return math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle)
+
+
+def planar_state(
+    centre: np.ndarray, angle: float, velocity: np.ndarray, speed: Scalar
+) -> BodyState:
+    """Return the state of a body that moves in the XY plane.
+
+    **Arguments:** `centre`: of mass, (2,) m. `angle`: rotation about Z, rad. `velocity`: of the
+    centre of mass, (2,) m/s. `speed`: angular velocity about Z, rad/s.
+    """
+    orientation = turned_about_z(angle)
+    return body_state((*centre, 0.0), orientation, (*velocity, 0.0), (0.0, 0.0, speed))
 
 
 def with_motor(joints: Joints, motor: Motor) -> tuple[Joints, dict[str, AbstractForce]]:

@@ -9,7 +9,7 @@ import numpy as np
 from ...fields.checks import require
 from ...fields.types import TripleLike
 from ...math.vectors import Scalar
-from ..bodies import GROUND, Body, BodyState, State, body_state
+from ..bodies import GROUND, Body, State, body_state
 from ..clearance_joints.ball_in_socket import BallInSocket
 from ..clearance_joints.clearance import ClearanceJoint
 from ..contact.friction import FrictionLaw
@@ -17,7 +17,7 @@ from ..contact.laws import AbstractContactLaw
 from ..joints.base import AbstractConstraint, AbstractForce
 from ..joints.ideal import InlineJoint, RevoluteJoint, SphericalJoint
 from ..scene import Scene
-from .common import ORIGIN, X_AXIS, Y_AXIS, Z_AXIS, Joints, steel_law, turned_about_z, with_motor
+from .common import ORIGIN, X_AXIS, Y_AXIS, Z_AXIS, Joints, planar_state, steel_law, with_motor
 
 RODS = ("crank", "coupler", "rocker")
 LENGTHS = (0.1, 0.3, 0.25, 0.3)
@@ -92,9 +92,17 @@ def four_bar(
         "law": steel_law(restitution) if law is None else law,
         "friction": friction,
     }
+    # Coordinates of each pin along the rods of its bearing and its journal, from their centres.
+    crank, coupler, rocker, feet = lengths
+    places = {
+        "crank foot": (0.0, -0.5 * crank),
+        "crank pin": (0.5 * crank, -0.5 * coupler),
+        "rocker pin": (0.5 * coupler, 0.5 * rocker),
+        "rocker foot": (feet, -0.5 * rocker),
+    }
     joints: Joints = {}
     for pin, pair in PINS.items():
-        ends = _ends(pin, lengths)
+        ends = [(along, 0.0, 0.0) for along in places[pin]]
         if pin in clearance:
             at = {"bearing_point": ends[0], "journal_point": ends[1]}
             joints[pin] = ClearanceJoint(*pair, **at, **options, clearance=clearance[pin])
@@ -107,32 +115,11 @@ def four_bar(
     forces: dict[str, AbstractForce] = {}
     if motor is not None:
         joints, forces = with_motor(joints, motor)
-    rods = zip(RODS, masses, lengths[:3], strict=True)
-    bodies = {name: _rod(mass, length) for name, mass, length in rods}
+    bodies = {}
+    for name, mass, length in zip(RODS, masses, lengths[:3], strict=True):
+        across = mass * length**2 / 12
+        bodies[name] = Body(mass, (1e-5, across, across))
     return Scene(bodies, joints, forces, gravity), _state(lengths, angle, speed)
-
-
-def _rod(mass: float, length: float) -> Body:
-    across = mass * length**2 / 12
-    return Body(mass, (1e-5, across, across))
-
-
-def _ends(pin: str, lengths: tuple[float, ...]) -> tuple[TripleLike, TripleLike]:
-    """Return the positions of a pin on its two bodies, in the order of `PINS`.
-
-    Each is (3,) m in the body's axes, from its centre of mass or from the origin of the ground.
-
-    **Arguments:** `pin`: a key of `PINS`; `lengths`: of crank, coupler and rocker, and the distance
-    of the ground joints, m, as in `LENGTHS`.
-    """
-    crank, coupler, rocker, feet = lengths
-    on_first, on_second = {
-        "crank foot": (0.0, -0.5 * crank),
-        "crank pin": (0.5 * crank, -0.5 * coupler),
-        "rocker pin": (0.5 * coupler, 0.5 * rocker),
-        "rocker foot": (feet, -0.5 * rocker),
-    }[pin]
-    return (on_first, 0.0, 0.0), (on_second, 0.0, 0.0)
 
 
 def _state(lengths: tuple[float, ...], angle: float, speed: float) -> State:
@@ -149,10 +136,11 @@ def _state(lengths: tuple[float, ...], angle: float, speed: float) -> State:
     coupler_speed, rocker_speed = np.linalg.solve(directions, -tip_velocity)
     coupler_velocity = tip_velocity + 0.5 * coupler_speed * _perpendicular(along)
     rocker_velocity = 0.5 * rocker_speed * _perpendicular(arm)
+    angles = [math.atan2(rod[1], rod[0]) for rod in (tip, along, arm)]
     states = {
-        "crank": _moving(tip, 0.5 * tip, speed, 0.5 * tip_velocity),
-        "coupler": _moving(along, 0.5 * (tip + pin), coupler_speed, coupler_velocity),
-        "rocker": _moving(arm, 0.5 * (foot + pin), rocker_speed, rocker_velocity),
+        "crank": planar_state(0.5 * tip, angles[0], 0.5 * tip_velocity, speed),
+        "coupler": planar_state(0.5 * (tip + pin), angles[1], coupler_velocity, coupler_speed),
+        "rocker": planar_state(0.5 * (foot + pin), angles[2], rocker_velocity, rocker_speed),
     }
     return State(states)
 
@@ -182,16 +170,6 @@ def _intersection(tip: np.ndarray, foot: np.ndarray, coupler: float, rocker: flo
 def _perpendicular(vector: np.ndarray) -> np.ndarray:
     """Return a vector of the plane, (2,), rotated by a quarter of a revolution to the left."""
     return np.array([-vector[1], vector[0]])
-
-
-def _moving(along: np.ndarray, centre: np.ndarray, speed: float, velocity: np.ndarray) -> BodyState:
-    """Return the state of a rod that moves in the XY plane.
-
-    **Arguments:** `along`: vector along the rod, (2,), any length. `centre`: of mass, (2,) m.
-    `speed`: angular velocity about Z, rad/s. `velocity`: of the centre of mass, (2,) m/s.
-    """
-    orientation = turned_about_z(math.atan2(along[1], along[0]))
-    return body_state((*centre, 0.0), orientation, (*velocity, 0.0), (0.0, 0.0, speed))
 
 
 CRANK, COUPLER, ROCKER = 0.02, 0.122, 0.074

@@ -69,25 +69,20 @@ def gear_pair(
     first, second = (0.5 * module * number for number in teeth)
     if law is None:
         law = ExactRestitution(restitution=restitution, stiffness=MESH_STIFFNESS)
-    names, centres = ("pinion", "wheel"), (ORIGIN, (first + second, 0.0, 0.0))
-    bodies = {name: _disc(radius) for name, radius in zip(names, (first, second), strict=True)}
-    bearings = {
-        f"{name} bearing": RevoluteJoint(GROUND, name, centre, ORIGIN, Z_AXIS, Z_AXIS)
-        for name, centre in zip(names, centres, strict=True)
-    }
-    mesh = GearBacklash(*names, ORIGIN, ORIGIN, Z_AXIS, Z_AXIS, *teeth, module, backlash, law)
-    states = {
-        name: body_state(centre, spin=(0.0, 0.0, speed))
-        for name, centre, speed in zip(names, centres, speeds, strict=True)
-    }
-    return Scene(bodies, {**bearings, "mesh": mesh}), State(states)
-
-
-def _disc(radius: float) -> Body:
-    """Return a steel disc about Z from its radius, m."""
-    mass = DENSITY * math.pi * radius**2 * FACE_WIDTH
-    across = mass * (3.0 * radius**2 + FACE_WIDTH**2) / 12.0
-    return Body(mass, (across, across, 0.5 * mass * radius**2))
+    names, bodies, joints, states = ("pinion", "wheel"), {}, {}, {}
+    for name, radius, x, speed in zip(
+        names, (first, second), (0.0, first + second), speeds, strict=True
+    ):
+        mass = DENSITY * math.pi * radius**2 * FACE_WIDTH
+        across = mass * (3.0 * radius**2 + FACE_WIDTH**2) / 12.0
+        bodies[name] = Body(mass, (across, across, 0.5 * mass * radius**2))
+        centre = (x, 0.0, 0.0)
+        joints[f"{name} bearing"] = RevoluteJoint(GROUND, name, centre, ORIGIN, Z_AXIS, Z_AXIS)
+        states[name] = body_state(centre, spin=(0.0, 0.0, speed))
+    joints["mesh"] = GearBacklash(
+        *names, ORIGIN, ORIGIN, Z_AXIS, Z_AXIS, *teeth, module, backlash, law
+    )
+    return Scene(bodies, joints), State(states)
 
 
 THICKNESS = 10e-3

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from ...math.vectors import Scalar
-from ..bodies import GROUND, Body, BodyState, State, body_state
+from ..bodies import GROUND, Body, BodyState, State
 from ..clearance_joints.between_walls import PinInSlot
 from ..contact.friction import FrictionLaw
 from ..contact.hunt_crossley import HuntCrossley
@@ -13,7 +13,7 @@ from ..contact.laws import AbstractContactLaw, GivenStiffness
 from ..drives.drivers import PrescribedRotation
 from ..joints.ideal import PointInPlaneJoint, RevoluteJoint
 from ..scene import Scene
-from .common import ORIGIN, Y_AXIS, Z_AXIS, turned_about_z
+from .common import ORIGIN, Y_AXIS, Z_AXIS, planar_state
 
 CRANK, BASE, LEVER = 0.05, 0.1, 0.25
 """Radius of the crank, height of its axis above the lever's axis, and length of the lever, m."""
@@ -64,6 +64,9 @@ def quick_return(
     if play is None:
         slot = PointInPlaneJoint("lever", "crank", middle, pin, Y_AXIS)
     else:
+        if law is None:
+            stiffness = GivenStiffness(LINE_STIFFNESS)
+            law = HuntCrossley(restitution=0.8, stiffness=stiffness, exponent=1.0)
         slot = PinInSlot(
             "lever",
             "crank",
@@ -72,7 +75,7 @@ def quick_return(
             pin_radius=5e-3,
             play=play,
             travel=SLOT,
-            law=_line_law() if law is None else law,
+            law=law,
             friction=friction,
         )
     # The driver's angle is that of the crank's x axis from X, while `angle` is from the vertical.
@@ -92,11 +95,6 @@ def quick_return(
     return Scene(bodies, joints), _start(speed, angle)
 
 
-def _line_law() -> HuntCrossley:
-    stiffness = GivenStiffness(LINE_STIFFNESS)
-    return HuntCrossley(restitution=0.8, stiffness=stiffness, exponent=1.0)
-
-
 def _start(speed: Scalar, angle: float) -> State:
     """Return the ideal mechanism's state for a speed, rad/s, and an angle, rad, of the crank.
 
@@ -112,10 +110,9 @@ def _start(speed: Scalar, angle: float) -> State:
     # crank's.
     def rod(foot: np.ndarray, length: float, angle: float, rate: float) -> BodyState:
         sine, cosine = math.sin(angle), math.cos(angle)
-        centre = foot + 0.5 * length * np.array([-sine, cosine, 0.0])
-        velocity = 0.5 * length * rate * np.array([-cosine, -sine, 0.0]) * speed
-        spin = np.array([0.0, 0.0, 1.0]) * (rate * speed)
-        return body_state(centre, turned_about_z(0.5 * math.pi + angle), velocity, spin)
+        centre = foot + 0.5 * length * np.array([-sine, cosine])
+        velocity = 0.5 * length * rate * np.array([-cosine, -sine]) * speed
+        return planar_state(centre, 0.5 * math.pi + angle, velocity, rate * speed)
 
-    lever = rod(np.array([0.0, -BASE, 0.0]), LEVER, lever_angle, ratio)
-    return State({"crank": rod(np.zeros(3), CRANK, angle, 1.0), "lever": lever})
+    lever = rod(np.array([0.0, -BASE]), LEVER, lever_angle, ratio)
+    return State({"crank": rod(np.zeros(2), CRANK, angle, 1.0), "lever": lever})

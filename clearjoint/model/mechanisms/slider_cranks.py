@@ -6,7 +6,7 @@ import numpy as np
 
 from ...fields.types import TripleLike
 from ...math.vectors import Scalar
-from ..bodies import GROUND, Body, BodyState, State, body_state
+from ..bodies import GROUND, Body, State, body_state
 from ..clearance_joints.between_walls import SliderInGuide
 from ..clearance_joints.clearance import ClearanceJoint
 from ..contact.friction import FrictionLaw, RegularisedCoulomb
@@ -22,7 +22,7 @@ from ..joints.ideal import (
     RevoluteJoint,
 )
 from ..scene import Scene
-from .common import ORIGIN, X_AXIS, Y_AXIS, Z_AXIS, Joints, steel_law, turned_about_z, with_motor
+from .common import ORIGIN, X_AXIS, Y_AXIS, Z_AXIS, Joints, planar_state, steel_law, with_motor
 
 CRANK_LENGTH, ROD_LENGTH = 0.05, 0.12
 """Lengths of crank and rod of `slider_crank`, m.
@@ -97,55 +97,46 @@ def slider_crank(
         )
     if motor is None:
         motor = PrescribedRotation(GROUND, "crank", Z_AXIS, speed, angle)
-    joints, forces = with_motor(_slider_crank_joints(pin), motor)
-    scene = Scene(_slider_crank_bodies(), joints, forces, gravity)
-    return scene, _slider_crank_state(speed, angle)
-
-
-def _slider_crank_bodies() -> dict[str, Body]:
-    return {
+    joints = _crank_joints(CRANK_LENGTH, ROD_LENGTH) | {
+        "slider pin": pin,
+        "guide": PrismaticJoint(GROUND, "slider", ORIGIN, ORIGIN, X_AXIS),
+    }
+    joints, forces = with_motor(joints, motor)
+    bodies = {
         "crank": Body(0.30, (5e-6, 1e-5, 1e-5)),
         "rod": Body(0.21, (3.5e-6, 2.5e-4, 2.5e-4)),
         "slider": Body(0.14, (2.1e-5, 2.1e-5, 2.1e-5)),
     }
+    return Scene(bodies, joints, forces, gravity), _slider_crank_state(speed, angle)
 
 
-def _slider_crank_joints(pin: InlineJoint | ClearanceJoint) -> Joints:
-    """Return all joints except the drive of the crank."""
-    foot, tip = (-0.5 * CRANK_LENGTH, 0.0, 0.0), (0.5 * CRANK_LENGTH, 0.0, 0.0)
-    big_end = (-0.5 * ROD_LENGTH, 0.0, 0.0)
+def _crank_joints(crank: float, rod: float) -> Joints:
+    """Return the bearing of a crank and its pin with a rod, from the lengths of both, m."""
+    foot, tip, big_end = ((x, 0.0, 0.0) for x in (-0.5 * crank, 0.5 * crank, -0.5 * rod))
     return {
         "crank bearing": RevoluteJoint(GROUND, "crank", ORIGIN, foot, Z_AXIS, Z_AXIS),
         "crank pin": RevoluteJoint("crank", "rod", tip, big_end, Z_AXIS, Z_AXIS),
-        "slider pin": pin,
-        "guide": PrismaticJoint(GROUND, "slider", ORIGIN, ORIGIN, X_AXIS),
     }
 
 
 def _slider_crank_state(speed: Scalar, angle: float) -> State:
     """Return the ideal mechanism's state at a crank angle, rad, and speed, rad/s."""
     # The rod's far end is on the X axis, at the height of the slider.
-    tip = CRANK_LENGTH * np.array([math.cos(angle), math.sin(angle), 0.0])
+    tip = CRANK_LENGTH * np.array([math.cos(angle), math.sin(angle)])
     rod_angle = -math.asin(tip[1] / ROD_LENGTH)
-    rod = ROD_LENGTH * np.array([math.cos(rod_angle), math.sin(rod_angle), 0.0])
+    rod = ROD_LENGTH * np.array([math.cos(rod_angle), math.sin(rod_angle)])
     # Rates are derivatives by the crank's angle, to be multiplied by its speed. That of the rod's
     # angle keeps the height of its far end, tip + rod, at zero.
     rod_rate = -tip[0] / rod[0]
-    tip_rate = np.array([-tip[1], tip[0], 0.0])
-    rod_centre_rate = tip_rate + 0.5 * rod_rate * np.array([-rod[1], rod[0], 0.0])
-    slider_rate = np.array([-tip[1] - rod_rate * rod[1], 0.0, 0.0])
-
-    def body(position: TripleLike, angle: float, rate: np.ndarray, angle_rate: float) -> BodyState:
-        spin = np.array([0.0, 0.0, angle_rate])
-        return body_state(position, turned_about_z(angle), rate * speed, spin * speed)
-
-    return State(
-        {
-            "crank": body(0.5 * tip, angle, 0.5 * tip_rate, 1.0),
-            "rod": body(tip + 0.5 * rod, rod_angle, rod_centre_rate, rod_rate),
-            "slider": body(np.array([tip[0] + rod[0], 0.0, 0.0]), 0.0, slider_rate, 0.0),
-        }
-    )
+    tip_rate = np.array([-tip[1], tip[0]])
+    rod_centre_rate = tip_rate + 0.5 * rod_rate * np.array([-rod[1], rod[0]])
+    slider, slider_rate = tip[0] + rod[0], np.array([-tip[1] - rod_rate * rod[1], 0.0])
+    states = {
+        "crank": planar_state(0.5 * tip, angle, 0.5 * tip_rate * speed, speed),
+        "rod": planar_state(tip + 0.5 * rod, rod_angle, rod_centre_rate * speed, rod_rate * speed),
+        "slider": planar_state(np.array([slider, 0.0]), 0.0, slider_rate * speed, 0.0),
+    }
+    return State(states)
 
 
 CRANK, ROD = 0.153, 0.306
@@ -196,16 +187,24 @@ def guided_slider_crank(
     >>> list(scene.joints)
     ['crank bearing', 'crank pin', 'slider pin', 'guide']
     """
-    foot, tip = (-0.5 * CRANK, 0.0, 0.0), (0.5 * CRANK, 0.0, 0.0)
-    big_end = (-0.5 * ROD, 0.0, 0.0)
-    joints: Joints = {
-        "crank bearing": RevoluteJoint(GROUND, "crank", ORIGIN, foot, Z_AXIS, Z_AXIS),
-        "crank pin": RevoluteJoint("crank", "rod", tip, big_end, Z_AXIS, Z_AXIS),
-        "slider pin": _pin(pin_clearance, pin_law),
-    }
-    # A pin with clearance doesn't hold the slider in the plane, as an ideal one does.
-    if pin_clearance is not None:
-        joints |= _in_plane()
+    joints, end = _crank_joints(CRANK, ROD), (0.5 * ROD, 0.0, 0.0)
+    if pin_clearance is None:
+        joints["slider pin"] = RevoluteJoint("rod", "slider", end, ORIGIN, Z_AXIS, Z_AXIS)
+    else:
+        # The slider has the bearing and the rod the journal, as in `slider_crank`.
+        joints["slider pin"] = ClearanceJoint(
+            "slider",
+            "rod",
+            journal_point=end,
+            bearing_radius=10e-3,
+            clearance=pin_clearance,
+            journal_length=20e-3,
+            law=steel_law(0.9) if pin_law is None else pin_law,
+        )
+        # Unlike an ideal pin, it leaves the slider free to move along Z and to tilt about X and Y.
+        points = ORIGIN, (0.0, HALF_HEIGHT, 0.0)
+        joints["plane along"] = LineInPlaneJoint(GROUND, "slider", ORIGIN, ORIGIN, Z_AXIS, X_AXIS)
+        joints["plane across"] = PointInPlaneJoint(GROUND, "slider", *points, Z_AXIS)
     # The ideal guide has two rows, for the height along Y and the rotation about Z. Those of a
     # prismatic joint would repeat the constraints that hold the slider in the plane.
     if clearance is None:
@@ -225,56 +224,12 @@ def guided_slider_crank(
         "rod": Body(0.038, (2e-6, 5.9e-4, 5.9e-4)),
         "slider": Body(0.076, (2.7e-6, 2.7e-6, 2.7e-6)),
     }
-    return Scene(bodies, joints, gravity=(0.0, -9.81, 0.0)), _start(speed)
-
-
-def _pin(
-    clearance: Scalar | None, law: AbstractContactLaw | None
-) -> RevoluteJoint | ClearanceJoint:
-    """Return the joint between rod and slider, with a radial clearance, m.
-
-    It is ideal if the clearance is ``None``. Without a `law`, Lankarani and Nikravesh's is used.
-    """
-    end = (0.5 * ROD, 0.0, 0.0)
-    if clearance is None:
-        return RevoluteJoint("rod", "slider", end, ORIGIN, Z_AXIS, Z_AXIS)
-    # The slider has the bearing and the rod the journal, as in `slider_crank`.
-    return ClearanceJoint(
-        "slider",
-        "rod",
-        journal_point=end,
-        bearing_radius=10e-3,
-        clearance=clearance,
-        journal_length=20e-3,
-        law=steel_law(0.9) if law is None else law,
-    )
-
-
-def _in_plane() -> dict[str, AbstractConstraint]:
-    """Return the joints that keep the slider in the plane if its pin has clearance.
-
-    Its pin and guide then leave it free to move along Z and to tilt about X and Y: three rows.
-    """
-    edge = (0.0, HALF_HEIGHT, 0.0)
-    return {
-        "plane along": LineInPlaneJoint(GROUND, "slider", ORIGIN, ORIGIN, Z_AXIS, X_AXIS),
-        "plane across": PointInPlaneJoint(GROUND, "slider", ORIGIN, edge, Z_AXIS),
-    }
-
-
-def _start(speed: Scalar) -> State:
-    """Return the state of the guided slider-crank at a speed of the crank, rad/s.
-
-    It starts in a straight line: the crank's end moves along Y, and the slider, at the other end of
-    the rod, is at rest.
-    """
-    # Velocity of the crank's end, with which the rod rotates about the slider.
-    tip = np.array([0.0, CRANK * speed, 0.0])
-    axis = np.array([0.0, 0.0, 1.0])
-    middle, rod_spin = (CRANK + 0.5 * ROD, 0.0, 0.0), axis * (-speed * CRANK / ROD)
+    # The crank's end moves along Y, and the rod rotates about the slider, which is at rest.
+    velocity = (0.0, 0.5 * (CRANK * speed), 0.0)
+    spin, rod_spin = (0.0, 0.0, speed), (0.0, 0.0, -speed * CRANK / ROD)
     states = {
-        "crank": body_state((0.5 * CRANK, 0.0, 0.0), velocity=0.5 * tip, spin=axis * speed),
-        "rod": body_state(middle, velocity=0.5 * tip, spin=rod_spin),
+        "crank": body_state((0.5 * CRANK, 0.0, 0.0), velocity=velocity, spin=spin),
+        "rod": body_state((CRANK + 0.5 * ROD, 0.0, 0.0), velocity=velocity, spin=rod_spin),
         "slider": body_state((CRANK + ROD, 0.0, 0.0)),
     }
-    return State(states)
+    return Scene(bodies, joints, gravity=(0.0, -9.81, 0.0)), State(states)
