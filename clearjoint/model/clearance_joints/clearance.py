@@ -12,6 +12,7 @@ force is the mean of the normal law over the journal's length.
 
 import itertools
 import math
+from collections.abc import Callable
 from typing import Annotated, ClassVar
 
 import equinox as eqx
@@ -31,7 +32,7 @@ from ...fields.checks import (
 from ...fields.objects import AbstractConverting, optional_quantity, quantity
 from ...fields.types import Single, Triple, TripleLike
 from ...math.rotations import transverse_axes, unit
-from ...math.smoothing import norm_and_direction
+from ...math.smoothing import norm_and_direction, where
 from ...math.vectors import Scalar, Vector, add, subtract
 from ..bodies import Motion
 from ..contact.friction import AbstractFriction, FrictionLaw
@@ -62,7 +63,7 @@ from .common import (
     require_smaller_clearance,
     slip_at,
 )
-from .journal_bases import BASES, SIDES, AxialPoint, JournalBase, JournalBases, axial_points
+from .journal_bases import BASES, SIDES, AxialPoint, JournalBase, axial_points
 
 
 class AbstractAxialPolicy(AbstractConverting):
@@ -415,15 +416,18 @@ class ClearanceJoint(AbstractCentredJoint):
     def contacts(self, motions: Motions) -> dict[str, Contact]:
         """Return the geometry of each contact by label: bases, and points between them and
         shoulders if there are any."""
-        bases = self.journal_bases(motions)
+        base_at = self.journal_bases(motions)
         contacts = {
-            label: self._wall_contact(motions, bases.at(point.position))
+            label: self._wall_contact(motions, base_at(point.position))
             for label, point in self._axial_points().items()
         }
         if self.axial.shoulder_law() is not None:
-            facing = bases.facing()
+            # The journal's axis may point along the bearing's, or against it.
+            axis = motions[self.bearing_body].direction(unit(self.bearing_axis))
+            half = motions[self.journal_body].direction(self._half())
+            facing = where(half.dot(axis) < 0.0, -1.0, 1.0)
             for side, label in zip(SIDES, SHOULDERS, strict=True):
-                base = bases.at(side * facing)
+                base = base_at(side * facing)
                 contacts[label] = self._shoulder_contact(motions, side, base)
         return contacts
 
@@ -535,14 +539,31 @@ class ClearanceJoint(AbstractCentredJoint):
         friction, _ = face
         return friction.force(normal_force, contact.slip)
 
-    def journal_bases(self, motions: Motions) -> JournalBases:
-        """Return an object that computes the position and velocity of the journal's bases, and of
-        points between them, relative to the bearing."""
+    def journal_bases(self, motions: Motions) -> Callable[[Scalar], JournalBase]:
+        """Return a function that computes the position and velocity, relative to the bearing, of
+        base V from the position -1 on the journal's axis, of base W from 1, and of a point between
+        them from a number between."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
-        points = self.bearing_point, self.journal_point
         axis, half = bearing.direction(unit(self.bearing_axis)), self._half()
-        centre = self._offset(motions)
-        return JournalBases(bearing, journal, *points, axis, half, centre)
+        centre, half_arm = self._offset(motions), journal.direction(half)
+        half_velocity = journal.direction(journal.spin.cross(half))
+        centre_velocity = journal.velocity_at(self.journal_point)
+
+        def across(vector: Vector) -> Vector:
+            return vector - axis * vector.dot(axis)
+
+        def base_at(position: Scalar) -> JournalBase:
+            local, arm = self.journal_point + half * position, half_arm * position
+            offset = centre + arm
+            on_bearing = self.bearing_point + bearing.components(offset)
+            velocity = centre_velocity + half_velocity * position
+            velocity = velocity - bearing.velocity_at(on_bearing)
+            height = offset.dot(axis)
+            return JournalBase(
+                axis, height, across(centre), across(arm), local, on_bearing, velocity
+            )
+
+        return base_at
 
     def journal_offset(self, motions: Motions, base: str | None = None) -> Vector:
         """Return the vector from the bearing's centre to the journal's centre or to a base, m.

@@ -10,9 +10,7 @@ from numpy.polynomial import Legendre
 
 from ...fields.checks import require
 from ...fields.types import Single
-from ...math.smoothing import where
 from ...math.vectors import Scalar, Vector
-from ..bodies import Motion
 from ..joints.base import Motions
 
 BASES = ("V", "W")
@@ -122,53 +120,3 @@ class JournalBase:
     local: Vector
     on_bearing: Vector
     velocity: Vector
-
-
-class JournalBases:
-    """Position and velocity of the bases of a journal, from the motions of both bodies.
-
-    **Arguments:**
-
-    - `bearing`, `journal`: motions of the two bodies.
-    - `bearing_point`, `journal_point`: centre of the bearing and of the journal, m in body axes.
-    - `axis`: of the bearing, a global unit vector.
-    - `half`: from the journal's centre to base W, m in the axes of the journal's body.
-    - `centre`: from the bearing's centre to the journal's, m, global axes.
-    """
-
-    def __init__(
-        self,
-        bearing: Motion,
-        journal: Motion,
-        bearing_point: Vector,
-        journal_point: Vector,
-        axis: Vector,
-        half: Vector,
-        centre: Vector,
-    ):
-        self._bearing, self._axis, self._centre, self._half = bearing, axis, centre, half
-        self._bearing_point, self._journal_point = bearing_point, journal_point
-        self._arm = journal.direction(half)
-        self._arm_velocity = journal.direction(journal.spin.cross(half))
-        self._centre_velocity = journal.velocity_at(journal_point)
-
-    def at(self, position: Scalar) -> JournalBase:
-        """Return position and velocity of base V for a `position` of -1, of base W for 1, and of a
-        point between them for a number between."""
-        local, arm = self._journal_point + self._half * position, self._arm * position
-        offset = self._centre + arm
-        on_bearing = self._bearing_point + self._bearing.components(offset)
-        base_velocity = self._centre_velocity + self._arm_velocity * position
-        velocity = base_velocity - self._bearing.velocity_at(on_bearing)
-        across = _across(self._centre, self._axis), _across(arm, self._axis)
-        height = offset.dot(self._axis)
-        return JournalBase(self._axis, height, *across, local, on_bearing, velocity)
-
-    def facing(self) -> Scalar:
-        """Return 1 if the journal's axis points along the bearing's, -1 if it points against it."""
-        return where(self._arm.dot(self._axis) < 0.0, -1.0, 1.0)
-
-
-def _across(vector: Vector, axis: Vector) -> Vector:
-    """Return the component of a vector perpendicular to an axis."""
-    return vector - axis * vector.dot(axis)

@@ -199,10 +199,10 @@ class LubricatedJoint(AbstractContactJoint):
 
     def film_wrenches(self, motions: Motions) -> dict[str, Wrench]:
         """Return the film's wrench on the bearing's and on the journal's body, by body name."""
-        bases = self.dry.journal_bases(motions)
+        base_at = self.dry.journal_bases(motions)
         on_bearing, on_journal = NO_WRENCH, NO_WRENCH
         for sign in SIDES:
-            to_bearing, to_journal = self._half_of_film(motions, bases.at(sign))
+            to_bearing, to_journal = self._half_of_film(motions, base_at(sign))
             on_bearing, on_journal = on_bearing + to_bearing, on_journal + to_journal
         return dict(zip(self.pair(), (on_bearing, on_journal), strict=True))
 

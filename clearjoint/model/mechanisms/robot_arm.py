@@ -153,12 +153,6 @@ def lumps() -> list[Lump]:
         inertia = frame.axes @ np.diag(link.inertia) @ frame.axes.T
         # The chain of the wrist starts in the frame of the third link, to which all is referred.
         parts.append(Lump(link.mass, centre, inertia))
-    return [*single[:2], _combined(parts)]
-
-
-def _combined(parts: Sequence[Lump]) -> Lump:
-    """Return the mass, centre of mass and inertia of parts that are fixed to each other, in the
-    frame that all parts refer to."""
     mass = sum(part.mass for part in parts)
     centre = np.sum([part.mass * part.centre for part in parts], axis=0) / mass
     inertia = np.zeros((3, 3))
@@ -166,7 +160,7 @@ def _combined(parts: Sequence[Lump]) -> Lump:
         # The parallel axis theorem.
         arm = part.centre - centre
         inertia += part.inertia + part.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    return Lump(mass, centre, inertia)
+    return [*single[:2], Lump(mass, centre, inertia)]
 
 
 def arm_states(angles: Sequence[float], speeds: Sequence[float]) -> dict[str, BodyState]:
@@ -199,11 +193,9 @@ def _state(
     (3,) m in this frame; `velocity`: of the frame's origin, (3,) m/s in global axes; `spin`: (3,)
     rad/s in global axes.
     """
-    arm = frame.axes @ centre
-    orientation, spin_in_frame = np.asarray(pack(frame.orientation)), frame.axes.T @ spin
-    return body_state(
-        frame.origin + arm, orientation, velocity + np.cross(spin, arm), spin_in_frame
-    )
+    arm, orientation = frame.axes @ centre, np.asarray(pack(frame.orientation))
+    position, velocity = frame.origin + arm, velocity + np.cross(spin, arm)
+    return body_state(position, orientation, velocity, frame.axes.T @ spin)
 
 
 NOMINAL = (0.0, 0.5 * QUARTER, 2.0 * QUARTER)
@@ -220,8 +212,6 @@ PARENTS = (GROUND, *LINKS[:2])
 """Name of the parent body of each link."""
 LUMPS = lumps()
 """Mass and inertia of each link."""
-IDENTITY = BASE.orientation
-"""Euler parameters of parallel frames."""
 
 
 def robot_arm(
@@ -267,38 +257,22 @@ def robot_arm(
     joints: Joints = {}
     bodies = {name: Body(lump.mass, lump.inertia) for name, lump in zip(LINKS, LUMPS, strict=True)}
     for k, (angle, speed) in enumerate(zip(angles, speeds, strict=True)):
-        parent, flange = PARENTS[k], FLANGES[k]
-        joints[f"joint {k + 1}"] = _hinge(k)
-        if play is None:
-            joints[f"motor {k + 1}"] = _motor(parent, LINKS[k], speed, angle, ARM[k].tilt())
-            continue
-        # The motor drives the flange, which has a bearing of its own on the parent.
-        bodies[flange] = FLANGE
-        joints[f"bearing {k + 1}"] = RevoluteJoint(parent, flange, _foot(k), ORIGIN, Z_AXIS, Z_AXIS)
-        joints[f"motor {k + 1}"] = _motor(parent, flange, speed, angle, IDENTITY)
-        axes = {"axis_first": Z_AXIS, "axis_second": ARM[k].axis()}
-        joints[f"play {k + 1}"] = Backlash(
-            flange, LINKS[k], **axes, play=play, radius=FLANK_RADIUS, law=law
-        )
+        parent, link, flange, axis = PARENTS[k], LINKS[k], FLANGES[k], ARM[k].axis()
+        # The hinge on the parent is the origin of the parent's Denavit-Hartenberg frame.
+        foot = np.zeros(3) if k == 0 else -LUMPS[k - 1].centre
+        on_link = ARM[k].joint() - LUMPS[k].centre
+        joints[f"joint {k + 1}"] = RevoluteJoint(parent, link, foot, on_link, Z_AXIS, axis)
+        driven, zero = link, ARM[k].tilt()
+        if play is not None:
+            # The motor drives the flange, which has a bearing of its own on the parent.
+            driven, zero, bodies[flange] = flange, BASE.orientation, FLANGE
+            joints[f"bearing {k + 1}"] = RevoluteJoint(parent, flange, foot, ORIGIN, Z_AXIS, Z_AXIS)
+        orientation = np.asarray(pack(zero))
+        motor = PrescribedRotation(parent, driven, Z_AXIS, speed, angle, orientation)
+        joints[f"motor {k + 1}"] = motor
+        if play is not None:
+            joints[f"play {k + 1}"] = Backlash(
+                flange, link, axis_second=axis, play=play, radius=FLANK_RADIUS, law=law
+            )
     states = arm_states(angles, speeds)
     return Scene(bodies, joints, gravity=GRAVITY), State({name: states[name] for name in bodies})
-
-
-def _motor(
-    first: str, second: str, speed: float, angle: float, zero: EulerParameters
-) -> PrescribedRotation:
-    return PrescribedRotation(first, second, Z_AXIS, speed, angle, np.asarray(pack(zero)))
-
-
-def _hinge(k: int) -> RevoluteJoint:
-    """Return the hinge between link k, counted from 0, and its parent."""
-    on_link = ARM[k].joint() - LUMPS[k].centre
-    return RevoluteJoint(PARENTS[k], LINKS[k], _foot(k), on_link, Z_AXIS, ARM[k].axis())
-
-
-def _foot(k: int) -> Components:
-    """Return the position of hinge k, counted from 0, on the parent, (3,) m in body axes.
-
-    It is the origin of the parent's Denavit-Hartenberg frame, from the parent's centre of mass.
-    """
-    return np.zeros(3) if k == 0 else -LUMPS[k - 1].centre
