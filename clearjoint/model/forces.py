@@ -211,6 +211,8 @@ def _require_none_negative(argument: str, value: ArrayLike) -> None:
 class _Strain(NamedTuple):
     """Deformation of a bushing, with components along its axes.
 
+    - `point_in_first`: the first body's material point at the place of the second body's point, m
+      in the first body's axes.
     - `axes`: matrix that transforms components along the bushing's axes to global components.
     - `shift`, `shift_rate`: displacement of the second body's point from the first body's, m, and
       its rate, m/s.
@@ -218,6 +220,7 @@ class _Strain(NamedTuple):
       first's, rad, and its rate, rad/s.
     """
 
+    point_in_first: Vector
     axes: Matrix
     shift: Vector
     shift_rate: Vector
@@ -275,13 +278,14 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
         axes = first.rotation @ rotation_matrix(self.orientation_first)
         frame = second.rotation @ rotation_matrix(self.orientation_second)
         apart = second.point(self.point_second) - first.point(self.point_first)
-        # The relative velocity is measured from the first body's material point at the place of the
-        # second body's point, so that a common rotation does not count as deformation.
+        # The relative velocity is measured from this point, so that a common rotation does not
+        # count as deformation.
         point_in_first = self.point_first + first.components(apart)
         velocity = second.velocity_at(self.point_second) - first.velocity_at(point_in_first)
         spin = second.direction(second.spin) - first.direction(first.spin)
         rotation = rotation_vector(axes.T @ frame)
         return _Strain(
+            point_in_first,
             axes,
             axes.transposed_times(apart),
             axes.transposed_times(velocity),
@@ -306,10 +310,8 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
         torque = strain.axes @ strain.rotation.torque(conjugate_moment)
         # Both forces act at the second body's point. Opposite forces at two points that are apart
         # may form a couple, which would not conserve angular momentum.
-        apart = second.point(self.point_second) - first.point(self.point_first)
-        point_in_first = self.point_first + first.components(apart)
         return {
-            self.first: first.wrench(force, point_in_first) + first.torque(torque),
+            self.first: first.wrench(force, strain.point_in_first) + first.torque(torque),
             self.second: second.wrench(-force, self.point_second) + second.torque(-torque),
         }
 

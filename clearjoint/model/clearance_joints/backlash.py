@@ -11,7 +11,7 @@ from ...fields.objects import quantity
 from ...fields.types import Single, Triple, TripleLike
 from ...math.rotations import unit
 from ...math.smoothing import wrapped
-from ...math.vectors import ZERO, Scalar, Vector
+from ...math.vectors import ZERO, Scalar
 from ..contact.hunt_crossley import ExactRestitution
 from ..contact.laws import AbstractContactLaw, Gap
 from ..joints.base import (
@@ -193,20 +193,15 @@ class Backlash(AbstractFlankJoint):
         angle = wrapped(row.value - self.middle, TURN)
         speed = rate_of(row, motions)
         axis = motions[self.first].direction(unit(self.axis_first))
-        return {label: self._flank(side, angle, speed, axis, row) for label, side in FLANKS.items()}
-
-    def _flank(self, side: float, angle: Scalar, speed: Scalar, axis: Vector, row: Row) -> Contact:
-        """Return the contact of one flank.
-
-        **Arguments:** `side`: -1.0 for the lower, 1.0 for the upper flank. `angle`: from the middle
-        of the play, rad. `speed`: its rate, rad/s. `axis`: global unit vector. `row`: of the angle.
-        """
-        arm = side * self.radius
-        gap = Gap(arm * angle - 0.5 * self.radius * self.play, arm * speed)
-        # The penetration is arm times the angle plus a constant, so that its derivatives are arm
-        # times those of the angle. A couple has no point of action: the points are arbitrary.
-        first, second = (row.jacobian[name].moment * arm for name in self.pair())
-        return Contact(gap, axis * side, ZERO, ZERO, None, turning=(first, second))
+        contacts = {}
+        for label, side in FLANKS.items():
+            arm = side * self.radius
+            gap = Gap(arm * angle - 0.5 * self.radius * self.play, arm * speed)
+            # The penetration is arm times the angle plus a constant, so that its derivatives are
+            # arm times those of the angle. A couple has no point of action: points are arbitrary.
+            first, second = (row.jacobian[name].moment * arm for name in self.pair())
+            contacts[label] = Contact(gap, axis * side, ZERO, ZERO, None, turning=(first, second))
+        return contacts
 
     def centred_rows(self, motions: Motions) -> dict[str, Row]:
         """Return the row "angle": the second body's angle from the middle of the play, rad."""

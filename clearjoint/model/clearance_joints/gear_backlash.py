@@ -55,24 +55,6 @@ class LineOfCentres:
     distance: Scalar
     height: Scalar
 
-    @staticmethod
-    def between(
-        first: Motion, second: Motion, centre_first: Vector, centre_second: Vector, axis: Vector
-    ) -> "LineOfCentres":
-        """Return the line between the centres of two gears, from the motions of their bodies.
-
-        **Arguments:**
-
-        - `first`, `second`: motions of the bodies.
-        - `centre_first`, `centre_second`: centre of each gear, m in its own body's axes.
-        - `axis`: of the first gear, in the first body's axes, any length.
-        """
-        axis = first.direction(unit(axis))
-        apart = second.point(centre_second) - first.point(centre_first)
-        height = apart.dot(axis)
-        distance, along = norm_and_direction(apart - axis * height)
-        return LineOfCentres(axis, along, axis.cross(along), distance, height)
-
     def angle_in(self, gear: Motion, axis: Vector) -> Scalar:
         """Return the angle of the line about a gear's axis, rad, as seen from the gear.
 
@@ -241,14 +223,24 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         return wrapped(-rolled, self._base_pitch())
 
     def _line(self, first: Motion, second: Motion) -> LineOfCentres:
-        points = self.point_first, self.point_second
-        return LineOfCentres.between(first, second, *points, self.axis_first)
+        """Return the line between the gears' centres, from the motions of their bodies."""
+        axis = first.direction(unit(self.axis_first))
+        apart = second.point(self.point_second) - first.point(self.point_first)
+        height = apart.dot(axis)
+        distance, along = norm_and_direction(apart - axis * height)
+        return LineOfCentres(axis, along, axis.cross(along), distance, height)
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
         """Return the contacts of both flanks by label; both forces act at the pitch point."""
         first, second = motions[self.first], motions[self.second]
         line, displacement = self._line(first, second), self.displacement(first, second)
-        at_first, at_second = self._pitch_point(first, second, line)
+        # The pitch point divides the line of centres in the ratio of the teeth. For an internal
+        # gear it is outside the line, beyond the first centre.
+        share = self.teeth_first / (self.teeth_first + self.teeth_second)
+        from_first = line.along * (line.distance * share)
+        from_second = line.along * (line.distance * (share - 1.0)) - line.axis * line.height
+        at_first = self.point_first + first.components(from_first)
+        at_second = self.point_second + second.components(from_second)
         sliding = second.velocity_at(at_second) - first.velocity_at(at_first)
         radii = add(*self._base_radii())
         # The sum of the base radii is negative for an internal gear, whose contact is reversed.
@@ -259,7 +251,10 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         # Involutes have no common normal if the gears are closer than the sum of their base radii.
         meshes = square > 0.0
         radial = square_root(where(meshes, square, 1.0))
-        opening = self._opening(radii, tangential, radial)
+        # Half the play along the line of action at the gears' actual distance.
+        nominal = sine(self.pressure_angle), cosine(self.pressure_angle)
+        change = involute(radial, tangential) - involute(*nominal)
+        opening = radii * change + 0.5 * self.backlash * nominal[1]
         contacts = {}
         for label, side in FLANKS.items():
             # The line of action has the angle alpha' from the tangent of the pitch circles.
@@ -270,32 +265,6 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
             gap = Gap(depth, sliding.dot(normal))
             contacts[label] = Contact(gap, normal, at_first, at_second, None)
         return contacts
-
-    def _opening(self, radii: Scalar, tangential: Scalar, radial: Scalar) -> Scalar:
-        """Return half the play along the line of action, m, at the gears' actual distance.
-
-        **Arguments:** `radii`: sum of the base radii, m. `tangential`, `radial`: cosine and sine of
-        the working pressure angle alpha'.
-        """
-        nominal = sine(self.pressure_angle), cosine(self.pressure_angle)
-        change = involute(radial, tangential) - involute(*nominal)
-        return radii * change + 0.5 * self.backlash * nominal[1]
-
-    def _pitch_point(
-        self, first: Motion, second: Motion, line: LineOfCentres
-    ) -> tuple[Vector, Vector]:
-        """Return the pitch point, m in the axes of the first and of the second body.
-
-        It divides the line of centres in the ratio of the teeth; for an internal gear it is outside
-        the line, beyond the first centre.
-        """
-        share = self.teeth_first / (self.teeth_first + self.teeth_second)
-        from_first = line.along * (line.distance * share)
-        from_second = line.along * (line.distance * (share - 1.0)) - line.axis * line.height
-        return (
-            self.point_first + first.components(from_first),
-            self.point_second + second.components(from_second),
-        )
 
     def centred_rows(self, motions: Motions) -> dict[str, Row]:
         """Return the row "mesh": the displacement from the middle of the play, m."""
