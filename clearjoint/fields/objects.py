@@ -5,7 +5,7 @@ User-defined subclasses need only annotate their fields.
 
 import inspect
 from collections.abc import Callable
-from dataclasses import Field, FrozenInstanceError, dataclass, fields
+from dataclasses import KW_ONLY, Field, FrozenInstanceError, dataclass, fields
 from functools import cache, lru_cache, partial
 from types import MappingProxyType, ModuleType
 from typing import Any, ClassVar, get_origin
@@ -387,7 +387,7 @@ def on_device(value: ArrayLike, dtype: type[float] | type[int] = float) -> jax.A
 def _is_no_field(annotation: object) -> bool:
     if isinstance(annotation, str):
         return "ClassVar" in annotation
-    return annotation is ClassVar or get_origin(annotation) in (
+    return annotation in (ClassVar, KW_ONLY) or get_origin(annotation) in (
         ClassVar,
         eqx.AbstractVar,
         eqx.AbstractClassVar,

@@ -10,6 +10,7 @@ and the radius R: 5e-10 m for 3 um per rad and R = 10 mm.
 """
 
 import abc
+import operator
 from typing import Any, NamedTuple, TypeAlias
 
 import jax
@@ -17,14 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from ..fields.checks import (
-    as_shown,
-    caution_unless,
-    checkable,
-    concrete,
-    require,
-    require_finite,
-)
+from ..fields.checks import caution_unless, concrete, require, require_finite, require_numbers
 from ..fields.objects import AbstractConverting, on_device, quantity
 from ..fields.types import ArrayLike, Column
 from ..math.smoothing import polar_angle
@@ -428,20 +422,11 @@ def require_room(
     """
     if bearing is None and journal is None:
         return
-    deviations = _sampled(bearing).value, _sampled(journal).value
-    # ``None`` stands for numbers that JAX traces, which can't be checked here.
-    if (known := checkable(clearance, *deviations)) is None:
-        return
-    width, wall, part = known
     # The highest point of the journal may face the point where the bearing is narrowest.
-    least = part.max() - wall.min()
-    require(
-        width > least,
-        "clearance",
-        clearance,
-        f"larger than the {as_shown(least)} m by which the profiles of both parts narrow it",
-        "check the unit (m) and the sign of the profiles: positive values enlarge the radius",
-    )
+    least = _sampled(journal).value.max() - _sampled(bearing).value.min()
+    expected = "larger than the {1} m by which the profiles of both parts narrow it"
+    remedy = "check the unit (m) and the sign of the profiles: positive values enlarge the radius"
+    require_numbers(operator.gt, "clearance", (clearance, least), expected, remedy)
 
 
 def caution_two_contacts(
@@ -459,22 +444,17 @@ def caution_two_contacts(
     if bearing is None and journal is None:
         return
     wall, part = _sampled(bearing), _sampled(journal)
-    curvatures = concrete(wall.value + wall.bend), concrete(part.value + part.bend)
-    width = concrete(clearance)
-    # ``None`` stands for numbers that JAX traces, which are unknown.
-    if width is None or curvatures[0] is None or curvatures[1] is None:
-        return
     # The radius of the bearing's circle exceeds that of the journal's by the clearance.
-    least = float(width + curvatures[0].min() - curvatures[1].max())
-    caution_unless(
-        least > 0.0,
-        "clearance",
-        float(width),
-        "m",
-        f"more than {float(width) - least:.4g} m for profiles so curved, since only the deepest of "
-        "several points of contact has a force,",
-        "give a larger clearance, or a profile with lower waves",
-    )
+    least = clearance + (wall.value + wall.bend).min() - (part.value + part.bend).max()
+    # ``None`` stands for a number that JAX traces, which is unknown.
+    if concrete(least) is not None:
+        width = float(clearance)
+        expected = (
+            f"more than {width - float(least):.4g} m for profiles so curved, since only the "
+            "deepest of several points of contact has a force,"
+        )
+        remedy = "give a larger clearance, or a profile with lower waves"
+        caution_unless(bool(least > 0.0), "clearance", width, "m", expected, remedy)
 
 
 def _sampled(profile: AbstractProfile | None) -> Deviation:

@@ -1,6 +1,6 @@
 """The scene: the bodies, joints and forces of a mechanism by name, and gravity."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from types import MappingProxyType
 
 import jax
@@ -16,44 +16,15 @@ from .contact.laws import AbstractContactLaw
 from .drives.drivers import AbstractDrive
 from .joints.base import AbstractConstraint, AbstractContactJoint, AbstractElement, AbstractForce
 
-
-def unheld_drives(
-    joints: Mapping[str, AbstractElement], forces: Mapping[str, AbstractElement]
-) -> list[str]:
-    """Return the names of the drives about an axis whose two bodies no chain of joints connects.
-
-    A drive doesn't hold its axis, so that these bodies would move apart. The constructor of `Scene`
-    warns of them.
-
-    **Arguments:** `joints`, `forces`: the elements of a scene by name.
-    """
-    elements = {**joints, **forces}.items()
-    drives = {name: one for name, one in elements if isinstance(one, AbstractDrive)}
-    # A driver is among the joints, but it doesn't hold its axis, so it connects no bodies here.
-    links = [joint.body_names() for name, joint in joints.items() if name not in drives]
-    return [
-        name
-        for name, drive in drives.items()
-        if drive.second not in _connected_with(drive.first, links)
-    ]
-
-
-def _connected_with(body: str, links: Iterable[tuple[str, ...]]) -> set[str]:
-    """Return the names of the bodies that chains of joints connect with a body, and its own name.
-
-    **Arguments:** `links`: names of the bodies of each joint.
-    """
-    connected, remaining = {body}, [set(link) for link in links]
-    # Each round adds the bodies of all joints that touch a connected body, and drops these joints.
-    while adjacent := [link for link in remaining if link & connected]:
-        connected |= set().union(*adjacent)
-        remaining = [link for link in remaining if not link <= connected]
-    return connected
-
-
 FARTHEST = 100.0
 """Ratio of a point's distance from the centre of mass to the body's radius of gyration, above which
 a warning is issued, since a length in mm may have been given."""
+KINDS = {
+    "bodies": (Body,),
+    "joints": (AbstractConstraint, AbstractContactJoint),
+    "forces": (AbstractForce,),
+}
+"""Classes of the elements in each argument of `Scene`."""
 STRONGEST_GRAVITY = 1e3
 """Acceleration of gravity, m/s^2, above which a warning is issued, since it may be in mm/s^2."""
 
@@ -113,9 +84,15 @@ class Scene(AbstractReadable):
         require(len(self.bodies) > 0, "bodies", {}, "a dictionary with at least one body", remedy)
         expected = "without the reserved name of the fixed body"
         require(GROUND not in self.bodies, "bodies", GROUND, expected, "rename the body")
-        _check_kinds("bodies", self.bodies, Body)
-        _check_kinds("joints", self.joints, AbstractConstraint, AbstractContactJoint)
-        _check_kinds("forces", self.forces, AbstractForce)
+        for family, kinds in KINDS.items():
+            expected = "one of " + ", ".join(kind.__name__ for kind in kinds)
+            for name, element in getattr(self, family).items():
+                # The advice names the argument in which the element belongs, if there is one.
+                belongs = [one for one, classes in KINDS.items() if isinstance(element, classes)]
+                remedy = "pass an element of that class"
+                remedy += "".join(f"; pass this one in `{one}`" for one in belongs)
+                argument, given = f"{family}[{name!r}]", type(element).__name__
+                require(isinstance(element, kinds), argument, given, expected, remedy)
         for family in ("joints", "forces"):
             for name, element in getattr(self, family).items():
                 _check_names(f"{family}[{name!r}]", element, self.bodies)
@@ -143,13 +120,22 @@ class Scene(AbstractReadable):
                     "or remove it.",
                     LooseBodyWarning,
                 )
-        # Its two bodies would move apart, since a drive holds neither of them.
-        for name in unheld_drives(self.joints, self.forces):
-            caution(
-                f"Drive {name!r} rotates a body about an axis that no joint holds: add a joint, "
-                "such as a RevoluteJoint, between the same bodies.",
-                LooseBodyWarning,
-            )
+        # Sets of bodies that chains of joints connect. A driver is among the joints, but it doesn't
+        # hold its axis: its two bodies would move apart if nothing else connected them.
+        chains: list[set[str]] = []
+        for joint in self.joints.values():
+            if not isinstance(joint, AbstractDrive):
+                bodies = set(joint.body_names())
+                joined = bodies.union(*(chain for chain in chains if chain & bodies))
+                chains = [joined, *(chain for chain in chains if not chain & bodies)]
+        for name, drive in {**self.joints, **self.forces}.items():
+            pair = {drive.first, drive.second} if isinstance(drive, AbstractDrive) else set()
+            if pair and not any(pair <= chain for chain in chains):
+                caution(
+                    f"Drive {name!r} rotates a body about an axis that no joint holds: add a "
+                    "joint, such as a RevoluteJoint, between the same bodies.",
+                    LooseBodyWarning,
+                )
 
     def contact_joints(self) -> dict[str, AbstractContactJoint]:
         """Return the joints that have contacts, by name."""
@@ -168,27 +154,6 @@ class Scene(AbstractReadable):
         """Return the laws of the normal force, ``laws[joint][contact]``, by name of the joint and
         label of the contact."""
         return {name: joint.laws() for name, joint in self.contact_joints().items()}
-
-
-def _check_kinds(argument: str, elements: Mapping[str, object], *kinds: type) -> None:
-    expected = "one of " + ", ".join(kind.__name__ for kind in kinds)
-    for name, element in elements.items():
-        given, remedy = type(element).__name__, f"pass an element of that class{_hint_for(element)}"
-        require(isinstance(element, kinds), f"{argument}[{name!r}]", given, expected, remedy)
-
-
-def _hint_for(element: object) -> str:
-    """Return the end of an error message for an element in the wrong argument of `Scene`.
-
-    It names the argument in which the element belongs, and is empty if there is none.
-    """
-    families = {
-        "bodies": Body,
-        "joints": (AbstractConstraint, AbstractContactJoint),
-        "forces": AbstractForce,
-    }
-    matching = [family for family, kinds in families.items() if isinstance(element, kinds)]
-    return "".join(f"; pass this one in `{family}`" for family in matching)
 
 
 def _check_names(argument: str, element: AbstractElement, bodies: Mapping[str, Body]) -> None:

@@ -1,5 +1,7 @@
 """The spherical joint with clearance: a ball in a slightly larger socket."""
 
+from dataclasses import KW_ONLY
+
 import equinox as eqx
 import numpy as np
 
@@ -50,20 +52,18 @@ class BallInSocket(AbstractCentredJoint):
 
     socket_body: str = eqx.field(static=True)
     ball_body: str = eqx.field(static=True)
-    clearance: Single = quantity(
-        "m", positive=True, remedy="give the radial clearance in m", kw_only=True
-    )
+    _: KW_ONLY
+    clearance: Single = quantity("m", positive=True, remedy="give the radial clearance in m")
     socket_radius: Single = quantity(
         "m",
         positive=True,
         usual=(0.0, LARGEST_BEARING),
         remedy="give lengths in m; 1 mm is 1e-3 m",
-        kw_only=True,
     )
-    law: AbstractContactLaw = eqx.field(kw_only=True)  # pyright: ignore[reportGeneralTypeIssues]
-    socket_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0), kw_only=True)
-    ball_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0), kw_only=True)
-    friction: FrictionLaw | None = eqx.field(default=None, kw_only=True)  # pyright: ignore[reportGeneralTypeIssues]
+    law: AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
+    socket_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0))
+    ball_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0))
+    friction: FrictionLaw | None = None  # pyright: ignore[reportGeneralTypeIssues]
 
     def _check_together(self) -> None:
         require_smaller_clearance(self.clearance, self.socket_radius, "the socket's radius")

@@ -1,5 +1,7 @@
 """Clearance joints between flat walls: a pin in a slot, and a slider in a guide."""
 
+from dataclasses import KW_ONLY
+
 import equinox as eqx
 import numpy as np
 
@@ -70,17 +72,18 @@ class PinInSlot(AbstractFrictionJoint):
 
     slot_body: str = eqx.field(static=True)
     pin_body: str = eqx.field(static=True)
+    _: KW_ONLY
     play: Single = quantity(
-        "m", positive=True, remedy="give the slot's width less the pin's diameter", kw_only=True
+        "m", positive=True, remedy="give the slot's width less the pin's diameter"
     )
-    pin_radius: Single = quantity("m", positive=True, kw_only=True)
-    law: AbstractContactLaw = eqx.field(kw_only=True)  # pyright: ignore[reportGeneralTypeIssues]
-    slot_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0), kw_only=True)
-    slot_axis: Triple = quantity("1", check=require_axis, default=(1.0, 0.0, 0.0), kw_only=True)
-    slot_normal: Triple = quantity("1", check=require_axis, default=(0.0, 1.0, 0.0), kw_only=True)
-    pin_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0), kw_only=True)
-    travel: Single | None = optional_quantity("m", positive=True, kw_only=True)
-    friction: FrictionLaw | None = eqx.field(default=None, kw_only=True)  # pyright: ignore[reportGeneralTypeIssues]
+    pin_radius: Single = quantity("m", positive=True)
+    law: AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
+    slot_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0))
+    slot_axis: Triple = quantity("1", check=require_axis, default=(1.0, 0.0, 0.0))
+    slot_normal: Triple = quantity("1", check=require_axis, default=(0.0, 1.0, 0.0))
+    pin_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0))
+    travel: Single | None = optional_quantity("m", positive=True)
+    friction: FrictionLaw | None = None  # pyright: ignore[reportGeneralTypeIssues]
 
     def _check_together(self) -> None:
         require_flat_law(self.law, "the slot's walls")
@@ -211,18 +214,17 @@ class SliderInGuide(AbstractFrictionJoint):
 
     guide_body: str = eqx.field(static=True)
     slider_body: str = eqx.field(static=True)
-    half_length: Single = quantity("m", positive=True, kw_only=True)
-    clearance: Single = quantity(
-        "m", positive=True, remedy="give the clearance on one side in m", kw_only=True
-    )
-    half_height: Single = quantity("m", positive=True, kw_only=True)
-    law: AbstractContactLaw = eqx.field(kw_only=True)  # pyright: ignore[reportGeneralTypeIssues]
-    guide_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0), kw_only=True)
-    guide_normal: Triple = quantity("1", check=require_axis, default=(0.0, 1.0, 0.0), kw_only=True)
-    slider_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0), kw_only=True)
-    slider_axis: Triple = quantity("1", check=require_axis, default=(1.0, 0.0, 0.0), kw_only=True)
-    slider_normal: Triple = quantity("1", check=require_axis, default=(0.0, 1.0, 0.0), kw_only=True)
-    friction: FrictionLaw | None = eqx.field(default=None, kw_only=True)  # pyright: ignore[reportGeneralTypeIssues]
+    _: KW_ONLY
+    half_length: Single = quantity("m", positive=True)
+    clearance: Single = quantity("m", positive=True, remedy="give the clearance on one side in m")
+    half_height: Single = quantity("m", positive=True)
+    law: AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
+    guide_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0))
+    guide_normal: Triple = quantity("1", check=require_axis, default=(0.0, 1.0, 0.0))
+    slider_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0))
+    slider_axis: Triple = quantity("1", check=require_axis, default=(1.0, 0.0, 0.0))
+    slider_normal: Triple = quantity("1", check=require_axis, default=(0.0, 1.0, 0.0))
+    friction: FrictionLaw | None = None  # pyright: ignore[reportGeneralTypeIssues]
 
     def _check_together(self) -> None:
         require_flat_law(self.law, "the guide's walls")

@@ -357,22 +357,22 @@ def _solve_equilibrium(joint: LubricatedJoint, load: jax.Array, speed: jax.Array
         return point * (clearance / jnp.sqrt(1.0 + point @ point))
 
     def residual(point: jax.Array, _: None) -> jax.Array:
-        force = _force(joint, speed, offset_of(point), rest)
+        force, _ = _load(joint, speed, offset_of(point), rest)
         # Relative to the load, so that one tolerance suits all loads; absolute for a zero load.
         return (force + load) / jnp.where(size > 0.0, size, 1.0)
 
     solver = optimistix.LevenbergMarquardt(rtol=TOLERANCE, atol=TOLERANCE)
     start = jnp.full(2, NEARLY_CENTRED)
     offset = offset_of(optimistix.root_find(residual, solver, start).value)
-    stiffness, damping = jax.jacfwd(_force, argnums=(2, 3))(joint, speed, offset, rest)
-    _, moment = _load(joint, speed, offset, rest)
+    derivatives = jax.jacfwd(_load, argnums=(2, 3), has_aux=True)
+    (stiffness, damping), moment = derivatives(joint, speed, offset, rest)
     return CarriedJournal(offset, -stiffness, -damping, moment)
 
 
 def _load(
     joint: LubricatedJoint, speed: Scalar, offset: jax.Array, velocity: jax.Array
-) -> tuple[Vector, Scalar]:
-    """Return the force on the journal, N, and the moment about its axis, N m.
+) -> tuple[jax.Array, Scalar]:
+    """Return the force on the journal, (2,) N, and the moment about its axis, N m.
 
     They are those of the film and, without `transition`, of the contact.
 
@@ -387,28 +387,20 @@ def _load(
     sizes = dry.bearing_radius, dry.clearance, dry.journal_length
     film = FilmGap(UNIT_Z, eccentricity, rate, speed, *sizes)
     force, moment = joint.film.force(film), joint.film.drag(film)
-    if joint.transition is not None:
-        return force, moment
-    size, normal = norm_and_direction(position)
-    approach = own_velocity.dot(normal)
-    gap = Gap(size - dry.clearance, approach, dry.bearing_radius, dry.clearance)
-    # The axes are parallel, so that the gap is the same for all contacts along the journal.
-    push: Scalar = 0.0
-    for label in dry.contact_labels():
-        law = dry.laws()[label]
-        # An entry speed is that of an impact; a contact in equilibrium has none.
-        push = push + (law.elastic_force(gap) if law.uses_entry_speed else law.force(gap, None))
-    force = force - normal * push
-    if dry.friction is None:
-        return force, moment
-    sliding = own_velocity + UNIT_Z.cross(normal) * (speed * dry.journal_radius)
-    friction = dry.friction.force(push, sliding - normal * approach)
-    return force + friction, moment + dry.journal_radius * UNIT_Z.dot(normal.cross(friction))
-
-
-def _force(
-    joint: LubricatedJoint, speed: Scalar, offset: jax.Array, velocity: jax.Array
-) -> jax.Array:
-    """Return the force of `_load` as an array, (2,) N."""
-    force, _ = _load(joint, speed, offset, velocity)
-    return jnp.stack([jnp.asarray(force.x), jnp.asarray(force.y)])
+    if joint.transition is None:
+        size, normal = norm_and_direction(position)
+        approach = own_velocity.dot(normal)
+        gap = Gap(size - dry.clearance, approach, dry.bearing_radius, dry.clearance)
+        # The axes are parallel, so that the gap is the same for all contacts along the journal.
+        push: Scalar = 0.0
+        for label in dry.contact_labels():
+            law = dry.laws()[label]
+            # An entry speed is that of an impact; a contact in equilibrium has none.
+            push = push + (law.elastic_force(gap) if law.uses_entry_speed else law.force(gap, None))
+        force = force - normal * push
+        if dry.friction is not None:
+            sliding = own_velocity + UNIT_Z.cross(normal) * (speed * dry.journal_radius)
+            friction = dry.friction.force(push, sliding - normal * approach)
+            force = force + friction
+            moment = moment + dry.journal_radius * UNIT_Z.dot(normal.cross(friction))
+    return jnp.stack([jnp.asarray(force.x), jnp.asarray(force.y)]), moment

@@ -262,17 +262,12 @@ class AbstractHertzianLaw(AbstractElasticLaw):
             return self.elastic_force(gap)
         # The quotient doesn't change during a step: in this order it is computed only once.
         factor = 1.0 + (self.damping_factor() / entry_speed) * gap.rate
-        return self.elastic_force(gap) * ramp(factor, self._clamp_width(gap))
-
-    def _clamp_width(self, gap: Gap) -> Scalar | None:
-        """Return the dimensionless width w/(w + delta) of the ramp that limits the damping.
-
-        It is one at the onset and tends to zero at penetrations delta well above the smoothing
-        width w, where only the usual limit of zero remains. Without smoothing it is ``None``.
-        """
-        if self.smoothing is None:
-            return None
-        return self.smoothing / (self.smoothing + jnp.maximum(gap.depth, 0.0))
+        width = self.smoothing
+        if width is not None:
+            # It tends to zero at penetrations well above the smoothing width, where only the usual
+            # limit of zero remains.
+            width = width / (width + jnp.maximum(gap.depth, 0.0))
+        return self.elastic_force(gap) * ramp(factor, width)
 
     def delivered_restitution(self) -> Scalar:
         """Return rebound speed over entry speed of a free impact, from the `damping_factor`."""

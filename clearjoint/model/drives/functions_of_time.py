@@ -119,6 +119,7 @@ class Spline(AbstractTable):
     Between two times it is the cubic polynomial with the given values and rates at both (Hermite
     interpolation). `Spline.through(times, values)` computes rates for which the second derivative
     is continuous, and zero at the ends. Outside the table the function continues along its tangent.
+    Integration steps need not end at the times of the table.
 
     **Arguments:**
 
@@ -169,10 +170,6 @@ class Spline(AbstractTable):
         # Outside the table the Hermite value is that of the end, and the tangent continues it.
         before, after = jnp.minimum(t - times[0], 0.0), jnp.maximum(t - times[-1], 0.0)
         return value + before * rates[0] + after * rates[-1]
-
-    def breakpoints(self) -> PyTree:
-        """Return an empty tuple, since integration steps need not end at the times of the table."""
-        return ()
 
 
 FunctionOfTime: TypeAlias = AbstractFunctionOfTime | Callable[[jax.Array], Scalar] | float
@@ -351,10 +348,8 @@ def as_triple_in_time(value: PyTree) -> PyTree:
 
     **Raises:** `ValueError` if a component is neither a number nor a function.
     """
-    if isinstance(value, AbstractFunctionOfTime):
-        return value
     if callable(value):
-        return PlainFunction(value)
+        return as_function_of_time(value)
     if isinstance(value, tuple | list) and any(map(callable, value)):
         return tuple(map(as_single_in_time, value))
     return as_number(value)

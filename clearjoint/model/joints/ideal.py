@@ -9,7 +9,7 @@ from typing import TypeVar
 from ...fields.checks import require_axis, require_euler_parameters
 from ...fields.objects import quantity
 from ...fields.types import Quadruple, Single, Triple
-from ...math.rotations import conjugate, rotation_matrix, transverse_axes, unit
+from ...math.rotations import conjugate, rotation_matrix, transverse_axes, unit, within_two_turns
 from ...math.vectors import UNIT_X, UNIT_Y, UNIT_Z, ZERO, EulerParameters, Matrix, Scalar, Vector
 from ..pen import AbstractPen
 from .base import PARALLEL, AbstractConstraint, AbstractPairAtPoints, Motions, Row
@@ -21,7 +21,7 @@ from .constraint_rows import (
     relative_angle_row,
 )
 from .motion_subspaces import (
-    AbstractMotionAtPoints,
+    AbstractTurning,
     Ball,
     Hinge,
     JointState,
@@ -436,14 +436,15 @@ Position = tuple[Scalar, Scalar, Scalar]
 and the angle about the normal, rad."""
 
 
-class PlanarMotion(AbstractMotionAtPoints):
+class PlanarMotion(AbstractTurning):
     """Translation by two distances (m) in a plane of the parent, and rotation by an angle (rad).
 
     It is the motion that a `PlanarJoint` allows a child body relative to its parent body. The
     position consists of the two distances and the angle; the speeds are their rates.
 
     - `point_parent`, `point_child`: points of the joint, m in each body's axes.
-    - `normal_parent`, `normal_child`: the plane's normal, a unit vector in each body's axes.
+    - `axis`, `normal_parent`: the plane's normal, a unit vector in the axes of the child and in
+      those of the parent.
     - `reference`: Euler parameters that transform the child's components to the parent's at angle
       zero.
 
@@ -453,8 +454,6 @@ class PlanarMotion(AbstractMotionAtPoints):
     """
 
     normal_parent: Vector
-    normal_child: Vector
-    reference: EulerParameters
 
     def encode(self, relative: Relative) -> JointState:
         """Return the joint coordinates of a relative motion of the child.
@@ -464,27 +463,27 @@ class PlanarMotion(AbstractMotionAtPoints):
         """
         # The vectors of `relative` are in the child's axes, the distances along those of the
         # parent. In the parent's axes the displacement also changes because the child rotates.
-        hinge = self._hinge().encode(relative)
-        rotation = self.rotation((0.0, 0.0, hinge.position))
+        angle = self.angle(relative)
+        rotation = super().rotation(angle)
         apart, spin = relative.displacement, relative.twist.angular
         offset = rotation @ apart
         velocity = rotation @ (relative.twist.linear + spin.cross(apart))
         first, second = transverse_axes(self.normal_parent)
         return JointState(
-            (offset.dot(first), offset.dot(second), hinge.position),
-            (velocity.dot(first), velocity.dot(second), *hinge.speeds),
+            (offset.dot(first), offset.dot(second), angle),
+            (velocity.dot(first), velocity.dot(second), spin.dot(self.axis)),
         )
 
     def orientation(self, position: Position) -> EulerParameters:
         """Return Euler parameters that transform the child's components to the parent's."""
-        return self._hinge().orientation(position[2])
+        return super().orientation(position[2])
 
     def rotation(self, position: Position) -> Matrix:
         """Return the matrix that transforms the child's components to the parent's.
 
         The angle gives it with less arithmetic than the Euler parameters do.
         """
-        return self._hinge().rotation(position[2])
+        return super().rotation(position[2])
 
     def displacement(self, position: Position) -> Vector:
         """Return the vector from the parent's point to the child's, m in the child's axes."""
@@ -496,7 +495,7 @@ class PlanarMotion(AbstractMotionAtPoints):
         """
         directions = (self._in_child(axis, position) for axis in ((1.0, 0.0), (0.0, 1.0)))
         apart = self.displacement(position)
-        rotation = Twist(self.normal_child, apart.cross(self.normal_child))
+        rotation = Twist(self.axis, apart.cross(self.axis))
         return (*(Twist(ZERO, direction) for direction in directions), rotation)
 
     def bias(self, state: JointState) -> Twist:
@@ -506,17 +505,14 @@ class PlanarMotion(AbstractMotionAtPoints):
         the child.
         """
         first, second, speed = state.speeds
-        spin = self.normal_child * speed
+        spin = self.axis * speed
         velocity = self._in_child((first, second), state.position)
         apart = self.displacement(state.position)
         return Twist(ZERO, spin.cross(spin.cross(apart) - velocity * 2.0))
 
     def without_drift(self, position: Position) -> Position:
         """Return the position with the angle within (-2 pi, 2 pi], without further revolutions."""
-        return position[0], position[1], self._hinge().without_drift(position[2])
-
-    def _hinge(self) -> Hinge:
-        return Hinge(self.point_parent, self.point_child, self.normal_child, self.reference)
+        return position[0], position[1], within_two_turns(position[2])
 
     def _in_child(self, across: tuple[Scalar, Scalar], position: Position) -> Vector:
         """Return a vector in the child's axes from its two components along the transverse axes of
@@ -554,7 +550,7 @@ class PlanarJoint(AbstractAxisJoint):
         """Return the subspace of two distances in the plane and an angle about its normal."""
         points = self._ordered(parent, self.point_first, self.point_second)
         in_parent, in_child = self._ordered(parent, unit(self.axis_first), unit(self.axis_second))
-        return PlanarMotion(*points, in_parent, in_child, aligning(in_parent, in_child))
+        return PlanarMotion(*points, in_child, aligning(in_parent, in_child), in_parent)
 
     def draw(self, pen: AbstractPen) -> None:
         """Draw the plane through the first body's point."""
