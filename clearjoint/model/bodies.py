@@ -111,22 +111,16 @@ def _require_inertia(argument: str, value: ArrayLike) -> None:
     """Check principal moments, (3,), or an inertia matrix, (3, 3), kg m^2.
 
     **Raises:** `ValueError` for another shape, a number that is not finite, or an inertia that no
-    rigid body has.
+    rigid body has: a matrix that is not symmetric, a principal moment that is not positive, or one
+    that exceeds the sum of the other two.
     """
     fine, expected = np.shape(value) in ((3,), (3, 3)), "of shape (3,) or (3, 3)"
     remedy = "give three principal moments or the whole inertia matrix in kg m^2"
     require(fine, argument, value, expected, remedy)
     require_finite(argument, value)
-    if (known := checkable(value)) is not None:
-        _check_moments(*known)
-
-
-def _check_moments(inertia: np.ndarray) -> None:
-    """Check that a rigid body can have given principal moments, (3,), or inertia matrix, (3, 3).
-
-    **Raises:** `ValueError` if the matrix is not symmetric, a principal moment is not positive, or
-    one exceeds the sum of the other two.
-    """
+    if (known := checkable(value)) is None:
+        return
+    (inertia,) = known
     # NumPy, or JAX for traced values. Both inequalities allow for the rounding of given numbers.
     xp, moments = inertia.__array_namespace__(), inertia
     if inertia.ndim == 2:

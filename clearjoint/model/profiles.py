@@ -223,14 +223,11 @@ class PeriodicSpline(AbstractPeriodicSpline):
 
         **Raises:** `ValueError` if the values are not a row of at least four finite numbers.
         """
-        values = jnp.asarray(values) if isinstance(values, jax.Array) else np.asarray(values, float)
-        library = jnp if isinstance(values, jax.Array) else np
+        values = PeriodicSpline(values).coefficients  # converted and checked
+        library, count = jnp if isinstance(values, jax.Array) else np, values.shape[0]
         # At a knot the spline is (c[i - 1] + 4 c[i] + c[i + 1])/6, a circular convolution. Its
         # Fourier transform is that of c times these factors.
-        count = values.shape[0] if values.ndim == 1 else 0
-        factors = (2.0 + np.cos(2.0 * np.pi * np.arange(count // 2 + 1) / max(count, 1))) / 3.0
-        if count < 4:
-            return PeriodicSpline(values)  # its check raises the error
+        factors = (2.0 + np.cos(2.0 * np.pi * np.arange(count // 2 + 1) / count)) / 3.0
         return PeriodicSpline(library.fft.irfft(library.fft.rfft(values) / factors, count))
 
     def coefficients_around(self, knot: jax.Array | np.ndarray) -> jax.Array:

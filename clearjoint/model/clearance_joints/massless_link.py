@@ -81,30 +81,22 @@ class MasslessLink(AbstractConstraint):
         The value of a base's row is (e^2 - c^2)/(2 c), m, with its eccentricity e and the clearance
         c. That of "axial" is the distance of the centre from the bearing's middle plane, m.
         """
-        half = unit(self.journal_axis) * (0.5 * self.journal_length)
-        ends = self.journal_point - half, self.journal_point + half
-        rows = {base: self._distance(motions, end) for base, end in zip(BASES, ends, strict=True)}
-        if self.axial.holds_centre:
-            rows["axial"] = self._height(motions, unit(self.bearing_axis), self.journal_point)
-        return rows
-
-    def _height(self, motions: Motions, direction: Vector, local: Vector) -> Row:
-        """Return a coordinate of a point of the journal from the bearing's centre, m, as a row.
-
-        **Arguments:** `direction`: of the coordinate, a unit vector in the axes of the bearing's
-        body. `local`: the point, m in the axes of the journal's body.
-        """
         names = self.bearing_body, self.journal_body
-        pair = motions[self.bearing_body], motions[self.journal_body]
-        return point_in_plane(names, *pair, self.bearing_point, direction, local)
+        bearing, journal = (motions[name] for name in names)
 
-    def _distance(self, motions: Motions, local: Vector) -> Row:
-        """Return the row (e^2 - c^2)/(2 c), m, of a base at `local`, m in the journal's axes."""
-        across = [
-            self._height(motions, direction, local)
-            for direction in transverse_axes(unit(self.bearing_axis))
-        ]
-        return distance_row(across, self.clearance, motions)
+        # A coordinate of a point of the journal, from the bearing's centre in a direction.
+        def coordinate(direction: Vector, local: Vector) -> Row:
+            return point_in_plane(names, bearing, journal, self.bearing_point, direction, local)
+
+        axis, half = unit(self.bearing_axis), unit(self.journal_axis) * (0.5 * self.journal_length)
+        ends = self.journal_point - half, self.journal_point + half
+        rows = {}
+        for base, end in zip(BASES, ends, strict=True):
+            across = [coordinate(direction, end) for direction in transverse_axes(axis)]
+            rows[base] = distance_row(across, self.clearance, motions)
+        if self.axial.holds_centre:
+            rows["axial"] = coordinate(axis, self.journal_point)
+        return rows
 
     def draw(self, pen: AbstractPen) -> None:
         """Draw a journal in a bearing."""

@@ -33,6 +33,7 @@ from .motion_subspaces import (
     Relative,
     Twist,
     aligning,
+    rotation_about,
 )
 
 
@@ -268,11 +269,6 @@ class UniversalMotion(AbstractMotionAtPoints):
         """Return the rotation of the child about its arm, from the orientation `reference`."""
         return Hinge(self.point_parent, self.point_child, self.arm_child, reference)
 
-    def _about_parent(self, angle: Scalar) -> EulerParameters:
-        """Return Euler parameters of a rotation by an angle, rad, about the parent's arm."""
-        vector = self.arm_parent * sine(0.5 * angle)
-        return EulerParameters(cosine(0.5 * angle), vector.x, vector.y, vector.z)
-
     def _parents_arm(self, angle: Scalar) -> tuple[Vector, Vector]:
         """Return the arm that is fixed to the parent, a unit vector in the child's axes, and its
         derivative by `angle`, 1/rad.
@@ -294,7 +290,7 @@ class UniversalMotion(AbstractMotionAtPoints):
         # The child's arm rotates with the cross about the parent's arm, which gives the first
         # angle. What remains of the orientation is the rotation about the child's arm.
         first = polar_angle(arm.dot(quarter), arm.dot(start))
-        reference = composed(self._about_parent(first), self._reference())
+        reference = composed(rotation_about(self.arm_parent, first), self._reference())
         second = self._about_child(reference).encode(relative)
         along, _ = self._parents_arm(second.position)
         rate = relative.twist.angular.dot(along)
@@ -302,7 +298,8 @@ class UniversalMotion(AbstractMotionAtPoints):
 
     def orientation(self, position: Angles) -> EulerParameters:
         """Return Euler parameters that transform components in the child's axes to the parent's."""
-        reference = composed(self._about_parent(position[0]), self._reference())
+        about_parent = rotation_about(self.arm_parent, position[0])
+        reference = composed(about_parent, self._reference())
         return self._about_child(reference).orientation(position[1])
 
     def columns(self, position: Angles) -> tuple[Twist, ...]:

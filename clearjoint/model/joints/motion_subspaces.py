@@ -211,6 +211,12 @@ class Weld(AbstractMotionAtPoints):
         return ()
 
 
+def rotation_about(axis: Vector, angle: Scalar) -> EulerParameters:
+    """Return Euler parameters of a rotation by an angle, rad, about a unit vector."""
+    vector = axis * sine_of(0.5 * angle)
+    return EulerParameters(cosine_of(0.5 * angle), vector.x, vector.y, vector.z)
+
+
 class AbstractTurning(AbstractMotionAtPoints):
     """Base class of rotations by an angle about `axis`, a unit vector in the child's axes.
 
@@ -236,9 +242,7 @@ class AbstractTurning(AbstractMotionAtPoints):
 
         They are those of the rotation by the angle `position`, rad, followed by `reference`.
         """
-        vector = self.axis * sine_of(0.5 * position)
-        rotation = EulerParameters(cosine_of(0.5 * position), vector.x, vector.y, vector.z)
-        return composed(self.reference, rotation)
+        return composed(self.reference, rotation_about(self.axis, position))
 
     def rotation(self, position: Scalar) -> Matrix:
         """Return the matrix that transforms the child's components to the parent's.

@@ -244,23 +244,8 @@ def spatial_four_bar(
         "coupler": _bar(1.4158, COUPLER, X_AXIS),
         "rocker": _bar(0.3157, ROCKER, Y_AXIS),
     }
-    return Scene(bodies, joints, gravity=(0.0, 0.0, -9.81)), _start(speed)
-
-
-def _bar(mass: float, length: float, axis: tuple[float, float, float]) -> Body:
-    """Return a round bar from its mass, kg, and length, m, along one of the body's axes."""
-    along = 0.5 * mass * BAR_RADIUS**2
-    across = mass * (length**2 / 12.0 + 0.25 * BAR_RADIUS**2)
-    return Body(mass, np.where(np.array(axis) == 1.0, along, across))
-
-
-def _start(speed: Scalar) -> State:
-    """Return the initial state for a speed of the crank, rad/s.
-
-    The crank is upright, so that its end moves along Z. The coupler rotates about the rocker's end,
-    which is at rest.
-    """
-    # The centres of both rods move at half the velocity of their common end.
+    # The crank is upright, so that its end moves along Z. The coupler rotates about the rocker's
+    # end, which is at rest. The centres of both rods move at half the velocity of their common end.
     velocity = 0.5 * np.array([0.0, 0.0, CRANK]) * speed
     spin_crank = np.array([1.0, 0.0, 0.0]) * speed
     spin_coupler = np.array([0.0, CRANK / COUPLER, 0.0]) * speed
@@ -269,4 +254,11 @@ def _start(speed: Scalar) -> State:
         "coupler": body_state((0.5 * COUPLER, CRANK, 0.0), velocity=velocity, spin=spin_coupler),
         "rocker": body_state((COUPLER, CRANK - 0.5 * ROCKER, 0.0)),
     }
-    return State(states)
+    return Scene(bodies, joints, gravity=(0.0, 0.0, -9.81)), State(states)
+
+
+def _bar(mass: float, length: float, axis: tuple[float, float, float]) -> Body:
+    """Return a round bar from its mass, kg, and length, m, along one of the body's axes."""
+    along = 0.5 * mass * BAR_RADIUS**2
+    across = mass * (length**2 / 12.0 + 0.25 * BAR_RADIUS**2)
+    return Body(mass, np.where(np.array(axis) == 1.0, along, across))
