@@ -22,7 +22,7 @@ from ...fields.checks import require
 from ...fields.objects import AbstractConverting, quantity
 from ...fields.types import Single
 from ...math.smoothing import positive_power
-from ...math.vectors import Scalar, square_root
+from ...math.vectors import Scalar, add, square_root
 from .laws import (
     AbstractContactLaw,
     AbstractElasticity,
@@ -110,50 +110,29 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
         Near the largest valid penetration and beyond it, the force continues along its tangent.
         The exponent is not used.
         """
-        touches, depth = _positive(gap)
-        straight = self._straight(gap)
-        if straight is None:
-            load = self.line_force(gap, depth)
-        else:
-            # The formula up to the depth `end`, and its tangent beyond.
-            end, _, slope = straight
-            beyond = jnp.maximum(depth - end, 0.0)
-            load = self.line_force(gap, jnp.minimum(depth, end)) + slope * beyond
-        return jnp.where(touches, self.length * load, 0.0)
+        depth, beyond, _ = self._parts(gap)
+        load = add(self.line_force(gap, depth), beyond)
+        return jnp.where(gap.depth > 0.0, self.length * load, 0.0)
 
     def energy(self, gap: Gap, exponent: float) -> Scalar:
         """Return the integral of the force over the penetration, J; the exponent is not used."""
-        touches, depth = _positive(gap)
-        straight = self._straight(gap)
-        if straight is None:
-            energy = self.line_energy(gap, depth)
-        else:
-            # Beyond the depth `end` the integral is that of a straight line.
-            end, load, slope = straight
-            beyond = jnp.maximum(depth - end, 0.0)
-            energy = self.line_energy(gap, jnp.minimum(depth, end))
-            energy += beyond * (load + 0.5 * slope * beyond)
-        return jnp.where(touches, self.length * energy, 0.0)
+        depth, _, beyond = self._parts(gap)
+        energy = add(self.line_energy(gap, depth), beyond)
+        return jnp.where(gap.depth > 0.0, self.length * energy, 0.0)
 
-    def _straight(self, gap: Gap) -> tuple[Scalar, Scalar, Scalar] | None:
-        """Return where the force begins to continue along its tangent, for large penetrations.
-
-        It is given by the depth, m, and there the force per length, N/m, and its derivative by the
-        depth, N/m^2. Return ``None`` for a formula without a largest penetration.
-        """
+    def _parts(self, gap: Gap) -> tuple[Scalar, Scalar, Scalar]:
+        """Return the depth for which the formula is used, m, and what the tangent adds beyond it:
+        force per length, N/m, and energy per length, J/m."""
+        # Without contact the formulas are evaluated too; a positive depth keeps derivatives finite.
+        depth = jnp.where(gap.depth > 0.0, gap.depth, 1e-6)
         deepest = self.deepest(gap)
         if deepest is None:
-            return None
-        depth = jnp.asarray(_STRAIGHT_FROM * deepest)
-        along = jnp.ones_like(depth)
-        return depth, *jax.jvp(lambda depth: self.line_force(gap, depth), (depth,), (along,))
-
-
-def _positive(gap: Gap) -> tuple[Scalar, Scalar]:
-    """Return whether the surfaces touch, and the penetration, m, or 1e-6 m if they don't touch."""
-    # Without contact the formulas are evaluated too; a positive depth keeps derivatives finite.
-    touches = gap.depth > 0.0
-    return touches, jnp.where(touches, gap.depth, 1e-6)
+            return depth, 0.0, 0.0
+        end = jnp.asarray(_STRAIGHT_FROM * deepest)
+        along = jnp.ones_like(end)
+        load, slope = jax.jvp(lambda depth: self.line_force(gap, depth), (end,), (along,))
+        beyond = jnp.maximum(depth - end, 0.0)
+        return jnp.minimum(depth, end), slope * beyond, beyond * (load + 0.5 * slope * beyond)
 
 
 def radii_of(gap: Gap) -> tuple[Scalar, Scalar, Scalar]:

@@ -22,7 +22,7 @@ import optimistix
 from jaxtyping import ArrayLike, Float
 
 from ...fields.cautions import LawRangeWarning, caution
-from ...fields.checks import concrete, require, require_positive, require_range
+from ...fields.checks import concrete, require, require_positive
 from ...fields.objects import optional_quantity, quantity
 from ...fields.types import Single
 from ...math.smoothing import positive_power, ramp
@@ -378,19 +378,15 @@ class AbstractDampedLaw(AbstractHertzianLaw):
     ```
     """
 
-    restitution: Single = quantity("1")
+    restitution: Single = quantity("1", within=(0.0, 1.0), remedy="1 is elastic, 0 is plastic")
     stiffness: AbstractElasticity = eqx.field(converter=as_stiffness)
     exponent: float = eqx.field(default=1.5, static=True)
-    entry_speed_floor: Single = quantity("m/s", default=1e-6)
+    entry_speed_floor: Single = quantity(
+        "m/s", default=1e-6, positive=True, remedy="give a small speed in m/s, e.g. 1e-6"
+    )
     smoothing: Single | None = optional_quantity("m")
     uses_entry_speed = True
     force_jumps = False
-
-    def __check_init__(self):
-        require_range("restitution", self.restitution, 0.0, 1.0, "1 is elastic, 0 is plastic")
-        require_positive(
-            "entry_speed_floor", self.entry_speed_floor, "give a small speed in m/s, e.g. 1e-6"
-        )
 
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
         """Return the normal force, N, with an entry speed of at least `entry_speed_floor`."""

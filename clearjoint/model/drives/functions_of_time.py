@@ -119,7 +119,6 @@ class Spline(AbstractTable):
     Between two times it is the cubic polynomial with the given values and rates at both (Hermite
     interpolation). `Spline.through(times, values)` computes rates for which the second derivative
     is continuous, and zero at the ends. Outside the table the function continues along its tangent.
-    Integration steps need not end at the times of the table.
 
     **Arguments:**
 
@@ -170,6 +169,14 @@ class Spline(AbstractTable):
         # Outside the table the Hermite value is that of the end, and the tangent continues it.
         before, after = jnp.minimum(t - times[0], 0.0), jnp.maximum(t - times[-1], 0.0)
         return value + before * rates[0] + after * rates[-1]
+
+    def breakpoints(self) -> PyTree:
+        """Return an empty tuple, since integration steps need not end at the times of the table.
+
+        The method declares this; for a function that searches a table and does not define it, runs
+        with derivatives raise an error.
+        """
+        return ()
 
 
 FunctionOfTime: TypeAlias = AbstractFunctionOfTime | Callable[[jax.Array], Scalar] | float
