@@ -4,7 +4,6 @@ Regularised laws, whose force vanishes with the sliding speed, creep slowly inst
 Laws with bristles, elastic deflections of the surfaces, stick (`Dahl`, `LuGre`, `ElastoPlastic`).
 """
 
-from .fields.objects import without_modules as _without_modules
 from .model.contact.friction import Ambrosio as Ambrosio
 from .model.contact.friction import BengisuAkay as BengisuAkay
 from .model.contact.friction import BrownMcPhee as BrownMcPhee
@@ -15,5 +14,3 @@ from .model.contact.friction import LuGre as LuGre
 from .model.contact.friction import RegularisedCoulomb as RegularisedCoulomb
 from .model.contact.friction import Stribeck as Stribeck
 from .model.contact.friction import Threlfall as Threlfall
-
-__dir__ = _without_modules(globals())

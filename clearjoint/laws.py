@@ -4,7 +4,6 @@ The force of a law follows from the penetration and its rate, and that of cylind
 a line also from the length of the journal. A contact law is passed as `law=` to a joint with
 clearance."""
 
-from .fields.objects import without_modules as _without_modules
 from .model.contact.cylinders import (
     DubowskyFreudensteinCylinder as DubowskyFreudensteinCylinder,
 )
@@ -47,5 +46,3 @@ from .model.contact.hunt_crossley import delivered_restitution as delivered_rest
 from .model.contact.hunt_crossley import exact_damping_factor as exact_damping_factor
 from .model.contact.laws import GivenStiffness as GivenStiffness
 from .model.contact.laws import RavnStiffness as RavnStiffness
-
-__dir__ = _without_modules(globals())

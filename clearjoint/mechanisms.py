@@ -1,6 +1,5 @@
 """Ready mechanisms, each as a scene with its initial state."""
 
-from .fields.objects import without_modules as _without_modules
 from .model.mechanisms.benchmarks import andrews_squeezer as andrews_squeezer
 from .model.mechanisms.benchmarks import bricard as bricard
 from .model.mechanisms.benchmarks import double_four_bar as double_four_bar
@@ -17,5 +16,3 @@ from .model.mechanisms.slider_cranks import CRANK_LENGTH as CRANK_LENGTH
 from .model.mechanisms.slider_cranks import ROD_LENGTH as ROD_LENGTH
 from .model.mechanisms.slider_cranks import guided_slider_crank as guided_slider_crank
 from .model.mechanisms.slider_cranks import slider_crank as slider_crank
-
-__dir__ = _without_modules(globals())

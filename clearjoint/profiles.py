@@ -1,8 +1,5 @@
 """Deviations of a bearing's wall or a journal from a circle, for `bearing_profile=` and
 `journal_profile=` of a `ClearanceJoint`."""
 
-from .fields.objects import without_modules as _without_modules
 from .model.profiles import Harmonics as Harmonics
 from .model.profiles import PeriodicSpline as PeriodicSpline
-
-__dir__ = _without_modules(globals())

@@ -1,6 +1,5 @@
 """Types of what simulations, sweeps, fits and design functions return."""
 
-from .fields.objects import without_modules as _without_modules
 from .identification.fit import Fit as Fit
 from .identification.largest import LargestFeasible as LargestFeasible
 from .identification.levenberg_marquardt import Ending as Ending
@@ -23,5 +22,3 @@ from .simulation.results.solution import Trajectory as Trajectory
 from .simulation.run.sensitivities import Sensitivities as Sensitivities
 from .simulation.run.settle import Settled as Settled
 from .simulation.run.wall_impact import FreeImpact as FreeImpact
-
-__dir__ = _without_modules(globals())

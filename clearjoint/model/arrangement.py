@@ -90,14 +90,11 @@ def is_closed(scene: Scene, state: State) -> bool:
 def _poses(state: State) -> dict[str, Pose]:
     """Return the poses of the bodies of a state and of the ground, by name; a pose is a position
     and a rotation."""
-    poses = {
-        name: (
-            np.asarray(body.position),
-            Rotation.from_quat(np.asarray(body.orientation), scalar_first=True),
-        )
-        for name, body in state.bodies.items()
-    }
-    return {GROUND: (np.zeros(3), Rotation.identity()), **poses}
+    poses = {GROUND: (np.zeros(3), Rotation.identity())}
+    for name, body in state.bodies.items():
+        rotation = Rotation.from_quat(np.asarray(body.orientation), scalar_first=True)
+        poses[name] = np.asarray(body.position), rotation
+    return poses
 
 
 def _in_space(pose: Pose, marker: Marker) -> tuple[np.ndarray, np.ndarray | None]:

@@ -37,7 +37,6 @@ from ..math.vectors import IDENTITY, ZERO, Matrix, Scalar, Vector
 from .densities import STEEL
 
 AXES = ("x", "y", "z")
-METRES = "give it in m"
 LIGHTEST, HEAVIEST = 10.0, 25e3
 """Range of the density of solids, kg/m^3, from foams to platinum, outside which a warning is
 issued."""
@@ -60,8 +59,8 @@ def _mass(mass: Number, density: Number, volume: Number) -> Number:
     """
     _require_one(mass, density)
     if mass is not None:
-        return _number("mass", mass, "give it in kg")
-    density = _number("density", density, "give it in kg/m^3")
+        return _number("mass", mass, "kg")
+    density = _number("density", density, "kg/m^3")
     remedy = "give it in kg/m^3; clearjoint.densities has some"
     caution_outside("density", density, "kg/m^3", LIGHTEST, HEAVIEST, remedy)
     return density * volume
@@ -70,21 +69,17 @@ def _mass(mass: Number, density: Number, volume: Number) -> Number:
 def _inner(inner_diameter: Number, diameter: Number) -> Number:
     """Return the diameter of a hole, m, zero for none, after a check against the outer diameter."""
     inner = as_number(inner_diameter)
-    require_positive("inner_diameter", inner, METRES, zero=True)
+    require_positive("inner_diameter", inner, "give it in m", zero=True)
     expected = "less than the diameter, {1} m"
     values = inner, diameter
-    require_numbers(lambda d, outer: d < outer, "inner_diameter", values, expected, METRES)
+    require_numbers(lambda d, outer: d < outer, "inner_diameter", values, expected, "give it in m")
     return inner
 
 
-def _length(argument: str, value: Number) -> Number:
-    return _number(argument, value, METRES)
-
-
-def _number(argument: str, value: Number, remedy: str) -> Number:
+def _number(argument: str, value: Number, unit: str) -> Number:
     """Return a value as an array, (), after a check that it is one positive number."""
     number = as_number(value)
-    require_positive(argument, number, remedy)
+    require_positive(argument, number, f"give it in {unit}")
     return number
 
 
@@ -207,7 +202,7 @@ class Body(AbstractReadable):
         _require_one(mass, density)
         remedy = "pass diameter= in m, or mass= in kg instead of the density"
         require(density is None, "diameter", None, "given with a density", remedy)
-        length, weight = _length("length", length), _number("mass", mass, "give it in kg")
+        length, weight = _number("length", length, "m"), _number("mass", mass, "kg")
         # A thin rod has no moment about its axis, but a body needs one. It is m d^2/8, with the
         # diameter d of a round steel bar, whose mass is rho pi/4 d^2 l.
         squared_diameter = 4.0 * weight / (math.pi * STEEL * length)
@@ -246,7 +241,7 @@ class Body(AbstractReadable):
         than the cylinder, unless exactly one of mass and density is given, or for another axis.
         **Warns:** `UnusualValueWarning` for a density outside 10 to 25e3 kg/m^3.
         """
-        diameter, length = _length("diameter", diameter), _length("length", length)
+        diameter, length = _number("diameter", diameter, "m"), _number("length", length, "m")
         inner = _inner(inner_diameter, diameter)
         mass = _mass(mass, density, 0.25 * math.pi * (diameter**2 - inner**2) * length)
         # The moments are m (D^2 + d^2)/8 about the axis and m (D^2 + d^2)/16 + m l^2/12 across it.
@@ -280,7 +275,7 @@ class Body(AbstractReadable):
         """
         lengths = as_number(lengths)
         require_shape("lengths", lengths, (3,), "pass three lengths in m, along x, y and z")
-        sides = [_length(f"lengths[{k}]", lengths[k]) for k in range(3)]
+        sides = [_number(f"lengths[{k}]", lengths[k], "m") for k in range(3)]
         mass = _mass(mass, density, sides[0] * sides[1] * sides[2])
         # The moment about x is m (b^2 + c^2)/12 for the lengths b and c along y and z.
         a, b, c = (side**2 for side in sides)
@@ -312,7 +307,7 @@ class Body(AbstractReadable):
         than the sphere, or unless exactly one of mass and density is given.
         **Warns:** `UnusualValueWarning` for a density outside 10 to 25e3 kg/m^3.
         """
-        diameter = _length("diameter", diameter)
+        diameter = _number("diameter", diameter, "m")
         inner = _inner(inner_diameter, diameter)
         cubes = diameter**3 - inner**3
         mass = _mass(mass, density, math.pi * cubes / 6.0)

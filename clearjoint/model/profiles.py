@@ -137,9 +137,8 @@ class Harmonics(AbstractProfile):
         """Return the deviation at an angle, rad, or at an array of angles."""
         cosines, sines = on_device(self.cosines), on_device(self.sines)
         numpy = library((angle,))
-        first = numpy.cos(angle), numpy.sin(angle)
-        value = slope = bend = numpy.zeros_like(first[0])
-        cosine, sine = first
+        c, s = cosine, sine = numpy.cos(angle), numpy.sin(angle)
+        value = slope = bend = numpy.zeros_like(cosine)
         for k in range(1, len(cosines) + 1):
             a, b = cosines[k - 1], sines[k - 1]
             wave = a * cosine + b * sine
@@ -147,10 +146,7 @@ class Harmonics(AbstractProfile):
             slope = slope + k * (b * cosine - a * sine)
             bend = bend - k * k * wave
             # The addition theorem is cheaper than a cosine and a sine for each harmonic.
-            cosine, sine = (
-                cosine * first[0] - sine * first[1],
-                sine * first[0] + cosine * first[1],
-            )
+            cosine, sine = cosine * c - sine * s, sine * c + cosine * s
         return Deviation(value, slope, bend)
 
     def angles(self) -> int:

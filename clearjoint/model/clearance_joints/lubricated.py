@@ -223,7 +223,12 @@ class LubricatedJoint(AbstractContactJoint):
         velocity = velocity - base.axis * velocity.dot(base.axis)
         spin = (journal.direction(journal.spin) - bearing.direction(bearing.spin)).dot(base.axis)
         gap = self._gap(base.axis, eccentricity, velocity, spin)
-        factor = 0.5 * self._film_factor(eccentricity)
+        # The contact replaces the film over the depth `transition`.
+        factor: Scalar = 0.5
+        if self.transition is not None:
+            size, _ = norm_and_direction(eccentricity)
+            faded = blending_factor(size - self.dry.clearance, self.transition)
+            factor = 0.5 * (1.0 - faded)
         force, torque = self.film.force(gap) * factor, base.axis * (self.film.drag(gap) * factor)
         return (
             bearing.wrench(-force, in_bearing) + bearing.torque(-torque),
@@ -248,17 +253,6 @@ class LubricatedJoint(AbstractContactJoint):
         return FilmGap(
             axis, offset, rate, spin, dry.bearing_radius, dry.clearance, dry.journal_length
         )
-
-    def _film_factor(self, eccentricity: Vector) -> Scalar:
-        """Return the factor of the film's force, from 1 for a journal that is clear of the wall to
-        0 at the depth `transition`; 1 without a `transition`.
-
-        `eccentricity` is the vector from the bearing's axis to the base's centre, m.
-        """
-        if self.transition is None:
-            return 1.0
-        size, _ = norm_and_direction(eccentricity)
-        return 1.0 - blending_factor(size - self.dry.clearance, self.transition)
 
 
 TOLERANCE = 1e-12

@@ -331,13 +331,6 @@ def _unit_velocities() -> list[tuple[Velocities, Velocities]]:
     return [(pair, rest) for pair in pairs] + [(rest, pair) for pair in pairs]
 
 
-def scaled_row(row: Row, factor: Scalar) -> Row:
-    """Return a row multiplied by a constant: its value, Jacobian, bias and time rate."""
-    jacobian = {name: _scaled(wrench, factor) for name, wrench in row.jacobian.items()}
-    bias, time_rate = multiply(row.bias, factor), multiply(row.time_rate, factor)
-    return Row(multiply(row.value, factor), jacobian, bias, time_rate)
-
-
 def distance_row(components: Iterable[Row], length: Scalar, motions: Motions) -> Row:
     """Return the row that keeps a vector's length constant, such as that of a massless rod.
 
@@ -381,10 +374,12 @@ def _scaled(wrench: Wrench, factor: Scalar) -> Wrench:
     return Wrench(wrench.force * factor, wrench.moment * factor)
 
 
-def sum_of_rows(first: Row, second: Row) -> Row:
-    """Return the sum of two rows: of their values, Jacobians, biases and time rates."""
+def plus_multiple(first: Row, second: Row, factor: Scalar) -> Row:
+    """Return the sum of a row and a constant times another: of their values, Jacobians, biases and
+    time rates."""
     jacobian = dict(first.jacobian)
     for name, wrench in second.jacobian.items():
-        jacobian[name] = jacobian.get(name, NO_WRENCH) + wrench
-    bias, time_rate = add(first.bias, second.bias), add(first.time_rate, second.time_rate)
-    return Row(add(first.value, second.value), jacobian, bias, time_rate)
+        jacobian[name] = jacobian.get(name, NO_WRENCH) + _scaled(wrench, factor)
+    value = add(first.value, multiply(second.value, factor))
+    bias = add(first.bias, multiply(second.bias, factor))
+    return Row(value, jacobian, bias, add(first.time_rate, multiply(second.time_rate, factor)))

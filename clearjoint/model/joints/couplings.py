@@ -23,7 +23,7 @@ from ...math.smoothing import cosine, polar_angle, sine, where, wrapped
 from ...math.vectors import ZERO, EulerParameters, Scalar, Vector
 from ..pen import AbstractPen
 from .base import PARALLEL, AbstractConstraint, Motions, Row, require_distinct
-from .constraint_rows import angle_about, scaled_row, sum_of_rows
+from .constraint_rows import angle_about, plus_multiple
 from .ideal import AbstractAxisJoint, AbstractPairJoint
 from .motion_subspaces import (
     AbstractMotionAtPoints,
@@ -118,7 +118,7 @@ class GearJoint(AbstractConstraint):
         )
         # External gears rotate in opposite senses: their angles, times their teeth, add up to zero.
         ratio = self.teeth_second / self.teeth_first
-        mesh = sum_of_rows(first, scaled_row(second, -ratio if self.internal else ratio))
+        mesh = plus_multiple(first, second, -ratio if self.internal else ratio)
         tooth = 2.0 * math.pi / self.teeth_first
         return {"mesh": replace(mesh, value=wrapped(mesh.value - self.offset, tooth))}
 
@@ -222,8 +222,8 @@ class ScrewJoint(AbstractAxisJoint):
         Its value is taken modulo the lead.
         """
         advance = self._in_plane(motions, unit(self.axis_first))
-        by_angle = scaled_row(self.relative_angle(motions), self.lead * (-0.5 / math.pi))
-        row = sum_of_rows(advance, by_angle)
+        angle, factor = self.relative_angle(motions), self.lead * (-0.5 / math.pi)
+        row = plus_multiple(advance, angle, factor)
         return replace(row, value=wrapped(row.value, self.lead))
 
     def motion_subspace(self, parent: str) -> ScrewMotion:
