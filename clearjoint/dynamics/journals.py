@@ -109,6 +109,10 @@ def with_ideal(scene: Scene, ideal: Mapping[str, AbstractConstraint]) -> Scene:
 def require_in_bearings(scene: Scene, state: State) -> None:
     """Check the penetrations of an initial state, and warn of contacts deep inside the wall.
 
+    The penetration is that of the surfaces. `too_deep`, which ends a run, counts from the onset of
+    the force, which a smoothed or rough law has before the surfaces meet, and so is slightly
+    stricter.
+
     **Raises:** `ValueError` if a contact is deeper than its joint allows (its method `deepest`).
 
     **Warns:** of a smaller penetration above `FAR_OUTSIDE` times this limit.

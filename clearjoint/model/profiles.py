@@ -219,12 +219,12 @@ class PeriodicSpline(AbstractPeriodicSpline):
 
         **Raises:** `ValueError` if the values are not a row of at least four finite numbers.
         """
-        values = PeriodicSpline(values).coefficients  # converted and checked
-        library, count = jnp if isinstance(values, jax.Array) else np, values.shape[0]
+        row = PeriodicSpline(values).coefficients  # converted and checked
+        library, count = jnp if isinstance(row, jax.Array) else np, row.shape[0]
         # At a knot the spline is (c[i - 1] + 4 c[i] + c[i + 1])/6, a circular convolution. Its
         # Fourier transform is that of c times these factors.
         factors = (2.0 + np.cos(2.0 * np.pi * np.arange(count // 2 + 1) / count)) / 3.0
-        return PeriodicSpline(library.fft.irfft(library.fft.rfft(values) / factors, count))
+        return PeriodicSpline(library.fft.irfft(library.fft.rfft(row) / factors, count))
 
     def coefficients_around(self, knot: jax.Array | np.ndarray) -> jax.Array:
         """Return the four coefficients from the one before a knot to the second after it, (..., 4)

@@ -32,28 +32,6 @@ DEFAULT_RADIUS = 0.01
 """Flank radius with a torsional stiffness, m; the motion doesn't depend on it."""
 
 
-def _flank_law(
-    radius: Scalar, torsional_stiffness: Scalar | None, restitution: Scalar | None
-) -> AbstractContactLaw:
-    """Return the linear law of a flank whose couple has a torsional stiffness.
-
-    **Arguments:** `radius`: of the flank, m. `torsional_stiffness`: N m/rad. `restitution`: of the
-    law; ``None`` for 0.5.
-
-    **Raises:** `ValueError` if the stiffness is ``None`` or not positive.
-    """
-    given, expected = torsional_stiffness is not None, "given, or else a `torsional_stiffness`"
-    remedy = "pass the stiffness of a pressed flank in N m/rad, or a normal law"
-    require(given, "law", None, expected, remedy)
-    torsional = as_number(torsional_stiffness, "torsional_stiffness", "N m/rad")
-    require_positive("torsional_stiffness", torsional, "give it in N m/rad")
-    # An angle beyond the flank gives the penetration angle * radius, and a force gives the couple
-    # force * radius.
-    stiffness = torsional / as_number(radius, "radius", "m") ** 2
-    restitution = 0.5 if restitution is None else restitution
-    return ExactRestitution(restitution=restitution, stiffness=stiffness, exponent=1.0)
-
-
 class Backlash(AbstractFlankJoint):
     """Angular play about an axis: the second body rotates freely between two flanks.
 
@@ -146,8 +124,17 @@ class Backlash(AbstractFlankJoint):
         # A torsional stiffness takes the place of a law. It makes the radius arbitrary, since the
         # law's stiffness is that of the couple over the square of the radius.
         if law is None:
+            expected = "given, or else a `torsional_stiffness`"
+            remedy = "pass the stiffness of a pressed flank in N m/rad, or a normal law"
+            require(torsional_stiffness is not None, "law", None, expected, remedy)
+            torsional = as_number(torsional_stiffness, "torsional_stiffness", "N m/rad")
+            require_positive("torsional_stiffness", torsional, "give it in N m/rad")
             radius = DEFAULT_RADIUS if radius is None else radius
-            law = _flank_law(radius, torsional_stiffness, restitution)
+            # An angle beyond the flank gives the penetration angle * radius, and a force gives the
+            # couple force * radius.
+            stiffness = torsional / as_number(radius, "radius", "m") ** 2
+            restitution = 0.5 if restitution is None else restitution
+            law = ExactRestitution(restitution=restitution, stiffness=stiffness, exponent=1.0)
         else:
             given = {"torsional_stiffness": torsional_stiffness, "restitution": restitution}
             for name, value in given.items():

@@ -76,11 +76,8 @@ class GroupedContactJoint(AbstractContactJoint):
 
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
         """Return the friction forces, N in global axes; ``None`` without friction."""
-
-        def of(joint: AbstractContactJoint, *given: PyTree) -> Vector | None:
-            return joint.friction_force(name, *given)
-
-        return each(of, self.joint, contact, normal_force)
+        given = self.joint, contact, normal_force
+        return each(lambda joint, *given: joint.friction_force(name, *given), *given)
 
     def bristle_laws(self) -> dict[str, AbstractBristleFriction]:
         """Return the grouped bristle law by label, for the contacts that have bristles."""

@@ -351,7 +351,7 @@ def _solve_equilibrium(joint: LubricatedJoint, load: jax.Array, speed: jax.Array
         return point * (clearance / jnp.sqrt(1.0 + point @ point))
 
     def residual(point: jax.Array, _: None) -> jax.Array:
-        force, _ = _load(joint, speed, offset_of(point), rest)
+        force = _load(joint, speed, offset_of(point), rest)[0]
         # Relative to the load, so that one tolerance suits all loads; absolute for a zero load.
         return (force + load) / jnp.where(size > 0.0, size, 1.0)
 

@@ -577,7 +577,6 @@ class RoughCylinders(AbstractContactLaw):
 
     def _of_asperities(self, gap: Gap) -> Scalar:
         """Return the force of the asperities, N."""
-        radius, clearance = gap.bearing_radius, gap.clearance
-        assert radius is not None and clearance is not None
+        radius, _, clearance = radii_of(gap)
         depth = gap.depth + self.asperities.reach
         return self.asperities.force(depth, radius, clearance, self.length)

@@ -48,8 +48,8 @@ def planar_state(
     **Arguments:** `centre`: of mass, (2,) m. `angle`: rotation about Z, rad. `velocity`: of the
     centre of mass, (2,) m/s. `speed`: angular velocity about Z, rad/s.
     """
-    orientation = turned_about_z(angle)
-    return body_state((*centre, 0.0), orientation, (*velocity, 0.0), (0.0, 0.0, speed))
+    orientation, spin = turned_about_z(angle), np.array(Z_AXIS) * speed
+    return body_state((*centre, 0.0), orientation, (*velocity, 0.0), spin)
 
 
 def with_motor(joints: Joints, motor: Motor) -> tuple[Joints, dict[str, AbstractForce]]:

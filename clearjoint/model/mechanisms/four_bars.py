@@ -102,16 +102,16 @@ def four_bar(
     }
     joints: Joints = {}
     for pin, pair in PINS.items():
-        ends = [(along, 0.0, 0.0) for along in places[pin]]
+        on_first, on_second = ((along, 0.0, 0.0) for along in places[pin])
         if pin in clearance:
-            at = {"bearing_point": ends[0], "journal_point": ends[1]}
+            at = {"bearing_point": on_first, "journal_point": on_second}
             joints[pin] = ClearanceJoint(*pair, **at, **options, clearance=clearance[pin])
         # Four ideal pins with five rows each would close the loop with three redundant constraints.
         # An inline joint, which only holds the point in the plane, has three rows fewer.
         elif pin == "rocker pin" and not clearance:
-            joints[pin] = InlineJoint(*pair, *ends, Z_AXIS)
+            joints[pin] = InlineJoint(*pair, on_first, on_second, Z_AXIS)
         else:
-            joints[pin] = RevoluteJoint(*pair, *ends, Z_AXIS, Z_AXIS)
+            joints[pin] = RevoluteJoint(*pair, on_first, on_second, Z_AXIS, Z_AXIS)
     forces: dict[str, AbstractForce] = {}
     if motor is not None:
         joints, forces = with_motor(joints, motor)

@@ -225,8 +225,8 @@ def guided_slider_crank(
         "slider": Body(0.076, (2.7e-6, 2.7e-6, 2.7e-6)),
     }
     # The crank's end moves along Y, and the rod rotates about the slider, which is at rest.
-    velocity = (0.0, 0.5 * (CRANK * speed), 0.0)
-    spin, rod_spin = (0.0, 0.0, speed), (0.0, 0.0, -speed * CRANK / ROD)
+    velocity = np.array(Y_AXIS) * (0.5 * (CRANK * speed))
+    spin, rod_spin = np.array(Z_AXIS) * speed, np.array(Z_AXIS) * (-speed * CRANK / ROD)
     states = {
         "crank": body_state((0.5 * CRANK, 0.0, 0.0), velocity=velocity, spin=spin),
         "rod": body_state((CRANK + 0.5 * ROD, 0.0, 0.0), velocity=velocity, spin=rod_spin),
