@@ -16,7 +16,7 @@ from ...fields.types import ArrayLike, Single
 from ...math.rotations import unit
 from ...math.smoothing import norm_and_direction, ramp
 from ...math.vectors import UNIT_Z, Scalar, Vector, unpack
-from ..bodies import NO_WRENCH, Wrench
+from ..bodies import Wrench
 from ..contact.laws import (
     AbstractContactLaw,
     AbstractLawAround,
@@ -200,11 +200,9 @@ class LubricatedJoint(AbstractContactJoint):
     def film_wrenches(self, motions: Motions) -> dict[str, Wrench]:
         """Return the film's wrench on the bearing's and on the journal's body, by body name."""
         base_at = self.dry.journal_bases(motions)
-        on_bearing, on_journal = NO_WRENCH, NO_WRENCH
-        for sign in SIDES:
-            to_bearing, to_journal = self._half_of_film(motions, base_at(sign))
-            on_bearing, on_journal = on_bearing + to_bearing, on_journal + to_journal
-        return dict(zip(self.pair(), (on_bearing, on_journal), strict=True))
+        lower, upper = (self._half_of_film(motions, base_at(side)) for side in SIDES)
+        bearing, journal = self.pair()
+        return {bearing: lower[0] + upper[0], journal: lower[1] + upper[1]}
 
     def _half_of_film(self, motions: Motions, base: JournalBase) -> tuple[Wrench, Wrench]:
         """Return the wrenches of half the film on the bearing's and on the journal's body.

@@ -228,13 +228,13 @@ class ScrewJoint(AbstractAxisJoint):
 
     def motion_subspace(self, parent: str) -> ScrewMotion:
         """Return the subspace of rotation about the axis with its advance along the axis."""
-        points = self._ordered(parent, self.point_first, self.point_second)
         first, second = unit(self.axis_first), unit(self.axis_second)
         # Opposite axes have no shortest rotation: reverse the second one, as in `relative_angle`.
         second = second * where(first.dot(second) < 0.0, -1.0, 1.0)
         in_parent, in_child = self._ordered(parent, first, second)
         pitch = self.lead * (0.5 / math.pi)
-        return ScrewMotion(*points, in_child, shortest_rotation(in_parent, in_child), pitch)
+        reference = shortest_rotation(in_parent, in_child)
+        return ScrewMotion(*self._points(parent), in_child, reference, pitch)
 
     def draw(self, pen: AbstractPen) -> None:
         """Draw a sleeve on a rail."""
@@ -353,9 +353,8 @@ class UniversalJoint(AbstractPairJoint):
 
     def motion_subspace(self, parent: str) -> UniversalMotion:
         """Return the subspace of rotation about the two arms of the cross."""
-        points = self._ordered(parent, self.point_first, self.point_second)
         arms = self._ordered(parent, unit(self.axis_first), unit(self.axis_second))
-        return UniversalMotion(*points, *arms)
+        return UniversalMotion(*self._points(parent), *arms)
 
     def draw(self, pen: AbstractPen) -> None:
         """Draw a cross."""

@@ -48,6 +48,10 @@ class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
         """
         return (of_first, of_second) if parent == self.first else (of_second, of_first)
 
+    def _points(self, parent: str) -> tuple[Vector, Vector]:
+        """Return the joint's points on the parent and on the child, m in each body's axes."""
+        return self._ordered(parent, self.point_first, self.point_second)
+
     def _coincidence(self, motions: Motions) -> dict[str, Row]:
         """Return three rows for coincident points: the components of the vector from the second
         point to the first, m."""
@@ -153,7 +157,7 @@ class SphericalJoint(AbstractPairJoint):
 
     def motion_subspace(self, parent: str) -> Ball:
         """Return the subspace of free rotation about the joint's point."""
-        return Ball(*self._ordered(parent, self.point_first, self.point_second))
+        return Ball(*self._points(parent))
 
     def draw(self, pen: AbstractPen) -> None:
         """Draw a ball."""
@@ -187,9 +191,8 @@ class RevoluteJoint(AbstractAxisJoint):
 
     def motion_subspace(self, parent: str) -> Hinge:
         """Return the subspace of rotation about the axis."""
-        points = self._ordered(parent, self.point_first, self.point_second)
         in_parent, in_child = self._ordered(parent, unit(self.axis_first), unit(self.axis_second))
-        return Hinge(*points, in_child, aligning(in_parent, in_child))
+        return Hinge(*self._points(parent), in_child, aligning(in_parent, in_child))
 
     def draw(self, pen: AbstractPen) -> None:
         """Draw a pin."""
@@ -222,9 +225,8 @@ class FixedJoint(AbstractPairJoint):
 
     def motion_subspace(self, parent: str) -> Weld:
         """Return a subspace without motion."""
-        points = self._ordered(parent, self.point_first, self.point_second)
         orientation, _ = self._ordered(parent, self.orientation, conjugate(self.orientation))
-        return Weld(*points, orientation)
+        return Weld(*self._points(parent), orientation)
 
     def draw(self, pen: AbstractPen) -> None:
         """Draw a weld."""
@@ -319,12 +321,11 @@ class PrismaticJoint(AbstractPairJoint):
 
     def motion_subspace(self, parent: str) -> Slider:
         """Return the subspace of sliding along the axis."""
-        points = self._ordered(parent, self.point_first, self.point_second)
         orientation, _ = self._ordered(parent, self.orientation, conjugate(self.orientation))
         axis = unit(self.axis)
         in_second = rotation_matrix(self.orientation).transposed_times(axis)
         _, in_child = self._ordered(parent, axis, in_second)
-        return Slider(*points, in_child, orientation)
+        return Slider(*self._points(parent), in_child, orientation)
 
     def draw(self, pen: AbstractPen) -> None:
         """Draw a block on a rail."""
@@ -548,9 +549,10 @@ class PlanarJoint(AbstractAxisJoint):
 
     def motion_subspace(self, parent: str) -> PlanarMotion:
         """Return the subspace of two distances in the plane and an angle about its normal."""
-        points = self._ordered(parent, self.point_first, self.point_second)
         in_parent, in_child = self._ordered(parent, unit(self.axis_first), unit(self.axis_second))
-        return PlanarMotion(*points, in_child, aligning(in_parent, in_child), in_parent)
+        return PlanarMotion(
+            *self._points(parent), in_child, aligning(in_parent, in_child), in_parent
+        )
 
     def draw(self, pen: AbstractPen) -> None:
         """Draw the plane through the first body's point."""
