@@ -29,10 +29,8 @@ from ..joints.base import AbstractContactJoint, Motions
 from .clearance import ClearanceJoint
 from .journal_bases import SIDES, JournalBase
 
-NODES, WEIGHTS = (
-    0.5 * (rule + shift)
-    for rule, shift in zip(np.polynomial.legendre.leggauss(8), (1.0, 0.0), strict=True)
-)
+_GAUSS = np.polynomial.legendre.leggauss(8)
+NODES, WEIGHTS = 0.5 * (_GAUSS[0] + 1.0), 0.5 * _GAUSS[1]
 """Nodes and weights of Gauss's quadrature with eight points from 0 to 1, for the energy of
 `BlendedContactLaw`. They are exact for the exponents 1 and 1.5 of a power law, for which the
 integrand is a polynomial of degree 9 and 10."""

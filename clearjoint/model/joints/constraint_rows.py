@@ -45,10 +45,6 @@ def _along(motion: Motion, local: Vector, direction: Vector) -> tuple[Wrench, Sc
     return Wrench(direction, local.cross(body_direction)), body_direction.dot(centripetal)
 
 
-def _negative(wrench: Wrench) -> Wrench:
-    return Wrench(-wrench.force, -wrench.moment)
-
-
 def coincident_points(
     names: Pair, first: Motion, second: Motion, local_first: Vector, local_second: Vector
 ) -> dict[str, Row]:
@@ -75,7 +71,8 @@ def coincident_points(
     for label, axis in (("x", UNIT_X), ("y", UNIT_Y), ("z", UNIT_Z)):
         wrench_first, bias_first = _along(first, local_first, axis)
         wrench_second, bias_second = _along(second, local_second, axis)
-        jacobian = {names[0]: wrench_first, names[1]: _negative(wrench_second)}
+        reaction = Wrench(-wrench_second.force, -wrench_second.moment)
+        jacobian = {names[0]: wrench_first, names[1]: reaction}
         rows[f"translation {label}"] = Row(axis.dot(separation), jacobian, bias_first - bias_second)
     return rows
 
@@ -339,16 +336,14 @@ def distance_row(components: Iterable[Row], length: Scalar, motions: Motions) ->
     **Arguments:** `components`: rows whose values x, y, ... are the vector's components, m.
     `length`: required length, m. `motions`: motion of each body by name.
     """
-    components = list(components)
-    names = {name: None for row in components for name in row.jacobian}
     # The squared length is differentiable everywhere. Dividing by 2 length gives a row in m, whose
     # derivative along the vector is 1, so that the multiplier is the force in N.
     value, bias = -0.5 * length, 0.0
-    jacobian = dict.fromkeys(names, NO_WRENCH)
+    jacobian: dict[str, Wrench] = {}
     for row in components:
         slope, rate = row.value / length, rate_of(row, motions)
         for name, wrench in row.jacobian.items():
-            jacobian[name] = jacobian[name] + _scaled(wrench, slope)
+            jacobian[name] = jacobian.get(name, NO_WRENCH) + _scaled(wrench, slope)
         # The second derivative of x^2/(2 length) is (x'^2 + x x'')/length.
         value = value + 0.5 * slope * row.value
         bias = bias + rate * rate / length + slope * row.bias

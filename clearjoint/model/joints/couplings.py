@@ -109,13 +109,13 @@ class GearJoint(AbstractConstraint):
         The error is the first angle plus the second angle times the ratio of the teeth (minus it
         for an internal gear), less the offset.
         """
-        carrier, gears = motions[self.carrier], (self.first, self.second)
-        axes = self.axis_first, self.axis_second
-        orientations = self.orientation_first, self.orientation_second
-        first, second = (
-            angle_about((self.carrier, gear), carrier, motions[gear], axis, orientation)
-            for gear, axis, orientation in zip(gears, axes, orientations, strict=True)
-        )
+
+        def angle(gear: str, axis: Vector, orientation: EulerParameters) -> Row:
+            names, carrier = (self.carrier, gear), motions[self.carrier]
+            return angle_about(names, carrier, motions[gear], axis, orientation)
+
+        first = angle(self.first, self.axis_first, self.orientation_first)
+        second = angle(self.second, self.axis_second, self.orientation_second)
         # External gears rotate in opposite senses: their angles, times their teeth, add up to zero.
         ratio = self.teeth_second / self.teeth_first
         mesh = plus_multiple(first, second, -ratio if self.internal else ratio)
