@@ -14,12 +14,7 @@ from ...math.smoothing import wrapped
 from ...math.vectors import ZERO, Scalar
 from ..contact.hunt_crossley import ExactRestitution
 from ..contact.laws import AbstractContactLaw, Gap
-from ..joints.base import (
-    Contact,
-    Motions,
-    Row,
-    require_distinct,
-)
+from ..joints.base import AbstractPair, Contact, Motions, Row
 from ..joints.constraint_rows import rate_of, relative_angle_row
 from .common import FLANKS, AbstractFlankJoint
 
@@ -32,7 +27,7 @@ DEFAULT_RADIUS = 0.01
 """Flank radius with a torsional stiffness, m; the motion doesn't depend on it."""
 
 
-class Backlash(AbstractFlankJoint):
+class Backlash(AbstractPair, AbstractFlankJoint):
     """Angular play about an axis: the second body rotates freely between two flanks.
 
     Let theta be the second body's angle about the axis, measured from the middle of the play, and r
@@ -147,17 +142,10 @@ class Backlash(AbstractFlankJoint):
         else:
             self.play = as_number(play, "play", "rad")
 
-    def __check_init__(self):
-        require_distinct(self.first, self.second)
-
     def _check_together(self) -> None:
         expected = "smaller than a full revolution"
         remedy = "give the angle from flank to flank in rad"
         require_numbers(lambda play: play < TURN, "play", (self.play,), expected, remedy)
-
-    def pair(self) -> tuple[str, str]:
-        """Return the names of the first and the second body."""
-        return self.first, self.second
 
     def deepest(self) -> dict[str, Scalar]:
         """Return the largest meaningful penetration of each flank, m, by label.
@@ -170,8 +158,7 @@ class Backlash(AbstractFlankJoint):
 
     def relative_angle(self, motions: Motions) -> Row:
         """Return the second body's angle about the axis, rad within (-pi, pi], as a row."""
-        first, second = motions[self.first], motions[self.second]
-        return relative_angle_row(self.pair(), first, second, self.axis_first, self.axis_second)
+        return relative_angle_row(*self._between(motions), self.axis_first, self.axis_second)
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
         """Return the geometry of the contacts by label, "lower flank" and "upper flank"."""

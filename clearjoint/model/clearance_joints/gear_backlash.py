@@ -12,12 +12,7 @@ from ...math.smoothing import cosine, norm_and_direction, polar_angle, sine, whe
 from ...math.vectors import ZERO, Scalar, Vector, add, square_root
 from ..bodies import Motion
 from ..contact.laws import AbstractContactLaw, Gap
-from ..joints.base import (
-    AbstractPairAtPoints,
-    Contact,
-    Motions,
-    Row,
-)
+from ..joints.base import AbstractPairAtPoints, Contact, Motions, Row
 from ..joints.constraint_rows import Pose, rows_from_residual
 from ..pen import AbstractPen
 from .common import FLANKS, AbstractFlankJoint
@@ -182,10 +177,6 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
             widest = WIDEST_BACKLASH * math.pi * float(module)
             remedy = "give the play along the pitch circle in m"
             caution_above("backlash", self.backlash, "m", widest, remedy)
-
-    def pair(self) -> tuple[str, str]:
-        """Return the names of the first and the second gear's body."""
-        return self.first, self.second
 
     def deepest(self) -> dict[str, Scalar]:
         """Return the largest meaningful penetration of both flanks, m, by label.

@@ -423,16 +423,20 @@ class AbstractPair(AbstractElement):
     def __check_init__(self):
         require_distinct(self.first, self.second)
 
-    def body_names(self) -> tuple[str, ...]:
+    def pair(self) -> tuple[str, str]:
         """Return the names of the first and the second body."""
         return self.first, self.second
+
+    def body_names(self) -> tuple[str, ...]:
+        """Return the names of the first and the second body."""
+        return self.pair()
 
     def _between(self, motions: Motions) -> tuple[tuple[str, str], Motion, Motion]:
         """Return the pair of names, and the motions of both bodies.
 
         They are the first three arguments of the functions in `constraint_rows`.
         """
-        return (self.first, self.second), motions[self.first], motions[self.second]
+        return self.pair(), motions[self.first], motions[self.second]
 
 
 class AbstractPairAtPoints(AbstractPair):
