@@ -40,7 +40,7 @@ LIKE_OTHERS = (
         *(pytest.param(law, marks=pytest.mark.slow) for law in LIKE_OTHERS),
         cj.laws.LankaraniNikravesh(0.9, STEEL),
         cj.laws.LankaraniNikravesh(0.0, 1e8, exponent=1.0),
-        WeightedLaw.of(cj.laws.LankaraniNikravesh(0.9, STEEL, smoothing=1e-7), 0.3),
+        WeightedLaw(cj.laws.LankaraniNikravesh(0.9, STEEL, smoothing=1e-7), 0.3),
         cj.laws.LankaraniNikravesh(0.9, STEEL, smoothing=1e-7),
     ],
 )

@@ -57,12 +57,7 @@ from ..profiles import (
     closest_approach,
     require_room,
 )
-from .common import (
-    LEAST_TRANSVERSE_LOAD,
-    AbstractCentredJoint,
-    require_smaller_clearance,
-    slip_at,
-)
+from .common import LEAST_TRANSVERSE_LOAD, AbstractCentredJoint, require_smaller_clearance, slip_at
 from .journal_bases import BASES, SIDES, AxialPoint, JournalBase, axial_points
 
 
