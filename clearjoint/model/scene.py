@@ -129,8 +129,9 @@ class Scene(AbstractReadable):
                 joined = bodies.union(*(chain for chain in chains if chain & bodies))
                 chains = [joined, *(chain for chain in chains if not chain & bodies)]
         for name, drive in {**self.joints, **self.forces}.items():
-            pair = {drive.first, drive.second} if isinstance(drive, AbstractDrive) else set()
-            if pair and not any(pair <= chain for chain in chains):
+            if not isinstance(drive, AbstractDrive):
+                continue
+            if not any({drive.first, drive.second} <= chain for chain in chains):
                 caution(
                     f"Drive {name!r} rotates a body about an axis that no joint holds: add a "
                     "joint, such as a RevoluteJoint, between the same bodies.",

@@ -544,6 +544,7 @@ class ClearanceJoint(AbstractCentredJoint):
         half_velocity = journal.direction(journal.spin.cross(half))
         centre_velocity = journal.velocity_at(self.journal_point)
 
+        # The component perpendicular to the bearing's axis.
         def across(vector: Vector) -> Vector:
             return vector - axis * vector.dot(axis)
 
@@ -551,11 +552,10 @@ class ClearanceJoint(AbstractCentredJoint):
             local, arm = self.journal_point + half * position, half_arm * position
             offset = centre + arm
             on_bearing = self.bearing_point + bearing.components(offset)
-            velocity = centre_velocity + half_velocity * position
-            velocity = velocity - bearing.velocity_at(on_bearing)
-            height = offset.dot(axis)
+            own_velocity = centre_velocity + half_velocity * position
+            velocity = own_velocity - bearing.velocity_at(on_bearing)
             return JournalBase(
-                axis, height, across(centre), across(arm), local, on_bearing, velocity
+                axis, offset.dot(axis), across(centre), across(arm), local, on_bearing, velocity
             )
 
         return base_at

@@ -202,9 +202,9 @@ def guided_slider_crank(
             law=steel_law(0.9) if pin_law is None else pin_law,
         )
         # Unlike an ideal pin, it leaves the slider free to move along Z and to tilt about X and Y.
-        points = ORIGIN, (0.0, HALF_HEIGHT, 0.0)
+        edge = (0.0, HALF_HEIGHT, 0.0)
         joints["plane along"] = LineInPlaneJoint(GROUND, "slider", ORIGIN, ORIGIN, Z_AXIS, X_AXIS)
-        joints["plane across"] = PointInPlaneJoint(GROUND, "slider", *points, Z_AXIS)
+        joints["plane across"] = PointInPlaneJoint(GROUND, "slider", ORIGIN, edge, Z_AXIS)
     # The ideal guide has two rows, for the height along Y and the rotation about Z. Those of a
     # prismatic joint would repeat the constraints that hold the slider in the plane.
     if clearance is None:
