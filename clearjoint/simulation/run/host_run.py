@@ -220,7 +220,7 @@ class Run:
         program = self.scheme, self.folded_scene
         rest = self.recorders, now, times, self.end, jnp.asarray(max_steps)
         # With JAX's own loops, reverse-mode differentiation of this result raises an error.
-        now, saved = loops.closed(segment(*program, *rest, loops))
+        now, saved = loops.guarded(segment(*program, *rest, loops))
         final, result, _ = _end_of(*program, now.step, self.end)
         trajectory = count = None
         if saved is not None:

@@ -15,6 +15,8 @@ time.
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import reduce
+from operator import or_
 from typing import TypeVar
 
 import equinox as eqx
@@ -100,8 +102,7 @@ def across_breakpoints(
     before, after = one_sided_time(system, start, t), one_sided_time(system, t, t)
 
     def rates(shares: Mapping[str, Scalar], y: Variables, time: Scalar) -> Variables:
-        between = _with_shares(system, before, after, shares)
-        return jax.tree.map(jnp.asarray, rates_of(between, y, entry_speeds, time))
+        return rates_of(_with_shares(system, before, after, shares), y, entry_speeds, time)
 
     # Shares of zero: all forces are as they were before their breakpoints.
     none = {name: jnp.zeros(()) for name in forces}
@@ -129,9 +130,7 @@ def across_breakpoints(
         return y
 
     # Few steps land on a breakpoint; a single run computes the correction for these only.
-    lands: Condition = jnp.asarray(False)
-    for lands_on_own, _ in since.values():
-        lands = lands | lands_on_own
+    lands = reduce(or_, [lands for lands, _ in since.values()], jnp.asarray(False))
     return jax.lax.cond(keep & lands, corrected, lambda y: y, y)
 
 

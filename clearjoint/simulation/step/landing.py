@@ -74,14 +74,14 @@ class Landing(eqx.Module):
         the event.
         """
         inwards = _inwards(gap)
-        # In the direction towards the event, `away` is the distance from it, and `rate` and `bend`
-        # are speed and acceleration. The event is at the time t with away = rate t + bend t^2 / 2.
+        # In the direction towards the event, `away` is the distance from it. The event is at the
+        # time t with away = speed t + acceleration t^2 / 2.
         away = 0.5 * self._depth(gap.rate) + jnp.abs(gap.depth)
-        rate, bend = inwards * gap.rate, inwards * second_rate
-        square = rate * rate + 2.0 * bend * away
-        # t = 2 away / (rate + sqrt(square)) is the smaller root, without cancellation for small
-        # bends. Where there is no root, the square root gets 1 so that derivatives stay finite.
-        slope = rate + jnp.sqrt(jnp.where(square > 0.0, square, 1.0))
+        speed, acceleration = inwards * gap.rate, inwards * second_rate
+        square = speed * speed + 2.0 * acceleration * away
+        # t = 2 away / (speed + sqrt(square)) is the smaller root, without cancellation for small
+        # accelerations. Without a root, the square root gets 1 so that derivatives stay finite.
+        slope = speed + jnp.sqrt(jnp.where(square > 0.0, square, 1.0))
         meets = (square > 0.0) & (slope > 0.0)
         return jnp.where(meets, 2.0 * away / jnp.where(meets, slope, 1.0), jnp.inf)
 
