@@ -198,8 +198,8 @@ def attempt(
     the given state with a new proposal.
     """
     trial = try_step(method, system, step, end_of_step(method, system, step, t_end), family)
-    decision = decide_step(method, system, step, trial, t_end)
-    keep, inside = decision.keep, None
+    keep, proposal, result = decide_step(method, system, step, trial, t_end)
+    inside = None
     accepted = _accepted_state(method, system, family, step, trial, keep)
     if step.tangents is not None and trial.tangents is not None:
         inside = TangentsInside(step.tangents.entry_speeds, trial.tangents.information)
@@ -207,8 +207,8 @@ def attempt(
     # reject independently, and an accepted step of one lane must not depend on another lane.
     following = replace(
         choose(keep, accepted, step),
-        proposal=decision.proposal,
-        result=decision.result,
+        proposal=proposal,
+        result=result,
         attempts=step.attempts + 1,
     )
     return Attempt(
