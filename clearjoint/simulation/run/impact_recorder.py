@@ -106,17 +106,10 @@ def _largest(value_at: Callable[[Scalar], Scalar]) -> Point:
     """
     # Among all triples of neighbouring points, the one with the highest middle point is selected.
     points = [Point(k / PIECES, value_at(k / PIECES)) for k in range(PIECES + 1)]
-    first, middle, last = points[:3]
+    best = points[:3]
     for k in range(2, PIECES):
-        better = points[k].value > middle.value
-        chosen = points[k - 1], points[k], points[k + 1]
-        first, middle, last = jax.tree.map(
-            lambda new, old, better=better: jnp.where(better, new, old),
-            chosen,
-            (first, middle, last),
-        )
-    ends = higher(points[0], points[-1])
-    return higher(highest(value_at, first, middle, last), ends)
+        best = choose(points[k].value > best[1].value, points[k - 1 : k + 2], best)
+    return higher(highest(value_at, *best), higher(points[0], points[-1]))
 
 
 def end_in_step(

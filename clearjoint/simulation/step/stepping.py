@@ -243,15 +243,43 @@ def _accepted_state(
     second_rates = _second_rates(method, system, y1, solver_state, gaps)
     # Those of a rejected trial may not be finite.
     second_rates = choose(keep, second_rates, step.second_rates)
-    entry_speeds = _entry_speeds_after(method, system, step, trial, keep, second_rates)
+    before, entry_speeds, tangents = step.contact_gaps, step.entry_speeds, None
+    if uses_entry_speed(system.scene):
+        at_onsets = second_rates
+        if not isinstance(method.solver, UnrolledExplicit):
+            # The solver's state does not contain the rates at the end of the step. One more
+            # evaluation is spent only where a contact begins, as nothing else uses them.
+            def end_second_rates() -> ByLabel[Scalar]:
+                args = system, step.entry_speeds
+                rates = term_of(method).vf(trial.t1, trial.outcome.y, args)
+                return system.second_rates(trial.outcome.y.motion, rates.motion)
+
+            begun = keep & begins(before, gaps)
+            at_onsets = jax.lax.cond(begun, end_second_rates, lambda: second_rates)
+        entry_speeds = updated_entry_speeds(system.scene, entry_speeds, before, gaps, at_onsets)
     y1, y_tangents = _across_discontinuities(method, system, family, step, trial, keep)
     if joints_have_breakpoints(system.scene):
         # A driver with a kink makes velocities jump, and with them the rates of the gaps.
         gaps = system.contact_gaps(y1.motion)
-    tangents = None
     if family is not None:
-        assert y_tangents is not None
-        tangents = _tangents_after(family, step, trial, y_tangents, second_rates)
+        end, start = trial.tangents, step.tangents
+        assert end is not None and start is not None and y_tangents is not None
+
+        # The tangents of entry speeds neglect terms proportional to the penetration at the end of
+        # the step, because the second rates are treated as constants.
+        def entry_speeds_after(
+            system: System, y1: Variables, entry_speeds: EntrySpeeds
+        ) -> tuple[EntrySpeeds, None]:
+            after = system.contact_gaps(y1.motion)
+            scene = system.scene
+            return updated_entry_speeds(scene, entry_speeds, before, after, second_rates), None
+
+        # The derivatives are taken at the solver's result and not at the corrected one, because the
+        # entry speeds were computed from the solver's result.
+        _, _, entry_speed_tangents = family.pushed(
+            entry_speeds_after, (trial.outcome.y, step.entry_speeds), (end.y, start.entry_speeds)
+        )
+        tangents = Tangents(y_tangents, entry_speed_tangents, end.solver_state)
     return replace(
         step,
         t=trial.t1,
@@ -318,70 +346,6 @@ def _across_discontinuities(
     tangents = y_tangents, step.tangents.entry_speeds
     y1, _, y_tangents = family.pushed(across, (y1, step.entry_speeds), tangents)
     return y1, y_tangents
-
-
-def _tangents_after(
-    family: SystemFamily,
-    step: Step,
-    trial: Trial,
-    y_tangents: Variables,
-    second_rates: ByLabel[Scalar],
-) -> Tangents:
-    """Return the tangents at the end of a trial step, for the case that it is accepted.
-
-    The tangents of entry speeds neglect terms proportional to the penetration at the end of the
-    step, because the second rates are treated as constants.
-
-    **Arguments:** `step`: the state before the trial; `y_tangents`: tangents of the corrected
-    variables at the end of the step; `second_rates`: second time derivatives of penetrations there,
-    m/s^2.
-    """
-    end, start = trial.tangents, step.tangents
-    assert end is not None and start is not None
-
-    def entry_speeds_after(
-        system: System, y1: Variables, entry_speeds: EntrySpeeds
-    ) -> tuple[EntrySpeeds, None]:
-        gaps = step.contact_gaps, system.contact_gaps(y1.motion)
-        return updated_entry_speeds(system.scene, entry_speeds, *gaps, second_rates), None
-
-    # The derivatives are taken at the solver's result and not at the corrected one, because the
-    # entry speeds were computed from the solver's result.
-    _, _, entry_speed_tangents = family.pushed(
-        entry_speeds_after, (trial.outcome.y, step.entry_speeds), (end.y, start.entry_speeds)
-    )
-    return Tangents(y_tangents, entry_speed_tangents, end.solver_state)
-
-
-def _entry_speeds_after(
-    method: Method,
-    system: System,
-    step: Step,
-    trial: Trial,
-    keep: Condition,
-    second_rates: ByLabel[Scalar],
-) -> EntrySpeeds:
-    """Return the entry speeds after a trial step, m/s, by joint and contact, for the case that it
-    is accepted.
-
-    **Arguments:** `step`: the state before the trial; `keep`: whether it is accepted;
-    `second_rates`: second time derivatives of penetrations at its end, m/s^2, zero if the solver
-    keeps no rates.
-    """
-    if not uses_entry_speed(system.scene):
-        return step.entry_speeds
-    before, after, y1 = step.contact_gaps, trial.gaps, trial.outcome.y
-    if not isinstance(method.solver, UnrolledExplicit):
-        # The solver's state does not contain the rates at the end of the step. One more evaluation
-        # is spent only where a contact begins, as nothing else uses them.
-        zeros = second_rates
-
-        def end_second_rates() -> ByLabel[Scalar]:
-            rates = term_of(method).vf(trial.t1, y1, (system, step.entry_speeds))
-            return system.second_rates(y1.motion, rates.motion)
-
-        second_rates = jax.lax.cond(keep & begins(before, after), end_second_rates, lambda: zeros)
-    return updated_entry_speeds(system.scene, step.entry_speeds, before, after, second_rates)
 
 
 def _second_rates(

@@ -227,9 +227,7 @@ def _unless(finite: Condition, outcome: SolverStep, y: Variables) -> SolverStep:
     The step-size controller thus receives no NaN, and rejects the trial.
     """
     error = jax.tree.map(lambda e: jnp.where(finite, e, REJECTED_ERROR), outcome.error)
-    return SolverStep(
-        choose(finite, outcome.y, y), error, outcome.information, outcome.solver_state
-    )
+    return replace(outcome, y=choose(finite, outcome.y, y), error=error)
 
 
 def may_jump(method: Method, scene: Scene) -> bool:
