@@ -115,9 +115,13 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
             time = row.t
         else:
             # Most steps have no crossing: other runs search for the root only in those that have.
-            row = jax.lax.cond(
-                rises, lambda: self._columns(step_outcome, before, after), lambda: self._none()
-            )
+            system, channels = step_outcome.system, dict(self.channels)
+
+            def columns() -> dict[str, Scalar]:
+                values = self._crossing(step_outcome, before, after).columns(system, channels)
+                return {name: jnp.asarray(value, dtype=float) for name, value in values.items()}
+
+            row = jax.lax.cond(rises, columns, lambda: self._none())
             time = row[TIME]
         limit = self.capacity if self.wanted is None else self.wanted
         is_recorded = rises & (time >= self.earliest) & (limit > record.rows.count)
@@ -142,14 +146,6 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
         # Dense output satisfies the constraints only approximately, so its result is corrected.
         row = dense.at(method, dense.start.t + x * (dense.end.t - dense.start.t))
         return Snapshot(row.t, on_constraints(system, row.y, row.t), row.entry_speeds)
-
-    def _columns(
-        self, step_outcome: StepOutcome, before: Scalar, after: Scalar
-    ) -> dict[str, Scalar]:
-        """Return time and channels at the crossing; the arguments are those of `_crossing`."""
-        row = self._crossing(step_outcome, before, after)
-        values = row.columns(step_outcome.system, dict(self.channels or ()))
-        return {name: jnp.asarray(value, dtype=float) for name, value in values.items()}
 
     def _none(self) -> dict[str, Scalar]:
         """Return zero as time and channels, for a step without a crossing."""

@@ -301,11 +301,12 @@ def settle(
     length = _period(period, section, span)
     settings = settings_or(settings, presets.accurate)
     blocks: list[Solution] = []
-    time, assessment = start_time, None
+    time, kind, multiple = start_time, None, None
+    strobe = Strobe(np.zeros((0, 1)), np.ones(1))
     text = "{l_bar}{bar}| {n_fmt} of {total_fmt} periods [{elapsed}]"
     shown = {"desc": "settle", "bar_format": text, "leave": False, "disable": not progress}
     with ProgressBar(total=periods, **shown) as bar:
-        while assessment is None:
+        while kind is None:
             # `PHASES` states in each of the `BLOCK` periods of this run, the last one at its end.
             times = time + length * np.arange(1, PHASES * BLOCK + 1) / PHASES
             sections = {}
@@ -322,21 +323,28 @@ def settle(
             bar.update(min(BLOCK, periods - bar.n))
             if result != RESULTS.successful:
                 # A block that failed lacks states, so its periods cannot be compared with others.
-                assessment = Settling.FAILED, None
+                kind = Settling.FAILED
                 break
             blocks.append(block)
-            # Statistics need all periods, so they are compared only after the last block.
-            last = BLOCK * len(blocks) >= periods
-            assessment = _assessment(_joined(blocks), section, largest_multiple, tolerance, last)
-    kind, multiple = assessment
-    strobe = Strobe(np.zeros((0, 1)), np.ones(1))
-    if blocks:
-        motion = _joined(blocks)
-        strobe = _strobe(motion, section)
-        if section is not None:
-            # The transient has other times between crossings than the last periods.
-            waits = np.diff(motion.sections[SECTION].times[-CONFIRMING * BLOCK :])
-            period = np.mean(waits) if len(waits) else None
+            motion = _joined(blocks)
+            if section is None:
+                strobe = strobe_of(motion.states, PHASES)
+            else:
+                crossings = motion.sections[SECTION]
+                strobe = section_strobe(crossings.times, [*crossings.values.values()])
+                # The transient has other times between crossings than the last periods.
+                waits = np.diff(crossings.times[-CONFIRMING * BLOCK :])
+                period = np.mean(waits) if len(waits) else None
+            multiple = strobe.multiple(largest_multiple, tolerance)
+            # A motion at rest repeats itself too, so this is checked before periods.
+            if stillness(motion.states, PHASES * CONFIRMING) <= tolerance:
+                kind, multiple = Settling.STEADY, None
+            elif multiple is not None:
+                kind = Settling.PERIODIC
+            elif BLOCK * len(blocks) >= periods:
+                # Statistics need all periods, so they are compared only after the last block.
+                stationary = strobe.statistics_settled()
+                kind = Settling.STATIONARY if stationary else Settling.UNSETTLED
     changes = strobe.change(multiple or 1) if len(strobe.rows) else np.zeros(0)
     return Settled(
         kind=kind,
@@ -365,43 +373,6 @@ def _joined(blocks: list[Solution]) -> Solution:
         saved_count=len(saved),
         sections=sections,
     )
-
-
-def _assessment(
-    motion: Solution,
-    section: Section | None,
-    largest_multiple: int,
-    tolerance: float,
-    last: bool,
-) -> tuple[Settling, int | None] | None:
-    """Decide whether a motion has settled.
-
-    **Arguments:** `section`, `largest_multiple`, `tolerance`: as those of `settle`; `last`: whether
-    no further run follows.
-
-    **Returns:** how the motion has settled, and the number of periods after which it repeats,
-    ``None`` unless it is periodic. The result is ``None`` as a whole if the motion may still
-    settle.
-    """
-    # A motion at rest repeats itself too, so this is checked before periods.
-    if stillness(motion.states, PHASES * CONFIRMING) <= tolerance:
-        return Settling.STEADY, None
-    strobe = _strobe(motion, section)
-    multiple = strobe.multiple(largest_multiple, tolerance)
-    if multiple is not None:
-        return Settling.PERIODIC, multiple
-    if not last:
-        return None
-    return (Settling.STATIONARY if strobe.statistics_settled() else Settling.UNSETTLED), None
-
-
-def _strobe(motion: Solution, section: Section | None) -> Strobe:
-    """Return a motion as one row of numbers for each period or, with a section, for each crossing
-    except the first."""
-    if section is None:
-        return strobe_of(motion.states, PHASES)
-    crossings = motion.sections[SECTION]
-    return section_strobe(crossings.times, [*crossings.values.values()])
 
 
 def _period(period: float | None, section: Section | None, span: float | None) -> float:

@@ -377,16 +377,15 @@ def blank_attempt(
     if isinstance(method.solver, UnrolledExplicit):
         # The structure is known. To trace an attempt only for its shapes would take as long as
         # tracing the whole loop.
-        inside = None
+        like, inside = method.solver.information_like, None
         if step.tangents is not None:
-            information = method.solver.information_like(step.tangents.y)
-            inside = TangentsInside(step.tangents.entry_speeds, information)
+            inside = TangentsInside(step.tangents.entry_speeds, like(step.tangents.y))
         example = Attempt(
             step=step,
             kept=False,
             t_start=step.t,
             entry_speeds_start=step.entry_speeds,
-            information=method.solver.information_like(step.y),
+            information=like(step.y),
             time_map=time_map_of(method, step, step.t),
             tangents=inside,
         )
