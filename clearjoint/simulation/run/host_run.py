@@ -16,7 +16,6 @@ from functools import reduce
 from operator import and_
 from typing import Any, TypeVar
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -78,18 +77,6 @@ def recorders_of(save: Saving) -> Recorders:
     return recorders
 
 
-class SavedStates(eqx.Module):
-    """States at N times to save at.
-
-    - `states`: the states, whose leaves have an additional first axis of length N; each vector is
-      three separate arrays.
-    - `reached`: (N,), whether the run has reached each time.
-    """
-
-    states: State
-    reached: jax.Array
-
-
 def begin(
     scheme: Scheme,
     folded_scene: ConstantFolded,
@@ -125,7 +112,7 @@ def segment(
     t_end: Scalar,
     attempts: Scalar,
     loops: Loops = PLAIN,
-) -> tuple[Progress, SavedStates | None]:
+) -> tuple[Progress, tuple[State, jax.Array] | None]:
     """Continue a run until its end, a failure, the limit of attempts, a full buffer, or the last
     time to save at, whichever comes first.
 
@@ -134,20 +121,21 @@ def segment(
     the run; `loops`: JAX's loops, or loops with checkpoints for reverse-mode differentiation; the
     others as in `begin`.
 
-    **Returns:** the run after the segment, and the states at the N times, or ``None`` without
-    times. At times that the run did not reach, its last state is repeated.
+    **Returns:** the run after the segment, and ``None`` without times, or a pair: the states at the
+    N times, whose leaves have an additional first axis, with each vector as three arrays; and
+    whether the run has reached each time, (N,). At other times its last state is repeated.
     """
     method, system = scheme.method, scheme.unpacked(folded_scene)
     loop = RunLoop(method, system, t_end, recorders, loops=loops, attempt=loops.attempt)
     if save_times is None:
         return loop.until(t_end, now, attempts, _has_room), None
 
-    def save_next(now: Progress, time: Scalar) -> tuple[Progress, SavedStates]:
+    def save_next(now: Progress, time: Scalar) -> tuple[Progress, tuple[State, jax.Array]]:
         # Steps are not shortened to end at the save time, because saving must not change the
         # motion. The state there is interpolated.
         now = loop.until(time, now, attempts, _has_room)
         state = state_of(system, *look_inside(method, system, now.records[LATEST], time))
-        return now, SavedStates(named(state), jnp.asarray(time <= now.step.t))
+        return now, (named(state), jnp.asarray(time <= now.step.t))
 
     return loops.each(save_next, now, save_times)
 
@@ -225,8 +213,8 @@ class Run:
         trajectory = count = None
         if saved is not None:
             # Without the last row, the end of the run.
-            states = jax.tree.map(lambda leaf: leaf[:-1], saved.states)
-            trajectory, count = Trajectory(save_at, pack(states)), saved.reached[:-1].sum()
+            states, reached = jax.tree.map(lambda leaf: leaf[:-1], saved)
+            trajectory, count = Trajectory(save_at, pack(states)), reached.sum()
         counts = now.step.attempts, now.step.accepted
         ran = self.scheme.formulation, self.redundant
         # Neither steps nor impacts are kept: both are `None`.
@@ -280,9 +268,10 @@ class Run:
                 now, saved = segment_compiled(*program, *rest)
                 if saved is not None:
                     # States at other times belong to the filling, or to the next segment.
-                    reached = int(np.sum(saved.reached[: wanted - saved_count]))
-                    saved_states.append(_first_rows(saved.states, reached))
-                    saved_count += reached
+                    states, reached = saved
+                    count = int(np.sum(reached[: wanted - saved_count]))
+                    saved_states.append(_first_rows(states, count))
+                    saved_count += count
                 # Empty the buffers at each stop, so that their size does not limit the run.
                 if STEPS in now.records:
                     steps.append(now.records[STEPS].filled())

@@ -23,13 +23,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ...dynamics.breakpoints import breakpoints, one_sided_time, since_breakpoints
+from ...dynamics.breakpoints import one_sided_time, since_breakpoints
 from ...dynamics.contact_forces import EntrySpeeds
 from ...dynamics.system import System
 from ...math.vectors import Condition, Scalar
 from ...model.bodies import NO_WRENCH, Wrench
 from ...model.joints.base import AbstractForce, Motions
-from ...model.scene import Scene
 from .step_state import Variables
 from .trial_step import rates_of
 
@@ -169,9 +168,3 @@ def _past_kink(system: System, y: Variables, t: Scalar) -> Variables:
         after, before = (system.energies(at, t)["kinetic"] for at in (motion, y.motion))
         work = {**work, "supplied": work["supplied"] + (after - before)}
     return replace(y, motion=motion, work=work)
-
-
-def joints_have_breakpoints(scene: Scene) -> bool:
-    """Return whether a joint or driver of the scene has breakpoints, at which velocities may jump.
-    At breakpoints of forces only accelerations change."""
-    return any(name in scene.joints for name in breakpoints(scene))

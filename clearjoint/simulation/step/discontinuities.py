@@ -113,23 +113,15 @@ def _program_of_element(element: AbstractElement) -> Jaxpr:
     def outputs(t: Scalar, number: Scalar) -> PyTree[Scalar]:
         vector = Vector(number, number, number)
         motion = Motion(vector, Matrix(vector, vector, vector), vector, vector)
-        return _outputs(element, dict.fromkeys((*element.body_names(), GROUND), motion), t)
+        motions = dict.fromkeys((*element.body_names(), GROUND), motion)
+        if isinstance(element, AbstractForce):
+            return element.wrenches(motions, t)
+        assert isinstance(element, AbstractConstraint | AbstractContactJoint)
+        # The equations of motion contain constraints by their rates, and not by their values.
+        rows = element.rows(motions, t).values()
+        return [(row.jacobian, row.bias, row.time_rate) for row in rows]
 
     return program_of(outputs, 0.0, 1.0)[0].jaxpr
-
-
-def _outputs(element: AbstractElement, motions: dict[str, Motion], t: Scalar) -> PyTree[Scalar]:
-    """Return the numbers of an element on which the equations of motion depend.
-
-    For a force these are the wrenches on the bodies. For a constraint they are the Jacobian, the
-    bias and the time rate of each equation, but not its value, since the equations of motion
-    contain constraints by their rates only.
-    """
-    if isinstance(element, AbstractForce):
-        return element.wrenches(motions, t)
-    assert isinstance(element, AbstractConstraint | AbstractContactJoint)
-    rows = element.rows(motions, t).values()
-    return [(row.jacobian, row.bias, row.time_rate) for row in rows]
 
 
 def _branches(program: Jaxpr, chosen: list[bool], primitives: frozenset[str]) -> bool:

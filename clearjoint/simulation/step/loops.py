@@ -125,14 +125,11 @@ def _(primals: tuple[PyTree, ...], tangents: tuple[PyTree, ...]) -> tuple[Attemp
     **Arguments:** `primals`: the arguments of the attempt; `tangents`: their derivatives, ``None``
     for those that are not differentiated.
     """
-
-    def tangent(primal: PyTree, tangent: PyTree) -> PyTree:
-        missing = tangent is None and eqx.is_inexact_array(primal)
-        return jnp.zeros_like(primal) if missing else tangent
-
-    tangents = jax.tree.map(tangent, primals, tangents, is_leaf=lambda leaf: leaf is None)
     # Only arrays of floats are differentiated; the rest passes through unchanged.
     inputs, others = eqx.partition(primals, eqx.is_inexact_array)
+    tangents = jax.tree.map(
+        eqxi.materialise_zeros, inputs, tangents, is_leaf=lambda leaf: leaf is None
+    )
 
     def numbers(inputs: PyTree) -> tuple[PyTree, PyTree]:
         return eqx.partition(_attempt(*eqx.combine(inputs, others)), eqx.is_inexact_array)

@@ -40,7 +40,7 @@ from ...math.vectors import Condition, Scalar
 from ...model.joints.base import ByLabel, each_label
 from ...result_codes import RESULTS
 from .acceptance import decide_step
-from .breakpoint_events import across_breakpoints, joints_have_breakpoints
+from .breakpoint_events import across_breakpoints
 from .method import SystemFamily
 from .saltation import across_contacts, contacts_jump, slopes_jump
 from .solvers import UnrolledExplicit
@@ -69,8 +69,6 @@ processor time for chains of 12, 24 and 48 ideal revolute joints about parallel 
 and 55 000 operations). XLA writes out all stages: it took 53 and 264 s for the first two chains,
 and more than 8 GB of memory for the last.
 """
-OPERATIONS_WITH_DERIVATIVES = 3
-"""Approximate number of operations of a step with derivatives, relative to a step without."""
 
 
 def start(
@@ -172,7 +170,8 @@ def shapes_of(equations: Callable[[], Shapes], derivatives: bool) -> Shapes:
     `derivatives`: whether steps carry tangents.
     """
     program, shapes = jax.make_jaxpr(equations, return_shape=True)()
-    operations = len(program.jaxpr.eqns) * (OPERATIONS_WITH_DERIVATIVES if derivatives else 1)
+    # A step with derivatives has about three times as many operations as a step without.
+    operations = len(program.jaxpr.eqns) * (3 if derivatives else 1)
     if operations > MANY_OPERATIONS:
         warnings.warn(
             f"A step of this scene has some {operations} operations for each stage of the solver: "
@@ -258,7 +257,7 @@ def _accepted_state(
             at_onsets = jax.lax.cond(begun, end_second_rates, lambda: second_rates)
         entry_speeds = updated_entry_speeds(system.scene, entry_speeds, before, gaps, at_onsets)
     y1, y_tangents = _across_discontinuities(method, system, family, step, trial, keep)
-    if joints_have_breakpoints(system.scene):
+    if any(name in system.scene.joints for name in breakpoints(system.scene)):
         # A driver with a kink makes velocities jump, and with them the rates of the gaps.
         gaps = system.contact_gaps(y1.motion)
     if family is not None:
