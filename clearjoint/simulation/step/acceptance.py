@@ -5,9 +5,12 @@ at an event. Rates are time derivatives of the integrated variables. Tangents ar
 variables with respect to parameters.
 """
 
+from typing import Any, TypeAlias
+
 import diffrax
 import jax
 import jax.numpy as jnp
+from jaxtyping import Bool
 
 from ...dynamics.breakpoints import breakpoints, drivers_are_smooth, one_sided_time
 from ...dynamics.contact_events import changes, time_since_onset, too_deep
@@ -24,6 +27,9 @@ from .step_length import (
 )
 from .step_state import ControllerState, Method, Proposal, Step, Variables, choose
 from .trial_step import Trial, error_order, may_jump, slopes_may_jump
+
+Flag: TypeAlias = Bool[Any, ""]
+"""A truth value, (), annotated as in diffrax."""
 
 DRIVER_TOLERANCE = 3.0
 """Tolerance within which a driver must be smooth over a step, as a multiple of the step's relative
@@ -140,7 +146,7 @@ def _relative_tolerance(controller: diffrax.AbstractStepSizeController) -> Scala
 
 def _controller_decision(
     method: Method, system: System, step: Step, trial: Trial
-) -> tuple[Condition, Single, Condition, ControllerState, diffrax.RESULTS]:
+) -> tuple[Flag, Single, Flag, ControllerState, diffrax.RESULTS]:
     """Return the decision of diffrax's step-size controller about a trial step from `step`.
 
     The controller gets the errors of variables and tangents together. Since it has one tolerance

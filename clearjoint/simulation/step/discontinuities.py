@@ -20,6 +20,7 @@ from operator import or_
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.core import ShapedArray
 from jax.extend.core import ClosedJaxpr, Jaxpr, Literal
 from jax.interpreters import partial_eval
 from jaxtyping import PyTree
@@ -141,7 +142,10 @@ def _branches(program: Jaxpr, chosen: list[bool], primitives: frozenset[str]) ->
             continue
         # Results that are not floats are those of comparisons, of conversions to whole numbers and
         # the like, which jump.
-        real = all(jnp.issubdtype(v.aval.dtype, jnp.inexact) for v in equation.outvars)
+        real = all(
+            isinstance(v.aval, ShapedArray) and jnp.issubdtype(v.aval.dtype, jnp.inexact)
+            for v in equation.outvars
+        )
         if equation.primitive.name in primitives or not real:
             return True
         # Programs in the parameters of the equation, such as the body of a loop.

@@ -72,7 +72,7 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         del t1
         return terms.vf(t0, y0, args)
 
-    def information_like(self, y: Y) -> "DenseInformation":
+    def information_like(self, y: PyTree) -> "DenseInformation":
         """Return a placeholder with the structure and shapes of the data for dense output of a step
         of the variables `y`. Its numbers have no meaning. A loop needs it as its initial value."""
         return {"y0": y, "stages": (y,) * self.method.tableau.num_stages}  # pyright: ignore[reportAttributeAccessIssue]
