@@ -83,8 +83,8 @@ def peak_in_step(
     **Returns:** the largest normal force, N, as a point whose position is the part of the step's
     time, 0 to 1, after which it occurs; and the largest depth, m, which may occur at another time.
     """
-    bends = (Bend(at.gap.depth, at.gap.rate, at.second_rate) for at in (start, end))
-    quintic = Quintic.through(*bends, h)
+    first, last = (Bend(at.gap.depth, at.gap.rate, at.second_rate) for at in (start, end))
+    quintic = Quintic.through(first, last, h)
     rates = Slope(start.gap.rate, start.second_rate), Slope(end.gap.rate, end.second_rate)
     # In very short steps the slope of the quintic suffers from rounding errors of the depths. The
     # cubic through rates and second rates does not.
