@@ -151,7 +151,7 @@ def test_an_overflowing_trial_does_not_affect_reverse_derivatives(overflowing):
     def after(y):
         before = eqx.tree_at(lambda s: s.y, now.step, y)
         tried = Loops(1).attempt(method, system, before, jnp.asarray(1e160))
-        return sum(jax.tree.leaves(tried.step.y.motion)), (tried.kept, tried.information["y1"])
+        return sum(jax.tree.leaves(tried.step.y.motion)), (tried.kept, tried.information["stages"])
 
     slopes, (kept, reached) = jax.jit(jax.grad(after, has_aux=True))(now.step.y)
     assert not kept and not all(np.isfinite(leaf) for leaf in jax.tree.leaves(reached))

@@ -11,7 +11,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.fields.objects import quantity
-from clearjoint.math.vectors import ZERO, Vector, unpack
+from clearjoint.math.vectors import ZERO, Vector
 from clearjoint.model.bodies import Wrench
 from clearjoint.model.joints.base import Contact
 from clearjoint.simulation.step.discontinuities import compares_time
@@ -317,7 +317,7 @@ class Varying(cj.extend.AbstractForce):
     ],
 )
 def test_comparisons_with_time_are_detected(function, compares):
-    assert compares_time(unpack(Varying(function))) is compares
+    assert compares_time(Varying(function)) is compares
 
 
 class Threshold(cj.extend.AbstractForce):

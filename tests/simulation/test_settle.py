@@ -9,6 +9,7 @@ from scipy.special import ellipk
 import clearjoint as cj
 from clearjoint import Settling
 from clearjoint import quantities as q
+from clearjoint.dynamics.formulation import Formulation
 from clearjoint.simulation.run import settle
 from clearjoint.simulation.run.settle import Strobe, columns, section_strobe, stillness, strobe_of
 
@@ -118,6 +119,32 @@ def test_a_bar_is_shown_if_progress_is_wanted(progress, monkeypatch):
     monkeypatch.setattr(settle, "ProgressBar", shown)
     with pytest.raises(Shown, match=str(not progress)):
         cj.settle(*pendulum(), period=1.0, progress=progress)
+
+
+def test_an_interrupted_search_returns_all_runs_so_far(monkeypatch):
+    """The second run is interrupted after half of its time."""
+    rate, lengths = 50.0, iter([160, 80])
+
+    def simulate(scene, state, end, settings, save, **options):
+        length = next(lengths)
+        times = np.asarray(save.times)[:length]
+        saved = cj.results.Trajectory(times, turning(times, rate))
+        crossings = {"settle": cj.results.Crossings(times[::16], {"speed": times[::16]})}
+        formulation, code = Formulation(cj.JointCoordinates()), cj.RESULTS.successful
+        none = None, None, None, formulation, ()
+        found = cj.results.Solution(times[-1], state, code, 30, 20, saved, *none, crossings)
+        if length < len(save.times):
+            raise cj.RunInterrupted(found)
+        return found
+
+    monkeypatch.setattr(settle, "simulate", simulate)
+    with pytest.raises(cj.RunInterrupted, match="interrupted at t = 1.5 s") as stopped:
+        cj.settle(*pendulum(), section=PASSAGE, span=0.1, tolerance=1e-12, progress=False)
+    found = stopped.value.solution
+    np.testing.assert_allclose(found.times, 0.1 / 16 * np.arange(1, 241))
+    np.testing.assert_allclose(found.states.bodies["crank"].spin[:, 2], rate)
+    assert (found.attempts, found.accepted, found.saved_count) == (60, 40, 240)
+    assert len(found.sections["settle"]) == 15
 
 
 def pendulum(*dampers):

@@ -9,7 +9,7 @@ import clearjoint as cj
 from clearjoint.math.rotations import kept_unit, rotation_matrix, within_two_turns
 from clearjoint.math.vectors import EulerParameters, pack, unpack
 from clearjoint.model.bodies import BodyState
-from clearjoint.simulation.run.host_run import SavedStates, _SaveTimes
+from clearjoint.simulation.run.host_run import _first_rows
 from clearjoint.simulation.step.method import Scheme
 from clearjoint.simulation.step.step_state import Variables
 from clearjoint.simulation.step.stepping import attempt, start
@@ -89,14 +89,8 @@ def test_a_thousand_turns_of_a_pendulum_are_as_good_as_the_first():
 
 
 def test_saved_states_keep_no_rows_that_were_not_reached():
-    waiting = _SaveTimes(np.arange(600.0), 600.0)
-    reached = np.arange(512) < 3
-    for _ in range(2):
-        waiting.take(SavedStates({"x": jnp.zeros(512)}, reached))
-    waiting.take(SavedStates({"x": jnp.zeros(512)}, np.zeros(512, bool)))
-    assert waiting.count == 6
-    assert [piece["x"].nbytes for piece in waiting._pieces] == [24, 24]
-    assert all(piece["x"].base is None for piece in waiting._pieces)
+    rows = _first_rows({"x": np.zeros(512)}, 3)["x"]
+    assert rows.nbytes == 24 and rows.base is None
 
 
 def test_quick_runs_do_not_drift(tmp_path):

@@ -12,12 +12,14 @@ Scene and states are passed in packed form, in which each vector is an array (3,
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import reduce
+from operator import and_
 from typing import Any, TypeVar
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import PyTree
 
 from ...dynamics.journals import any_slid_out
 from ...export.labelled import Notes
@@ -46,7 +48,7 @@ from .run_loop import (
     state_of,
 )
 from .saving import Saving
-from .sections import Section, crossings_of, with_units
+from .sections import Section, crossings_of
 
 STEP_ROWS, IMPACT_ROWS = 4096, ROWS
 """Rows of the buffer of accepted steps, and of the buffer of each contact's impacts. When a buffer
@@ -73,18 +75,6 @@ def recorders_of(save: Saving) -> Recorders:
     if save.impacts:
         recorders[IMPACTS] = ImpactRecorder(capacity=IMPACT_ROWS)
     return recorders
-
-
-class SavedStates(eqx.Module):
-    """States at N times to save at.
-
-    - `states`: the states, whose leaves have an additional first axis of length N; each vector is
-      three separate arrays.
-    - `reached`: (N,), whether the run has reached each time.
-    """
-
-    states: State
-    reached: jax.Array
 
 
 def begin(
@@ -122,7 +112,7 @@ def segment(
     t_end: Scalar,
     attempts: Scalar,
     loops: Loops = PLAIN,
-) -> tuple[Progress, SavedStates | None]:
+) -> tuple[Progress, tuple[State, jax.Array] | None]:
     """Continue a run until its end, a failure, the limit of attempts, a full buffer, or the last
     time to save at, whichever comes first.
 
@@ -131,20 +121,21 @@ def segment(
     the run; `loops`: JAX's loops, or loops with checkpoints for reverse-mode differentiation; the
     others as in `begin`.
 
-    **Returns:** the run after the segment, and the states at the N times, or ``None`` without
-    times. At times that the run did not reach, its last state is repeated.
+    **Returns:** the run after the segment, and ``None`` without times, or a pair: the states at the
+    N times, whose leaves have an additional first axis, with each vector as three arrays; and
+    whether the run has reached each time, (N,). At other times its last state is repeated.
     """
     method, system = scheme.method, scheme.unpacked(folded_scene)
     loop = RunLoop(method, system, t_end, recorders, loops=loops, attempt=loops.attempt)
     if save_times is None:
         return loop.until(t_end, now, attempts, _has_room), None
 
-    def save_next(now: Progress, time: Scalar) -> tuple[Progress, SavedStates]:
+    def save_next(now: Progress, time: Scalar) -> tuple[Progress, tuple[State, jax.Array]]:
         # Steps are not shortened to end at the save time, because saving must not change the
         # motion. The state there is interpolated.
         now = loop.until(time, now, attempts, _has_room)
         state = state_of(system, *look_inside(method, system, now.records[LATEST], time))
-        return now, SavedStates(named(state), jnp.asarray(time <= now.step.t))
+        return now, (named(state), jnp.asarray(time <= now.step.t))
 
     return loops.each(save_next, now, save_times)
 
@@ -161,12 +152,9 @@ def emptied(now: Progress) -> Progress:
 
 def _has_room(now: Progress) -> Condition:
     """Return whether no buffer of steps or impacts is full."""
-    room: Condition = jnp.asarray(True)
-    buffers = [now.records.get(key) for key in (STEPS, IMPACTS)]
-    for part in jax.tree.leaves(buffers, is_leaf=_is_buffer):
-        if isinstance(part, RowBuffer):
-            room = room & jnp.logical_not(part.is_full())
-    return room
+    parts = jax.tree.leaves([now.records.get(k) for k in (STEPS, IMPACTS)], is_leaf=_is_buffer)
+    room = [jnp.logical_not(part.is_full()) for part in parts if isinstance(part, RowBuffer)]
+    return reduce(and_, room, jnp.asarray(True))
 
 
 def _is_buffer(tree: object) -> bool:
@@ -220,13 +208,13 @@ class Run:
         program = self.scheme, self.folded_scene
         rest = self.recorders, now, times, self.end, jnp.asarray(max_steps)
         # With JAX's own loops, reverse-mode differentiation of this result raises an error.
-        now, saved = loops.closed(segment(*program, *rest, loops))
-        final, result, _ = _end_of(*program, now.step, self.end)
+        now, saved = loops.guarded(segment(*program, *rest, loops))
+        final, result, _, _ = _end_of(*program, {}, {}, now.step, self.end)
         trajectory = count = None
         if saved is not None:
             # Without the last row, the end of the run.
-            states = jax.tree.map(lambda leaf: leaf[:-1], saved.states)
-            trajectory, count = Trajectory(save_at, pack(states)), saved.reached[:-1].sum()
+            states, reached = jax.tree.map(lambda leaf: leaf[:-1], saved)
+            trajectory, count = Trajectory(save_at, pack(states)), reached.sum()
         counts = now.step.attempts, now.step.accepted
         ran = self.scheme.formulation, self.redundant
         # Neither steps nor impacts are kept: both are `None`.
@@ -251,13 +239,14 @@ class Run:
         **Returns:** the solution, whether the user interrupted the run by Ctrl-C, and whether a
         journal has slid out of its bearing at the end.
         """
-        program, saves = (self.scheme, self.folded_scene), _SaveTimes(save_at, float(self.end))
+        program, start, end = (self.scheme, self.folded_scene), float(now.step.t), float(self.end)
+        saved_states: list[State] = []
+        saved_count, wanted = 0, 0 if save_at is None else len(save_at)
         steps: list[TimedState] = []
         impacts: list[tuple[str | float, ...]] = []
-        start = float(now.step.t)
         # Runs of less than two seconds (`delay`) show no bar.
         bar = ProgressBar(
-            total=float(self.end) - start,
+            total=end - start,
             desc="simulated",
             bar_format="{l_bar}{bar}| {n:.4g} s of {total:.4g} s [{elapsed}<{remaining}]",
             delay=2.0,
@@ -269,9 +258,20 @@ class Run:
                 # Segments are short, because the bar is updated and Ctrl-C is obeyed only between
                 # them.
                 limit: Any = np.asarray(min(int(now.step.attempts) + ATTEMPTS_A_SEGMENT, max_steps))
-                rest = self.recorders, now, saves.chunk(), self.end, limit
+                times = None
+                if save_at is not None:
+                    # Filled up with the end time, since a segment receives a fixed number of times.
+                    following = save_at[saved_count:][:SAVES_A_SEGMENT]
+                    filling = 0, SAVES_A_SEGMENT - len(following)
+                    times = np.pad(following, filling, constant_values=end)
+                rest = self.recorders, now, times, self.end, limit
                 now, saved = segment_compiled(*program, *rest)
-                saves.take(saved)
+                if saved is not None:
+                    # States at other times belong to the filling, or to the next segment.
+                    states, reached = saved
+                    count = int(np.sum(reached[: wanted - saved_count]))
+                    saved_states.append(_first_rows(states, count))
+                    saved_count += count
                 # Empty the buffers at each stop, so that their size does not limit the run.
                 if STEPS in now.records:
                     steps.append(now.records[STEPS].filled())
@@ -283,13 +283,16 @@ class Run:
                 ended = failed or int(now.step.attempts) >= max_steps
                 # A segment also ends after `SAVES_A_SEGMENT` saves. So the run may have reached its
                 # end time while states are still to be saved.
-                ended = ended or (float(now.step.t) >= float(self.end) and saves.done())
+                ended = ended or (float(now.step.t) >= end and saved_count == wanted)
                 interrupted = not ended and stopped()
                 if ended or interrupted:
                     break
-        final, result, left = _end_compiled(*program, now.step, self.end)
-        step, trajectory = now.step, None
+        reductions = self.recorders[REDUCTIONS], now.records[REDUCTIONS]
+        final, result, left, results = _end_compiled(*program, *reductions, now.step, self.end)
+        step, saved, trajectory = now.step, None, None
         time, attempts, accepted = jax.device_get((step.t, step.attempts, step.accepted))
+        if save_at is not None:
+            saved = Trajectory(save_at[:saved_count], pack(_joined(saved_states)))
         if STEPS in now.records:
             rows = _joined(steps)
             # The rows have the names of groups of elements, results those of single elements.
@@ -300,119 +303,55 @@ class Run:
             result,
             attempts,
             accepted,
-            saves.trajectory(),
-            saves.count,
+            saved,
+            None if saved is None else saved_count,
             trajectory,
             Impacts.of_rows(impacts) if IMPACTS in now.records else None,
             self.scheme.formulation,
             self.redundant,
-            sections=with_units(crossings_of(now.records[SECTIONS]), sections),
-            outputs=self._outputs(now),
+            sections=crossings_of(now.records[SECTIONS], sections),
+            outputs={
+                f"{name}_{part}" if part else name: float(value)
+                for name, parts in jax.device_get(results).items()
+                for part, value in parts.items()
+            },
             settings=notes,
         )
         return solution, interrupted, bool(left)
 
-    def _outputs(self, now: Progress) -> dict[str, float]:
-        """Return the results of all reductions at the end of the run `now`.
-
-        They are numbers by the name of the output. An output with several results, which it calls
-        parts, has the names "name_part".
-        """
-        if not now.records[REDUCTIONS]:
-            return {}
-        arguments = self.scheme, self.folded_scene, self.recorders, now
-        results = jax.device_get(_results_compiled(*arguments))
-        return {
-            f"{name}_{part}" if part else name: float(value)
-            for name, parts in results.items()
-            for part, value in parts.items()
-        }
-
 
 def _end_of(
-    scheme: Scheme, folded_scene: ConstantFolded, step: Step, end: Scalar
-) -> tuple[State, RESULTS, Condition]:
-    """Return the final state, the result code, and whether a journal has slid out of its bearing.
+    scheme: Scheme,
+    folded_scene: ConstantFolded,
+    reductions: dict[str, ReductionRecorder],
+    tallies: dict[str, PyTree],
+    step: Step,
+    end: Scalar,
+) -> tuple[State, RESULTS, Condition, dict[str, dict[str, Scalar]]]:
+    """Return the final state, the result code, whether a journal has slid out of its bearing, and
+    the results of the reductions, as results[name][part].
 
     The vectors of the state are arrays (3,).
 
-    **Arguments:** `folded_scene`: the scene; `step`: state of the run after its last step; `end`:
+    **Arguments:** `folded_scene`: the scene; `reductions`, `tallies`: the recorders of reductions
+    and their records, by name of the output; `step`: state of the run after its last step; `end`:
     end time of the run, s.
     """
-    final = final_state(scheme.unpacked(folded_scene), step)
+    system = scheme.unpacked(folded_scene)
+    final = final_state(system, step)
     left = any_slid_out(unpack(folded_scene), final.bodies)
-    return pack(final), final_result(step, end), left
+    instant = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
+    results = {n: of.reduction.results(tallies[n], instant) for n, of in reductions.items()}
+    return pack(final), final_result(step, end), left, results
 
 
 _end_compiled = Native(_end_of)
 
 
-@Native
-def _results_compiled(
-    scheme: Scheme, folded_scene: ConstantFolded, recorders: Recorders, now: Progress
-) -> dict[str, dict[str, Scalar]]:
-    """Return the results of the reductions at the end of the run `now`, as results[name][part]."""
-    system, step = scheme.unpacked(folded_scene), now.step
-    instant = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
-    return {
-        name: recorder.reduction.results(now.records[REDUCTIONS][name], instant)
-        for name, recorder in recorders[REDUCTIONS].items()
-    }
-
-
-class _SaveTimes:
-    """The times to save at, which segments receive in chunks, and the states that segments return.
-
-    Chunks have the fixed size `SAVES_A_SEGMENT`, so that the same compiled program serves any
-    number of times.
-
-    `count`: number of times at which states have been saved so far.
-
-    **Arguments:** `times`: (N,) s, the requested times, rising, or ``None``; `end`: s, end of the
-    run.
-    """
-
-    def __init__(self, times: np.ndarray | None, end: float):
-        self._times, self._end = times, end
-        self.count = 0
-        self._pieces: list[State] = []
-
-    def chunk(self) -> np.ndarray | None:
-        """Return the next `SAVES_A_SEGMENT` times, s, filled up with the end time of the run;
-        ``None`` if no times are requested."""
-        if self._times is None:
-            return None
-        chunk = np.full(SAVES_A_SEGMENT, self._end)
-        following = self._times[self.count :][:SAVES_A_SEGMENT]
-        chunk[: len(following)] = following
-        return chunk
-
-    def take(self, saved: SavedStates | None) -> None:
-        """Keep those states of a segment that belong to requested times and that the run has
-        reached. The others belong to times that fill up the chunk, or are computed again in the
-        next segment."""
-        if saved is None or self._times is None:
-            return
-        left = len(self._times) - self.count
-        reached = int(np.asarray(saved.reached)[:left].sum())
-        if reached or not self._pieces:
-            # The first piece is kept even without rows, since it shows the structure of a state.
-            # Rows are copied, since a slice would keep all rows of its segment in memory.
-            self._pieces.append(
-                jax.tree.map(lambda leaf: np.asarray(leaf)[:reached].copy(), saved.states)
-            )
-        self.count += reached
-
-    def done(self) -> bool:
-        """Return whether states have been saved at all requested times."""
-        return self._times is None or self.count == len(self._times)
-
-    def trajectory(self) -> Trajectory | None:
-        """Return the states at the requested times that were reached; ``None`` if no times are
-        requested."""
-        if self._times is None:
-            return None
-        return Trajectory(self._times[: self.count], pack(_joined(self._pieces)))
+def _first_rows(tree: T, count: int) -> T:
+    """Return the first `count` rows of each array of a PyTree, as copies: a slice would keep all
+    rows in memory."""
+    return jax.tree.map(lambda leaf: np.array(leaf[:count]), tree)
 
 
 def _joined(pieces: list[T]) -> T:

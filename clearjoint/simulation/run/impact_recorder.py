@@ -5,14 +5,12 @@ are updated after each accepted step. When the contact ends, they are written as
 """
 
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...dynamics.contact_forces import EntrySpeeds, LoadedContact
 from ...dynamics.system import System
 from ...math.groups import by_name
 from ...math.interpolation import (
@@ -28,7 +26,7 @@ from ...math.interpolation import (
 from ...math.vectors import Condition, Scalar
 from ...model.contact.laws import AbstractContactLaw, Gap, contact_normal_force
 from ...model.joints.base import ByLabel, each_label
-from ...quantities.base import Instant, Quantity
+from ...quantities.base import Instant
 from ..reductions.base import Window
 from ..results.impact_table import IMPACT_UNITS
 from ..results.solution import contact_label
@@ -74,45 +72,19 @@ class ContactInstant(eqx.Module):
         return self.gap.rate if self.entry_speed is None else self.entry_speed
 
 
-def contact_instants(
-    forces: ByLabel[LoadedContact], second_rates: ByLabel[Scalar], entry_speeds: EntrySpeeds
-) -> ByLabel[ContactInstant]:
-    """Return all contacts at one instant, by joint and contact.
-
-    **Arguments:** all are by joint and contact; `forces`: contacts with their forces;
-    `second_rates`: second time derivatives of depths, m/s^2; `entry_speeds`: m/s, only of contacts
-    whose law uses them.
-    """
-
-    def instant(name: str, label: str) -> ContactInstant:
-        gap = jax.tree.map(_array, forces[name][label].contact.gap)
-        return ContactInstant(gap, second_rates[name][label], entry_speeds.get(name, {}).get(label))
-
-    return each_label(instant, forces)
-
-
-class StepPeak(NamedTuple):
-    """The peak of a contact in a step.
-
-    - `force`: largest normal force, N.
-    - `fraction`: part of the step's time, 0 to 1, after which this force occurs.
-    - `depth`: largest depth, m, which may occur at another time.
-    """
-
-    force: Scalar
-    fraction: Scalar
-    depth: Scalar
-
-
 def peak_in_step(
     law: AbstractContactLaw, start: ContactInstant, end: ContactInstant, h: Scalar
-) -> StepPeak:
-    """Return the peak of a contact in a step of length h, s.
+) -> tuple[Point, Scalar]:
+    """Return the peaks of a contact in a step of length h, s.
 
     **Arguments:** `law`: the contact law; `start`, `end`: the contact at the ends of the step. The
     entry speed at `start` is used in the whole step.
+
+    **Returns:** the largest normal force, N, as a point whose position is the part of the step's
+    time, 0 to 1, after which it occurs; and the largest depth, m, which may occur at another time.
     """
-    quintic = Quintic.through(_bend(start), _bend(end), h)
+    first, last = (Bend(at.gap.depth, at.gap.rate, at.second_rate) for at in (start, end))
+    quintic = Quintic.through(first, last, h)
     rates = Slope(start.gap.rate, start.second_rate), Slope(end.gap.rate, end.second_rate)
     # In very short steps the slope of the quintic suffers from rounding errors of the depths. The
     # cubic through rates and second rates does not.
@@ -123,8 +95,7 @@ def peak_in_step(
         gap = Gap(quintic.value(x), rate, start.gap.bearing_radius, start.gap.clearance)
         return contact_normal_force(law, gap, start.entry_speed)
 
-    strongest = _largest(force)
-    return StepPeak(strongest.value, strongest.x, _largest(quintic.value).value)
+    return _largest(force), _largest(quintic.value).value
 
 
 def _largest(value_at: Callable[[Scalar], Scalar]) -> Point:
@@ -135,17 +106,10 @@ def _largest(value_at: Callable[[Scalar], Scalar]) -> Point:
     """
     # Among all triples of neighbouring points, the one with the highest middle point is selected.
     points = [Point(k / PIECES, value_at(k / PIECES)) for k in range(PIECES + 1)]
-    first, middle, last = points[:3]
+    best = points[:3]
     for k in range(2, PIECES):
-        better = points[k].value > middle.value
-        chosen = points[k - 1], points[k], points[k + 1]
-        first, middle, last = jax.tree.map(
-            lambda new, old, better=better: jnp.where(better, new, old),
-            chosen,
-            (first, middle, last),
-        )
-    ends = higher(points[0], points[-1])
-    return higher(highest(value_at, first, middle, last), ends)
+        best = choose(points[k].value > best[1].value, points[k - 1 : k + 2], best)
+    return higher(highest(value_at, *best), higher(points[0], points[-1]))
 
 
 def end_in_step(
@@ -161,26 +125,6 @@ def end_in_step(
     ahead = law.onset_offset()
     before, after = (Slope(at.gap.depth + ahead, at.gap.rate) for at in (start, end))
     return jnp.where(after.value < 0.0, hermite_root(before, after, h), 1.0)
-
-
-def begin_before(law: AbstractContactLaw, instant: ContactInstant) -> Scalar:
-    """Return the time, s, from the onset of a contact to an instant just after it.
-
-    It is the depth beyond the onset of the force, divided by its rate. Steps end just after an
-    onset, so the rate hardly changes in this time.
-    """
-    return (instant.gap.depth + law.onset_offset()) / instant.gap.rate
-
-
-def _array(leaf: Scalar) -> jax.Array:
-    """Return a number as a JAX array without weak type, because the state of a loop must keep its
-    types."""
-    return jnp.asarray(leaf, dtype=jnp.result_type(leaf))
-
-
-def _bend(at: ContactInstant) -> Bend:
-    """Return depth, rate and second rate of a contact, as interpolation needs them."""
-    return Bend(at.gap.depth, at.gap.rate, at.second_rate)
 
 
 INSTANTS = ("onset", "separation", "peak_time")
@@ -205,23 +149,13 @@ class ImpactRow(eqx.Module):
     peak_time: Scalar
     largest_penetration: Scalar
 
-    def columns(self, system: System, channels: Mapping[str, Quantity]) -> dict[str, Scalar]:
-        """Return the columns of the table of impacts in a row, as `reported` does.
+    def columns(self, *_: object) -> dict[str, Scalar]:
+        """Return all fields by name, and also the "duration" of the contact, s.
 
-        The scheduler of lanes calls this method for the rows of all recorders. The arguments, which
-        rows of sections need to compute their channels, are not used.
+        The scheduler of lanes calls this method for the rows of all recorders, with arguments that
+        only rows of sections need.
         """
-        del system, channels
-        return self.reported()
-
-    def reported(self) -> dict[str, Scalar]:
-        """Return all fields by name, and also the "duration" of the contact, s."""
         return {**vars(self), "duration": self.separation - self.onset}
-
-    @staticmethod
-    def none() -> "ImpactRow":
-        """Return a row of zeros, from which a buffer of rows takes its structure."""
-        return ImpactRow(*(jnp.zeros(()) for _ in range(7)))
 
 
 class OpenContact(eqx.Module):
@@ -250,26 +184,28 @@ class OpenContact(eqx.Module):
         start, row, h = self.instant, self.row, t1 - t0
         touched, touches = start.touches(law), end.touches(law)
         # The peak mostly lies inside a step, not at its ends.
-        peak = peak_in_step(law, start, end, h)
-        stronger = peak.force > row.peak_force
+        peak, depth = peak_in_step(law, start, end, h)
+        stronger = peak.value > row.peak_force
         # End and exit speed are overwritten in each step, until the contact ends.
         row = ImpactRow(
             row.onset,
             t0 + h * end_in_step(law, start, end, h),
             row.entry_speed,
             -end.gap.rate,
-            jnp.where(stronger, peak.force, row.peak_force),
-            jnp.where(stronger, t0 + h * peak.fraction, row.peak_time),
-            jnp.maximum(row.largest_penetration, peak.depth),
+            jnp.where(stronger, peak.value, row.peak_force),
+            jnp.where(stronger, t0 + h * peak.x, row.peak_time),
+            jnp.maximum(row.largest_penetration, depth),
         )
         begins = touches & jnp.logical_not(touched)
+        # Depth beyond the onset of the force over its rate: steps end just after an onset, so the
+        # rate hardly changes in this time.
+        since_onset = (end.gap.depth + law.onset_offset()) / end.gap.rate
         # The peaks of a contact that began in this step are minus infinity, so that its first whole
         # step, the next one, sets them. Mostly steps end at onsets, and hardly any part of the
         # contact is in this step.
         nothing = jnp.full_like(row.peak_force, -jnp.inf)
-        fresh = ImpactRow(
-            t1 - begin_before(law, end), t1, end.speed(), end.gap.rate, nothing, t1, nothing
-        )
+        onset, speed = t1 - since_onset, end.speed()
+        fresh = ImpactRow(onset, t1, speed, end.gap.rate, nothing, t1, nothing)
         # A contact that exists at the start of the run gets no row, because its onset is unknown.
         begun = touches & (begins | self.begun)
         contact = OpenContact(end, begun, choose(begins, fresh, row))
@@ -306,7 +242,8 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
 
     def start(self, start: RunStart) -> ImpactRecord:
         """Return empty buffers, and the contacts at the start of the run."""
-        no, none, loop = jnp.asarray(False), ImpactRow.none(), start.loop
+        no, loop = jnp.asarray(False), start.loop
+        none = ImpactRow(*[jnp.zeros(())] * 7)
         rows = RowBuffer.like(none, self.capacity)
         instants = self._instants(loop.method, loop.system, start.now, start.step)
         return each_label(
@@ -341,9 +278,18 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
         penetration, m/s^2, and its entry speed, m/s, by joint and contact; `now` is the same
         instant as `step`."""
         names = now.contacts if self.joint is None else [self.joint]
-        forces = {name: now.contacts[name] for name in names}
         second_rates = by_name(_second_rates(method, system, step))
-        return contact_instants(forces, second_rates, now.entry_speeds)
+
+        def instant(name: str, label: str) -> ContactInstant:
+            speed = now.entry_speeds.get(name, {}).get(label)
+            # The state of a loop must keep its types, so the numbers have no weak type.
+            gap = jax.tree.map(
+                lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)),
+                now.contacts[name][label].contact.gap,
+            )
+            return ContactInstant(gap, second_rates[name][label], speed)
+
+        return each_label(instant, {name: now.contacts[name] for name in names})
 
 
 def _second_rates(method: Method, system: System, step: Step) -> ByLabel[Scalar]:
@@ -380,7 +326,7 @@ def impact_rows_of(record: ImpactRecord, origin: float = 0.0) -> list[tuple[str 
     rows: list[tuple[str | float, ...]] = []
     for joint, family in record.items():
         for contact, one in family.items():
-            columns = one.rows.filled().reported()
+            columns = one.rows.filled().columns()
             columns |= {name: columns[name] + origin for name in INSTANTS}
             numbers = (np.asarray(columns[name]).tolist() for name in IMPACT_UNITS)
             rows += [(joint, contact, *row) for row in zip(*numbers, strict=True)]

@@ -17,7 +17,7 @@ from weakref import WeakSet
 from tqdm import tqdm
 
 from ...compilation import seconds_of_compiling
-from ..results.solution import FinishedRun
+from ..results.solution import Solution
 
 TICK = 1.0
 """Time, s, between two updates of the text; also the time of compiling, s, after which the text
@@ -138,7 +138,7 @@ class RunInterrupted(KeyboardInterrupt):
     ```
     """
 
-    def __init__(self, solution: FinishedRun):
+    def __init__(self, solution: Solution):
         super().__init__(f"The run was interrupted at t = {float(solution.time):.9g} s.")
         self.solution = solution
 

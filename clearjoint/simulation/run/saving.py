@@ -4,7 +4,7 @@ state."""
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from ...fields.checks import concrete, require, require_array_names
+from ...fields.checks import concrete, errors_about, require, require_array_names, require_type
 from ...fields.types import ArrayLike
 from ...math.vectors import Scalar
 from ...model.scene import Scene
@@ -61,8 +61,7 @@ class Saving:
             entries, remedy = getattr(self, argument), f"pass for example {example}"
             require_array_names(argument, entries, remedy)
             for name, entry in entries.items():
-                fine, given = isinstance(entry, kind), type(entry).__name__
-                require(fine, f"{argument}[{name!r}]", given, expected, remedy)
+                require_type(f"{argument}[{name!r}]", entry, kind, expected, remedy)
 
     def check(self, scene: Scene, ledger: bool) -> None:
         """Check that a scene has the elements that the sections and the outputs name.
@@ -75,10 +74,8 @@ class Saving:
         """
         check_reductions(self.outputs, scene, ledger)
         for name, section in self.sections.items():
-            try:
+            with errors_about(f"Section {name!r}"):
                 section.check(scene)
-            except ValueError as error:
-                raise ValueError(f"Section {name!r}: {error}") from error
 
     def section_recorders(self) -> dict[str, SectionRecorder]:
         """Return for each section, by name, the recorder that tabulates its crossings in a run."""
@@ -123,7 +120,6 @@ def saving_or_nothing(save: Saving | None) -> Saving:
 
     **Raises:** `ValueError` for an argument of another type.
     """
-    kind = type(save).__name__
     remedy = "pass cj.Saving(times), with times in s"
-    require(isinstance(save, Saving | None), "save", kind, "a Saving or None", remedy)
+    require_type("save", save, Saving | None, "a Saving or None", remedy)
     return Saving() if save is None else save

@@ -10,7 +10,7 @@ side by side, so that otherwise every lane would have to compute the channels in
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import equinox as eqx
 import jax
@@ -115,9 +115,13 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
             time = row.t
         else:
             # Most steps have no crossing: other runs search for the root only in those that have.
-            row = jax.lax.cond(
-                rises, lambda: self._columns(step_outcome, before, after), lambda: self._none()
-            )
+            system, channels = step_outcome.system, dict(self.channels)
+
+            def columns() -> dict[str, Scalar]:
+                values = self._crossing(step_outcome, before, after).columns(system, channels)
+                return {name: jnp.asarray(value, dtype=float) for name, value in values.items()}
+
+            row = jax.lax.cond(rises, columns, lambda: self._none())
             time = row[TIME]
         limit = self.capacity if self.wanted is None else self.wanted
         is_recorded = rises & (time >= self.earliest) & (limit > record.rows.count)
@@ -135,46 +139,29 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
         """
         system, method, dense = step_outcome.system, step_outcome.method, step_outcome.dense_step
 
-        def level(x: Scalar) -> Scalar:
-            # x is the elapsed part of the step's time, 0 to 1.
-            return self._level(dense.within(method, x).instant(system))
-
-        x = secant_root(level, before, after)
+        # x is the elapsed part of the step's time, 0 to 1.
+        x = secant_root(
+            lambda x: self._level(dense.within(method, x).instant(system)), before, after
+        )
         # Dense output satisfies the constraints only approximately, so its result is corrected.
         row = dense.at(method, dense.start.t + x * (dense.end.t - dense.start.t))
         return Snapshot(row.t, on_constraints(system, row.y, row.t), row.entry_speeds)
-
-    def _columns(
-        self, step_outcome: StepOutcome, before: Scalar, after: Scalar
-    ) -> dict[str, Scalar]:
-        """Return time and channels at the crossing; the arguments are those of `_crossing`."""
-        row = self._crossing(step_outcome, before, after)
-        values = row.columns(step_outcome.system, dict(self.channels or ()))
-        return {name: jnp.asarray(value, dtype=float) for name, value in values.items()}
 
     def _none(self) -> dict[str, Scalar]:
         """Return zero as time and channels, for a step without a crossing."""
         return {name: jnp.zeros(()) for name in (TIME, *dict(self.channels or ()))}
 
 
-def with_units(
-    crossings: Mapping[str, Crossings], sections: "Mapping[str, Section]"
+def crossings_of(
+    records: Mapping[str, SectionRecord], sections: "Mapping[str, Section]"
 ) -> dict[str, Crossings]:
-    """Return copies of `crossings`, by name of the section, with the units of the channels that the
-    `sections` define."""
-    units = {
-        name: {key: unit for key, (_, unit) in section.channels.items()}
-        for name, section in sections.items()
-    }
-    return {name: replace(found, units=units[name]) for name, found in crossings.items()}
-
-
-def crossings_of(records: Mapping[str, SectionRecord]) -> dict[str, Crossings]:
-    """Return the crossings in the records of sections, by name of the section, as NumPy arrays."""
+    """Return the crossings in the records of `sections`, by name of the section, as NumPy arrays
+    with the units of the channels."""
     found = {}
     for name, record in records.items():
         columns = record.rows.filled()
-        found[name] = Crossings(columns.pop(TIME), columns)
+        units = {key: unit for key, (_, unit) in sections[name].channels.items()}
+        found[name] = Crossings(columns.pop(TIME), columns, units)
     return found
 
 

@@ -42,7 +42,7 @@ from .progress_bars import compiling_bar
 from .run_checks import derivative_scheme
 from .sampling import padded, recorded_run
 from .saving import Saving, saving_or_nothing
-from .sections import crossings_of, with_units
+from .sections import crossings_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -200,9 +200,8 @@ def sensitivities(
         *(np.asarray(t, float) for t in span),
         np.asarray(settings.max_steps, int),
     )
-    keeps = saved is not None, save.impacts, save.section_recorders()
     with compiling_bar(progress):
-        sampled = recorded_run(arguments, *keeps)
+        sampled = recorded_run(arguments, saved is not None, save.impacts, save.section_recorders())
 
     def reached(times: Float[np.ndarray, " some"]) -> Int[np.ndarray, " reached"]:
         """Return the indices in `all_times` of those `times`, s, that the run reached."""
@@ -227,7 +226,7 @@ def sensitivities(
         accepted=int(sampled.accepted),
         saved=trajectory,
         impacts=impacts,
-        sections=with_units(crossings_of(sampled.sections), save.sections),
+        sections=crossings_of(sampled.sections, save.sections),
         units={n: q.unit for n, q in outputs.items() if getattr(q, "unit", None)},
         scales=tuple(p.scale.label(name) for name, p in parameters.items()),
         settings=setting_notes(settings),

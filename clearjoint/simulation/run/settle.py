@@ -12,14 +12,14 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from ...fields.checks import as_number, require, require_count, require_positive
+from ...fields.checks import as_number, require, require_count, require_positive, require_type
 from ...model.bodies import State
 from ...model.scene import Scene
 from ...result_codes import RESULTS
 from ..results.solution import Solution
 from ..step import presets
 from ..step.settings import Settings, settings_or
-from .progress_bars import ProgressBar
+from .progress_bars import ProgressBar, RunInterrupted
 from .saving import Saving
 from .sections import Section
 from .simulate import simulate
@@ -189,8 +189,8 @@ def ranges(parts: dict[str, Float[np.ndarray, "N bodies components"]]) -> dict[s
     """Return the range of each array from `columns`, by name: the largest range of any component
     over the N states, but at least `STILL`, and 1 for orientations, whose components are at most
     1."""
-    sizes = {name: float(np.max(np.ptp(part, axis=0), initial=0.0)) for name, part in parts.items()}
-    return {name: max(size, STILL) for name, size in sizes.items()} | {"orientation": 1.0}
+    sizes = {name: np.max(np.ptp(part, axis=0), initial=STILL) for name, part in parts.items()}
+    return {**sizes, "orientation": 1.0}
 
 
 def strobe_of(states: State, phases: int) -> Strobe:
@@ -216,8 +216,9 @@ def stillness(states: State, last: int) -> float:
     """
     parts = columns(states)
     sizes = ranges(parts)
-    late = {name: part[-last:] for name, part in parts.items()}
-    return max(float(np.max(np.ptp(part, axis=0))) / sizes[name] for name, part in late.items())
+    return max(
+        float(np.max(np.ptp(part[-last:], axis=0))) / sizes[name] for name, part in parts.items()
+    )
 
 
 def section_strobe(times: Float[np.ndarray, " n"], values: list[np.ndarray]) -> Strobe:
@@ -292,19 +293,20 @@ def settle(
 
     **Raises:** `ValueError` unless either `period`, or `section` with `span`, is given, and for
     other invalid arguments, such as an initial state that violates the constraints;
-    `RunInterrupted` after Ctrl-C, with the solution of the latest ten periods only.
+    `RunInterrupted`, a `KeyboardInterrupt` with the motion so far, after Ctrl-C.
     """
     require_count("periods", periods, "allow some hundred")
     require_count("largest_multiple", largest_multiple, "1 looks for the drive's period alone")
     require_positive("tolerance", tolerance, "1e-5 of the motion's range is usual")
     length = _period(period, section, span)
     settings = settings_or(settings, presets.accurate)
-    runs: list[Solution] = []
-    time, assessment = start_time, None
+    blocks: list[Solution] = []
+    time, kind, multiple = start_time, None, None
+    strobe = Strobe(np.zeros((0, 1)), np.ones(1))
     text = "{l_bar}{bar}| {n_fmt} of {total_fmt} periods [{elapsed}]"
     shown = {"desc": "settle", "bar_format": text, "leave": False, "disable": not progress}
     with ProgressBar(total=periods, **shown) as bar:
-        while assessment is None:
+        while kind is None:
             # `PHASES` states in each of the `BLOCK` periods of this run, the last one at its end.
             times = time + length * np.arange(1, PHASES * BLOCK + 1) / PHASES
             sections = {}
@@ -313,20 +315,36 @@ def settle(
                 sections[SECTION] = replace(section, count=PHASES * BLOCK, after=time)
             save, end = Saving(times, sections=sections), float(times[-1])
             options = {"start_time": time, "throw": False, "progress": False}
-            runs.append(simulate(scene, state, end, settings, save, **options))
-            state, time = runs[-1].final, float(runs[-1].time)
+            try:
+                block = simulate(scene, state, end, settings, save, **options)
+            except RunInterrupted as stopped:
+                raise RunInterrupted(_joined([*blocks, stopped.solution])) from stopped
+            state, time, result = block.final, float(block.time), block.result
             bar.update(min(BLOCK, periods - bar.n))
-            # Statistics need all periods, so they are compared only after the last block.
-            last = BLOCK * len(runs) >= periods
-            assessment = _assessment(runs, section, largest_multiple, tolerance, last)
-    kind, multiple = assessment
-    # A run that failed lacks states, so that its periods cannot be compared with others.
-    finished = [run for run in runs if run.result == RESULTS.successful]
-    strobe = _strobe(finished, section)
-    if section is not None:
-        # The transient has other times between crossings than the last periods.
-        crossings = _crossing_times(finished)[-CONFIRMING * BLOCK :]
-        period = float(np.mean(np.diff(crossings))) if len(crossings) > 1 else None
+            if result != RESULTS.successful:
+                # A block that failed lacks states, so its periods cannot be compared with others.
+                kind = Settling.FAILED
+                break
+            blocks.append(block)
+            motion = _joined(blocks)
+            if section is None:
+                strobe = strobe_of(motion.states, PHASES)
+            else:
+                crossings = motion.sections[SECTION]
+                strobe = section_strobe(crossings.times, [*crossings.values.values()])
+                # The transient has other times between crossings than the last periods.
+                waits = np.diff(crossings.times[-CONFIRMING * BLOCK :])
+                period = np.mean(waits) if len(waits) else None
+            multiple = strobe.multiple(largest_multiple, tolerance)
+            # A motion at rest repeats itself too, so this is checked before periods.
+            if stillness(motion.states, PHASES * CONFIRMING) <= tolerance:
+                kind, multiple = Settling.STEADY, None
+            elif multiple is not None:
+                kind = Settling.PERIODIC
+            elif BLOCK * len(blocks) >= periods:
+                # Statistics need all periods, so they are compared only after the last block.
+                stationary = strobe.statistics_settled()
+                kind = Settling.STATIONARY if stationary else Settling.UNSETTLED
     changes = strobe.change(multiple or 1) if len(strobe.rows) else np.zeros(0)
     return Settled(
         kind=kind,
@@ -337,61 +355,24 @@ def settle(
         multiple=multiple,
         period=None if period is None else float(period),
         changes=changes,
-        result=runs[-1].result,
+        result=result,
     )
 
 
-def _assessment(
-    runs: list[Solution],
-    section: Section | None,
-    largest_multiple: int,
-    tolerance: float,
-    last: bool,
-) -> tuple[Settling, int | None] | None:
-    """Decide whether the motion of successive runs has settled.
-
-    **Arguments:** `section`, `largest_multiple`, `tolerance`: as those of `settle`; `last`: whether
-    no further run follows.
-
-    **Returns:** how the motion has settled, and the number of periods after which it repeats,
-    ``None`` unless it is periodic. The result is ``None`` as a whole if the motion may still
-    settle.
-    """
-    if runs[-1].result != RESULTS.successful:
-        return Settling.FAILED, None
-    # A motion at rest repeats itself too, so this is checked before periods.
-    if stillness(_states(runs), PHASES * CONFIRMING) <= tolerance:
-        return Settling.STEADY, None
-    strobe = _strobe(runs, section)
-    multiple = strobe.multiple(largest_multiple, tolerance)
-    if multiple is not None:
-        return Settling.PERIODIC, multiple
-    if not last:
-        return None
-    return (Settling.STATIONARY if strobe.statistics_settled() else Settling.UNSETTLED), None
-
-
-def _strobe(runs: list[Solution], section: Section | None) -> Strobe:
-    """Return the motion of successive runs as one row of numbers for each period or, with a
-    section, for each crossing except the first; a table without rows if there are no runs."""
-    if not runs:
-        return Strobe(np.zeros((0, 1)), np.ones(1))
-    if section is None:
-        return strobe_of(_states(runs), PHASES)
-    parts = [run.sections[SECTION].values for run in runs]
-    channels = [np.concatenate([np.asarray(part[name]) for part in parts]) for name in parts[0]]
-    return section_strobe(_crossing_times(runs), channels)
-
-
-def _states(runs: list[Solution]) -> State:
-    """Return the saved states of all runs as one state, whose arrays have an additional first axis
-    of times."""
-    return jax.tree.map(lambda *rows: np.concatenate(rows), *(run.states for run in runs))
-
-
-def _crossing_times(runs: list[Solution]) -> Float[np.ndarray, " n"]:
-    """Return the times at which the section was crossed in all runs, (n,) s."""
-    return np.concatenate([np.zeros(0), *(run.sections[SECTION].times for run in runs)])
+def _joined(blocks: list[Solution]) -> Solution:
+    """Return the motion of successive runs as one `Solution`, with the saved states and crossings
+    of all runs."""
+    saved, sections = jax.tree.map(
+        lambda *rows: np.concatenate(rows), *((block.saved, block.sections) for block in blocks)
+    )
+    return replace(
+        blocks[-1],
+        attempts=sum(block.attempts for block in blocks),
+        accepted=sum(block.accepted for block in blocks),
+        saved=saved,
+        saved_count=len(saved),
+        sections=sections,
+    )
 
 
 def _period(period: float | None, section: Section | None, span: float | None) -> float:
@@ -409,8 +390,7 @@ def _period(period: float | None, section: Section | None, span: float | None) -
         require_positive("period", number, "give it in s: 2 pi over the drive's speed")
         require(span is None, "span", span, "None beside a period", "leave it out")
         return float(period)
-    kind = type(section).__name__
-    require(isinstance(section, Section), "section", kind, "a Section", remedy)
+    require_type("section", section, Section, "a Section", remedy)
     remedy = "give a time in s in which the section is crossed about once"
     require(span is not None, "span", span, "given with a section", remedy)
     assert span is not None

@@ -2,6 +2,7 @@
 law."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import diffrax
 import jax
@@ -77,10 +78,10 @@ def free_impact(
     check_precision(allow_float32=False)
     require_positive("mass", mass, "give kg")
     require_positive("entry_speed", entry_speed, "give m/s")
-    wall = (bearing_radius, clearance)
+    numbers = jnp.asarray(mass, dtype=float), jnp.asarray(entry_speed, dtype=float)
+    contact = partial(_contact, law, *numbers, bearing_radius, clearance)
     # The first run finds the duration.
-    mass_and_speed = jnp.asarray(mass, dtype=float), jnp.asarray(entry_speed, dtype=float)
-    whole = _contact(law, *mass_and_speed, *wall, jnp.asarray(jnp.inf))
+    whole = contact(jnp.asarray(jnp.inf))
     # diffrax fills the rows for steps that were not taken with infinity.
     times = np.asarray(whole.ts)
     duration = float(np.max(times, where=np.isfinite(times), initial=0.0))
@@ -89,10 +90,9 @@ def free_impact(
     remedy = "raise the entry speed, or the law's `entry_speed_floor`"
     require(rebounds, "law", law, expected, remedy)
     # The peaks are found from a second run with shorter steps.
-    fine = _contact(law, *mass_and_speed, *wall, jnp.asarray(duration / STEPS_A_CONTACT))
-    finite = np.isfinite(np.asarray(fine.ts))
-    depth, rate = np.asarray(fine.ys)[finite].T
-    gap = Gap(depth, rate, *wall)
+    fine = contact(jnp.asarray(duration / STEPS_A_CONTACT))
+    depth, rate = np.asarray(fine.ys)[np.isfinite(np.asarray(fine.ts))].T
+    gap = Gap(depth, rate, bearing_radius, clearance)
     force = np.asarray(contact_normal_force(law, gap, np.full_like(depth, entry_speed)))
     return FreeImpact(-float(rate[-1]) / entry_speed, _crest(force), _crest(depth), duration)
 

@@ -8,7 +8,6 @@ variables with respect to parameters.
 from typing import Any, TypeAlias
 
 import diffrax
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Bool
@@ -47,21 +46,9 @@ driver is not smooth. It is also the smallest factor by which diffrax's PID cont
 step."""
 
 
-class StepDecision(eqx.Module):
-    """The decision after a trial step.
-
-    - `keep`: whether the trial is accepted; `proposal`: the step to try next.
-    - `result`: the result code of the run so far.
-    """
-
-    keep: Condition
-    proposal: Proposal
-    result: RESULTS
-
-
 def decide_step(
     method: Method, system: System, step: Step, trial: Trial, t_end: Scalar
-) -> StepDecision:
+) -> tuple[Condition, Proposal, RESULTS]:
     """Decide whether a trial step is accepted, and which step is tried next.
 
     The step-size controller decides first. A trial that the controller accepts is still rejected if
@@ -71,6 +58,9 @@ def decide_step(
 
     **Arguments:** `step`: the state before the trial; `trial`: the trial as the solver computed it;
     `t_end`: end of the run, s.
+
+    **Returns:** whether the trial is accepted; the step to try next; and the result code of the run
+    so far.
     """
     t1, last, after = trial.t1, step.proposal, trial.gaps
     keep, t_next, made_jump, controller_state, controller_result = _controller_decision(
@@ -140,7 +130,7 @@ def decide_step(
         made_jump=made_jump,
         controller_state=controller_state,
     )
-    return StepDecision(keep, proposal, result)
+    return keep, proposal, result
 
 
 def _relative_tolerance(controller: diffrax.AbstractStepSizeController) -> Scalar:

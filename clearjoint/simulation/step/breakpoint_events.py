@@ -15,19 +15,20 @@ time.
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import reduce
+from operator import or_
 from typing import TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ...dynamics.breakpoints import breakpoints, one_sided_time, since_breakpoints
+from ...dynamics.breakpoints import one_sided_time, since_breakpoints
 from ...dynamics.contact_forces import EntrySpeeds
 from ...dynamics.system import System
 from ...math.vectors import Condition, Scalar
 from ...model.bodies import NO_WRENCH, Wrench
 from ...model.joints.base import AbstractForce, Motions
-from ...model.scene import Scene
 from .step_state import Variables
 from .trial_step import rates_of
 
@@ -100,8 +101,7 @@ def across_breakpoints(
     before, after = one_sided_time(system, start, t), one_sided_time(system, t, t)
 
     def rates(shares: Mapping[str, Scalar], y: Variables, time: Scalar) -> Variables:
-        between = _with_shares(system, before, after, shares)
-        return jax.tree.map(jnp.asarray, rates_of(between, y, entry_speeds, time))
+        return rates_of(_with_shares(system, before, after, shares), y, entry_speeds, time)
 
     # Shares of zero: all forces are as they were before their breakpoints.
     none = {name: jnp.zeros(()) for name in forces}
@@ -129,9 +129,7 @@ def across_breakpoints(
         return y
 
     # Few steps land on a breakpoint; a single run computes the correction for these only.
-    lands: Condition = jnp.asarray(False)
-    for lands_on_own, _ in since.values():
-        lands = lands | lands_on_own
+    lands = reduce(or_, [lands for lands, _ in since.values()], jnp.asarray(False))
     return jax.lax.cond(keep & lands, corrected, lambda y: y, y)
 
 
@@ -170,9 +168,3 @@ def _past_kink(system: System, y: Variables, t: Scalar) -> Variables:
         after, before = (system.energies(at, t)["kinetic"] for at in (motion, y.motion))
         work = {**work, "supplied": work["supplied"] + (after - before)}
     return replace(y, motion=motion, work=work)
-
-
-def joints_have_breakpoints(scene: Scene) -> bool:
-    """Return whether a joint or driver of the scene has breakpoints, at which velocities may jump.
-    At breakpoints of forces only accelerations change."""
-    return any(name in scene.joints for name in breakpoints(scene))

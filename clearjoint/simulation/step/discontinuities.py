@@ -14,21 +14,21 @@ rates change by more than their slopes at both ends of the step allow, the run e
 code `force_jumped`.
 """
 
-from collections.abc import Iterator
 from functools import reduce
 from operator import or_
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jax.core import AbstractValue, ShapedArray
-from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, Var
+from jax.core import ShapedArray
+from jax.extend.core import ClosedJaxpr, Jaxpr, Literal
+from jax.interpreters import partial_eval
 from jaxtyping import PyTree
 
 from ...compilation import program_of
 from ...dynamics.system import System
 from ...fields.caching import cached_by_numbers
-from ...fields.checks import require
+from ...fields.checks import is_of_package, require
 from ...math.vectors import Condition, Matrix, Scalar, Vector, unpack
 from ...model.bodies import GROUND, Motion
 from ...model.drives.functions_of_time import AbstractFunctionOfTime
@@ -71,11 +71,11 @@ def require_declared(scene: Scene) -> None:
                 f"AbstractFunctionOfTime with a method {BREAKPOINTS}"
             )
             for function in _undeclared_functions_of_time(element):
-                smooth, kind = not _compares_time(function), type(function).__name__
+                smooth, kind = not compares_time(function), type(function).__name__
                 require(smooth, argument, kind.strip("_"), f"{expected}, {PURPOSE}", remedy)
             # The class inherits `breakpoints`, which declares none.
             silent = type(element).breakpoints is AbstractElement.breakpoints
-            smooth, kind = not silent or not _compares_time(element), type(element)
+            smooth, kind = not silent or not compares_time(element), type(element)
             expected = f"smooth in time, or declare its breakpoints, {PURPOSE}"
             remedy = f"give its class a method {BREAKPOINTS}, or () if there are none"
             require(smooth, argument, kind.__name__, expected, remedy)
@@ -90,37 +90,17 @@ def _undeclared_functions_of_time(element: AbstractElement) -> list[AbstractFunc
 
 
 @cached_by_numbers
-def _compares_time(part: AbstractFunctionOfTime | AbstractElement) -> bool:
+def compares_time(part: AbstractFunctionOfTime | AbstractElement) -> bool:
     """Return whether a function of time, or the forces or constraint rates of an element, may have
     a jump or a kink, because they depend on an operation that compares, rounds or clips a number
     that depends on time.
 
     The function or element is as in the scene that the user made, with vectors as arrays (3,).
     """
+    part = unpack(part)
     if isinstance(part, AbstractFunctionOfTime):
-        return _depends(program_of(unpack(part), 0.0)[0].jaxpr, 0, KINKED)
-    return compares_time(unpack(part))
-
-
-def compares_time(element: AbstractElement) -> bool:
-    """Return whether the forces or constraint rates of an element may have a jump or a kink in
-    time, because they depend on an operation that compares, rounds or clips a number that depends
-    on time.
-
-    **Arguments:** `element`: a force, driver or joint, whose vectors are three separate scalars
-    each.
-    """
-    return _depends(_program_of_element(element), 0, KINKED)
-
-
-def may_jump_by_motion(element: AbstractElement) -> bool:
-    """Return whether the forces or constraint rates of an element may jump at some position or
-    velocity, because they depend on an operation that compares or rounds such a number.
-
-    **Arguments:** `element`: a force, driver or joint, whose vectors are three separate scalars
-    each.
-    """
-    return _depends(_program_of_element(element), 1, JUMPING)
+        return _branches(program_of(part, 0.0)[0].jaxpr, [True], KINKED)
+    return _branches(_program_of_element(part), [True, False], KINKED)
 
 
 def _program_of_element(element: AbstractElement) -> Jaxpr:
@@ -134,59 +114,38 @@ def _program_of_element(element: AbstractElement) -> Jaxpr:
     def outputs(t: Scalar, number: Scalar) -> PyTree[Scalar]:
         vector = Vector(number, number, number)
         motion = Motion(vector, Matrix(vector, vector, vector), vector, vector)
-        return _outputs(element, dict.fromkeys((*element.body_names(), GROUND), motion), t)
+        motions = dict.fromkeys((*element.body_names(), GROUND), motion)
+        if isinstance(element, AbstractForce):
+            return element.wrenches(motions, t)
+        assert isinstance(element, AbstractConstraint | AbstractContactJoint)
+        # The equations of motion contain constraints by their rates, and not by their values.
+        rows = element.rows(motions, t).values()
+        return [(row.jacobian, row.bias, row.time_rate) for row in rows]
 
     return program_of(outputs, 0.0, 1.0)[0].jaxpr
 
 
-def _outputs(element: AbstractElement, motions: dict[str, Motion], t: Scalar) -> PyTree[Scalar]:
-    """Return the numbers of an element on which the equations of motion depend.
+def _branches(program: Jaxpr, chosen: list[bool], primitives: frozenset[str]) -> bool:
+    """Return whether the results of a program depend on one of `primitives`, or on an operation
+    whose result is not a float, such as a comparison, applied to a variable that depends on one of
+    the `chosen` arguments.
 
-    For a force these are the wrenches on the bodies. For a constraint they are the Jacobian, the
-    bias and the time rate of each equation, but not its value, since the equations of motion
-    contain constraints by their rates only.
+    **Arguments:** `program`: the traced program; `chosen`: for each of its arguments whether it is
+    chosen; `primitives`: names of JAX primitives.
     """
-    if isinstance(element, AbstractForce):
-        return element.wrenches(motions, t)
-    assert isinstance(element, AbstractConstraint | AbstractContactJoint)
-    rows = element.rows(motions, t).values()
-    return [(row.jacobian, row.bias, row.time_rate) for row in rows]
-
-
-def _needed(program: Jaxpr) -> list[JaxprEqn]:
-    """Return those equations of a traced program on which its results depend, in order.
-
-    The others are dead code, such as comparisons in the value of a constraint, which is not used.
-    """
-    wanted, needed = {v for v in program.outvars if not isinstance(v, Literal)}, []
-    for equation in reversed(program.eqns):
-        if not wanted.isdisjoint(equation.outvars):
-            needed.append(equation)
-            wanted.update(v for v in equation.invars if not isinstance(v, Literal))
-    return needed[::-1]
-
-
-def _depends(program: Jaxpr, argument: int, primitives: frozenset[str]) -> bool:
-    """Return whether the results of a program depend on an operation that `_branches` finds, on a
-    variable that depends on the argument with this index."""
-    return _branches(_needed(program), {program.invars[argument]}, primitives)
-
-
-def _branches(equations: list[JaxprEqn], causes: set[Var], primitives: frozenset[str]) -> bool:
-    """Return whether a program applies one of `primitives`, or an operation whose result is not a
-    float, such as a comparison, to a variable that depends on one of `causes`.
-
-    **Arguments:** `equations`: the program's equations, in order; `causes`: variables of the
-    program; `primitives`: names of JAX primitives.
-    """
-    causes = set(causes)
-    for equation in equations:
+    causes = {v for v, is_chosen in zip(program.invars, chosen, strict=True) if is_chosen}
+    # Dead code is left out, such as comparisons in the value of a constraint, which is not used.
+    needed, _ = partial_eval.dce_jaxpr(program, [True] * len(program.outvars))
+    for equation in needed.eqns:
         which = [not isinstance(v, Literal) and v in causes for v in equation.invars]
         if not any(which):
             continue
         # Results that are not floats are those of comparisons, of conversions to whole numbers and
         # the like, which jump.
-        real = all(_is_real(v.aval) for v in equation.outvars)
+        real = all(
+            isinstance(v.aval, ShapedArray) and jnp.issubdtype(v.aval.dtype, jnp.inexact)
+            for v in equation.outvars
+        )
         if equation.primitive.name in primitives or not real:
             return True
         # Programs in the parameters of the equation, such as the body of a loop.
@@ -195,24 +154,16 @@ def _branches(equations: list[JaxprEqn], causes: set[Var], primitives: frozenset
             # Arguments correspond one to one for calls. For loops and conditionals the assignment
             # differs by primitive; all inner arguments then count as dependent.
             passed = which if len(inner.invars) == len(which) else [True] * len(inner.invars)
-            inner_causes = {v for v, depends in zip(inner.invars, passed, strict=True) if depends}
-            if _branches(_needed(inner), inner_causes, primitives):
+            if _branches(inner, passed, primitives):
                 return True
         causes.update(equation.outvars)
     return False
-
-
-def _is_real(value: AbstractValue) -> bool:
-    """Return whether a traced value is an array of floats."""
-    return isinstance(value, ShapedArray) and jnp.issubdtype(value.dtype, jnp.inexact)
 
 
 def _is_program(part: object) -> bool:
     return isinstance(part, Jaxpr | ClosedJaxpr)
 
 
-PACKAGE = __name__.split(".")[0] + "."
-"""Beginning of the names of this package's modules."""
 STEEPEST = 4.0
 """Largest change of a smooth rate over a step, as a multiple of the sum of the changes that the
 slopes at both ends of the step predict. The change of a smooth rate is about half of this sum. The
@@ -231,11 +182,15 @@ def may_have_undeclared_jump(scene: Scene) -> bool:
     it either compares numbers of the motion or is a contact joint. All contact joints count,
     because the search for comparisons covers their constraint rows but not their contact forces.
     """
-    elements = [*scene.joints.values(), *scene.forces.values()]
+
+    def is_foreign(part: PyTree) -> bool:
+        return isinstance(part, eqx.Module) and not is_of_package(part)
+
     return any(
-        isinstance(element, AbstractContactJoint) or may_jump_by_motion(element)
-        for element in elements
-        if any(not type(part).__module__.startswith(PACKAGE) for part in _modules(element))
+        isinstance(element, AbstractContactJoint)
+        or _branches(_program_of_element(element), [False, True], JUMPING)
+        for element in [*scene.joints.values(), *scene.forces.values()]
+        if any(map(is_foreign, jax.tree.leaves(element, is_leaf=is_foreign)))
     )
 
 
@@ -272,16 +227,3 @@ def has_undeclared_jump(method: Method, system: System, step: Step, trial: Trial
         for a, b, da, db, size in zip(*leaves, magnitudes, strict=True)
     ]
     return reduce(or_, jumps) & ~any_changes(system.scene, step.contact_gaps, trial.gaps)
-
-
-def _modules(part: object) -> Iterator[eqx.Module]:
-    """Yield all equinox modules in a PyTree, also those inside lists, dictionaries and other
-    modules."""
-    if isinstance(part, eqx.Module):
-        yield part
-        part = vars(part)
-    if isinstance(part, dict):
-        part = list(part.values())
-    if isinstance(part, list | tuple):
-        for inner in part:
-            yield from _modules(inner)

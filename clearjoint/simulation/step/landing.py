@@ -74,14 +74,14 @@ class Landing(eqx.Module):
         the event.
         """
         inwards = _inwards(gap)
-        # In the direction towards the event, `away` is the distance from it, and `rate` and `bend`
-        # are speed and acceleration. The event is at the time t with away = rate t + bend t^2 / 2.
+        # In the direction towards the event, `away` is the distance from it. The event is at the
+        # time t with away = speed t + acceleration t^2 / 2.
         away = 0.5 * self._depth(gap.rate) + jnp.abs(gap.depth)
-        rate, bend = inwards * gap.rate, inwards * second_rate
-        square = rate * rate + 2.0 * bend * away
-        # t = 2 away / (rate + sqrt(square)) is the smaller root, without cancellation for small
-        # bends. Where there is no root, the square root gets 1 so that derivatives stay finite.
-        slope = rate + jnp.sqrt(jnp.where(square > 0.0, square, 1.0))
+        speed, acceleration = inwards * gap.rate, inwards * second_rate
+        square = speed * speed + 2.0 * acceleration * away
+        # t = 2 away / (speed + sqrt(square)) is the smaller root, without cancellation for small
+        # accelerations. Without a root, the square root gets 1 so that derivatives stay finite.
+        slope = speed + jnp.sqrt(jnp.where(square > 0.0, square, 1.0))
         meets = (square > 0.0) & (slope > 0.0)
         return jnp.where(meets, 2.0 * away / jnp.where(meets, slope, 1.0), jnp.inf)
 
@@ -126,10 +126,18 @@ class Landing(eqx.Module):
 
         **Arguments:** `start`, `end`: the contact's gap at the start and end of the step.
         """
-        inwards = _inwards(start)
-        # If the gap turns back within the step, its turning point replaces the end of the step:
-        # the event is between the start and there.
-        grazes, x, inner = self._turning(start, end, h, inwards)
+        inwards, turns = _inwards(start), _turns(start, end)
+        # Zero of the rate, interpolated linearly; its error matters little at an extremum.
+        x = start.rate / jnp.where(turns, start.rate - end.rate, 1.0)
+        ends = Slope(start.depth, start.rate), Slope(end.depth, end.rate)
+        inner = ContactGap(hermite_value(x, *ends, h), hermite_rate(x, *ends, h))
+        # A contact may begin and end within one step, or end and begin. The penetrations at both
+        # ends of the step then have the same sign, or that at the end is within the tolerance. A
+        # contact, or a flight, that remains within the tolerance is ignored.
+        beyond = inwards * inner.depth > self.tolerance
+        grazes = turns & beyond & (inwards * end.depth <= self.tolerance)
+        # If so, the turning point replaces the end of the step: the event is between the start and
+        # there.
         end = ContactGap(
             jnp.where(grazes, inner.depth, end.depth), jnp.where(grazes, inner.rate, end.rate)
         )
@@ -141,31 +149,6 @@ class Landing(eqx.Module):
         passes = inwards * end.depth > depth
         length = jnp.where(grazes, x, 1.0)
         return jnp.where(passes, length * hermite_root(*shifted, length * h), 1.0)
-
-    def _turning(
-        self, start: ContactGap, end: ContactGap, h: Scalar, inwards: Scalar
-    ) -> tuple[Scalar, Scalar, ContactGap]:
-        """Return whether a contact both begins and ends, or both ends and begins, within one step
-        of length h, s.
-
-        Its penetrations at both ends of the step then have the same sign, or that at the end is
-        within the tolerance, so that a check of the ends alone would miss both events.
-
-        **Arguments:** `start`, `end`: the contact's gap at the start and end of the step;
-        `inwards`: sign that the penetration has between the two events.
-
-        **Returns:** the condition; the fraction of the step at which the penetration is extreme;
-        and the gap there.
-        """
-        turns = _turns(start, end)
-        # Zero of the rate, interpolated linearly; its error matters little at an extremum.
-        x = start.rate / jnp.where(turns, start.rate - end.rate, 1.0)
-        ends = Slope(start.depth, start.rate), Slope(end.depth, end.rate)
-        inner = ContactGap(hermite_value(x, *ends, h), hermite_rate(x, *ends, h))
-        # A contact, or a flight, that remains within the tolerance is ignored. A penetration beyond
-        # the tolerance at the end needs no turning point: the check of the ends finds this event.
-        beyond = inwards * inner.depth > self.tolerance
-        return turns & beyond & (inwards * end.depth <= self.tolerance), x, inner
 
 
 def _inwards(gap: ContactGap) -> Scalar:

@@ -22,6 +22,7 @@ from ...dynamics.system import System
 from ...math.vectors import Condition, Scalar
 from .step_state import Attempt, Method, Step, choose
 from .stepping import attempt
+from .trial_step import all_finite
 
 CHECKPOINTS = 300
 """Number of checkpoints if the argument `adjoint` of `simulate` does not specify it. A run of 894
@@ -84,7 +85,7 @@ class Loops(eqx.Module):
         # The state before each item is stored, and all else is computed again in the reverse pass.
         return jax.lax.scan(jax.checkpoint(body, prevent_cse=False), start, items)
 
-    def closed(self, outcome: Carry) -> Carry:
+    def guarded(self, outcome: Carry) -> Carry:
         """Return the final result of a run unchanged, but such that reverse-mode differentiation
         raises a `RuntimeError` that names the remedy, if the loops do not support this mode."""
         if self.checkpoints is None:
@@ -124,20 +125,19 @@ def _(primals: tuple[PyTree, ...], tangents: tuple[PyTree, ...]) -> tuple[Attemp
     **Arguments:** `primals`: the arguments of the attempt; `tangents`: their derivatives, ``None``
     for those that are not differentiated.
     """
-
-    def tangent(primal: PyTree, tangent: PyTree) -> PyTree:
-        missing = tangent is None and eqx.is_inexact_array(primal)
-        return jnp.zeros_like(primal) if missing else tangent
-
-    tangents = jax.tree.map(tangent, primals, tangents, is_leaf=lambda leaf: leaf is None)
     # Only arrays of floats are differentiated; the rest passes through unchanged.
     inputs, others = eqx.partition(primals, eqx.is_inexact_array)
+    tangents = jax.tree.map(
+        eqxi.materialise_zeros, inputs, tangents, is_leaf=lambda leaf: leaf is None
+    )
 
     def numbers(inputs: PyTree) -> tuple[PyTree, PyTree]:
         return eqx.partition(_attempt(*eqx.combine(inputs, others)), eqx.is_inexact_array)
 
     outcome, derivative, rest = jax.linearize(numbers, inputs, has_aux=True)
-    finite = _is_finite(outcome.information)
+    # Derivatives of a trial contain products of its numbers, so they may overflow where the numbers
+    # themselves do not.
+    finite = all_finite(jax.tree.map(jnp.square, outcome.information))
 
     def gated(tree: Carry) -> Carry:
         return jax.tree.map(lambda leaf: jnp.where(finite, leaf, 0.0), tree)
@@ -148,16 +148,3 @@ def _(primals: tuple[PyTree, ...], tangents: tuple[PyTree, ...]) -> tuple[Attemp
     along = gated(derivative(gated(tangents)))
     step = choose(finite, along.step, tangents[2])
     return eqx.combine(outcome, rest), replace(along, step=step)
-
-
-def _is_finite(tree: PyTree[Scalar]) -> Condition:
-    """Return whether all numbers of a PyTree, and their squares, are finite.
-
-    Derivatives of a trial contain products of its numbers, so they may overflow where the numbers
-    themselves do not. Each square is multiplied by zero, which gives NaN for an infinity or a NaN,
-    and the products are added.
-    """
-    total: Scalar = 0.0
-    for leaf in jax.tree.leaves(tree):
-        total = total + jnp.sum(leaf * leaf) * 0.0
-    return total == 0.0

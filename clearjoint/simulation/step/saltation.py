@@ -65,7 +65,16 @@ def across_contacts(
     def corrected(y: Variables) -> Variables:
         """Return y + (f+ - f-) tau, summed over the contacts."""
         times = _contact_times(system.scene, before, system.contact_gaps(y.motion))
-        forces = _mean_forces(system, y, entry_speeds)
+        motions, joints = system.motions(y.motion), system.scene.contact_joints()
+        contacts = {name: joints[name].contacts(motions) for name in times}
+
+        def force(name: str, label: str) -> LoadedContact:
+            speed, bristles = entry_speeds.get(name, {}).get(label), y.bristles.get(name, {})
+            contact = contacts[name][label]
+            return _mean_force(joints[name], label, contact, speed, motions, bristles)
+
+        # Those of contacts without an event in this step are computed too, and have no effect.
+        forces = each_label(force, times)
 
         def rates(times: ByLabel[Scalar]) -> Variables:
             # Each force times the time for which the step lacks it.
@@ -138,26 +147,6 @@ def _contact_times(scene: Scene, before: ContactGaps, after: ContactGaps) -> ByL
         return jnp.where(moves, jnp.where(end.depth > 0.0, since, -since), 0.0)
 
     return each_label(time, _jumping_contacts(scene))
-
-
-def _mean_forces(system: System, y: Variables, entry_speeds: EntrySpeeds) -> ByLabel[LoadedContact]:
-    """Return the mean force of each contact that may jump, by joint and contact, over the time from
-    the event to the end of the step.
-
-    The mean is found for all these contacts, also for those without an event in this step.
-
-    **Arguments:** `y`: variables at the end of the step; `entry_speeds`: m/s, at its start.
-    """
-    motions, jumping = system.motions(y.motion), _jumping_contacts(system.scene)
-    joints = {name: system.scene.contact_joints()[name] for name in jumping}
-    contacts = {name: joint.contacts(motions) for name, joint in joints.items()}
-
-    def force(name: str, label: str) -> LoadedContact:
-        speed, bristles = entry_speeds.get(name, {}).get(label), y.bristles.get(name, {})
-        contact = contacts[name][label]
-        return _mean_force(joints[name], label, contact, speed, motions, bristles)
-
-    return each_label(force, jumping)
 
 
 def _mean_force(

@@ -17,6 +17,7 @@ from ...fields.checks import (
     require,
     require_count,
     require_positive,
+    require_type,
 )
 from ...fields.types import ArrayLike, Column
 from ...math.vectors import Scalar
@@ -202,9 +203,8 @@ def settings_or(settings: Settings | None, default: Settings) -> Settings:
 
     **Raises:** `ValueError` if `settings` is of another type.
     """
-    kind = type(settings).__name__
     remedy = "pass cj.Settings(rtol=1e-8), say, or one of cj.presets"
-    require(isinstance(settings, Settings | None), "settings", kind, "Settings or None", remedy)
+    require_type("settings", settings, Settings | None, "Settings or None", remedy)
     return default if settings is None else settings
 
 
@@ -300,9 +300,7 @@ def rounding(start: Scalar, end: Scalar, times: ArrayLike) -> Scalar:
 
     The least precise floating-point type among the arguments determines the rounding error.
     """
-    precision = 0.0
-    for value in (start, end, times):
-        kind = value.dtype if isinstance(value, jax.Array) else np.asarray(value).dtype
-        kind = kind if jnp.issubdtype(kind, jnp.floating) else np.dtype(float)
-        precision = max(precision, float(jnp.finfo(kind).eps))
+    arrays = [v if isinstance(v, jax.Array) else np.asarray(v) for v in (start, end, times)]
+    kinds = [v.dtype if jnp.issubdtype(v.dtype, jnp.floating) else float for v in arrays]
+    precision = max(float(jnp.finfo(kind).eps) for kind in kinds)
     return ROUNDINGS * precision * (abs(start) + abs(end))

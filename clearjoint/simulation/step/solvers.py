@@ -11,7 +11,7 @@ derivatives of the variables.
 """
 
 from collections.abc import Callable, Sequence
-from functools import cache, reduce
+from functools import cache, partial, reduce
 from typing import TypeAlias, TypeVar
 
 import diffrax
@@ -31,8 +31,8 @@ Weights = Float[np.ndarray, " n"]
 Y = TypeVar("Y")
 """A PyTree with the variables of a run, or with their rates, per s."""
 DenseInformation: TypeAlias = dict[str, PyTree[Scalar]]
-"""Data from which a solver computes dense output. For `UnrolledExplicit`, "y0" and "y1" are the
-variables at the start and end of the step, and "stages" is a tuple with the rates in each stage,
+"""Data from which a solver computes dense output. For `UnrolledExplicit`, "y0" are the
+variables at the start of the step, and "stages" is a tuple with the rates in each stage,
 multiplied by the slope of the time map if the step has one. Other solvers use other names."""
 
 
@@ -52,14 +52,7 @@ class UnrolledExplicit(diffrax.AbstractSolver):
     def interpolation_cls(self) -> Callable[..., "DenseOutput"]:  # pyright: ignore[reportIncompatibleVariableOverride]
         """Function that returns the dense output of a step. Its arguments are the start and end of
         the step, `t0` and `t1`, s, and the items of `DenseInformation`."""
-        return self._interpolation
-
-    def _interpolation(
-        self, *, t0: Scalar, t1: Scalar, y0: Y, y1: Y, stages: tuple[Y, ...]
-    ) -> "DenseOutput":
-        # diffrax passes the variables at the end of the step too; they follow from the stages.
-        del y1
-        return DenseOutput(self.method, t0, t1, y0, stages)
+        return partial(DenseOutput, self.method)
 
     def order(self, terms: diffrax.ODETerm) -> int | None:
         """Return the order of convergence of the method."""
@@ -79,10 +72,10 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         del t1
         return terms.vf(t0, y0, args)
 
-    def information_like(self, y: Y) -> "DenseInformation":
+    def information_like(self, y: PyTree) -> "DenseInformation":
         """Return a placeholder with the structure and shapes of the data for dense output of a step
         of the variables `y`. Its numbers have no meaning. A loop needs it as its initial value."""
-        return {"y0": y, "y1": y, "stages": (y,) * self.method.tableau.num_stages}  # pyright: ignore[reportAttributeAccessIssue]
+        return {"y0": y, "stages": (y,) * self.method.tableau.num_stages}  # pyright: ignore[reportAttributeAccessIssue]
 
     def step(
         self,
@@ -131,7 +124,7 @@ class UnrolledExplicit(diffrax.AbstractSolver):
             last = terms.vf(t1, y1, args)
         # The weights are the differences between those of the two embedded methods.
         error = jax.tree.map(lambda *rates: h * _weighted(tableau.b_error, rates), *stages)
-        information = {"y0": y0, "y1": y1, "stages": tuple(stages)}
+        information = {"y0": y0, "stages": tuple(stages)}
         return y1, error, information, last, diffrax.RESULTS.successful
 
 

@@ -121,12 +121,8 @@ def magnitudes(y: Variables) -> Variables:
     def of_body(node: PyTree) -> PyTree:
         if not isinstance(node, BodyState):
             return node
-        return BodyState(
-            largest_component(node.position),
-            node.orientation,
-            largest_component(node.velocity),
-            node.spin,
-        )
+        position, velocity = map(largest_component, (node.position, node.velocity))
+        return replace(node, position=position, velocity=velocity)
 
     sizes = jax.tree.map(of_body, y, is_leaf=lambda node: isinstance(node, BodyState))
 

@@ -40,7 +40,7 @@ from ...math.vectors import Condition, Scalar
 from ...model.joints.base import ByLabel, each_label
 from ...result_codes import RESULTS
 from .acceptance import decide_step
-from .breakpoint_events import across_breakpoints, joints_have_breakpoints
+from .breakpoint_events import across_breakpoints
 from .method import SystemFamily
 from .saltation import across_contacts, contacts_jump, slopes_jump
 from .solvers import UnrolledExplicit
@@ -69,8 +69,6 @@ processor time for chains of 12, 24 and 48 ideal revolute joints about parallel 
 and 55 000 operations). XLA writes out all stages: it took 53 and 264 s for the first two chains,
 and more than 8 GB of memory for the last.
 """
-OPERATIONS_WITH_DERIVATIVES = 3
-"""Approximate number of operations of a step with derivatives, relative to a step without."""
 
 
 def start(
@@ -172,7 +170,8 @@ def shapes_of(equations: Callable[[], Shapes], derivatives: bool) -> Shapes:
     `derivatives`: whether steps carry tangents.
     """
     program, shapes = jax.make_jaxpr(equations, return_shape=True)()
-    operations = len(program.jaxpr.eqns) * (OPERATIONS_WITH_DERIVATIVES if derivatives else 1)
+    # A step with derivatives has about three times as many operations as a step without.
+    operations = len(program.jaxpr.eqns) * (3 if derivatives else 1)
     if operations > MANY_OPERATIONS:
         warnings.warn(
             f"A step of this scene has some {operations} operations for each stage of the solver: "
@@ -198,8 +197,8 @@ def attempt(
     the given state with a new proposal.
     """
     trial = try_step(method, system, step, end_of_step(method, system, step, t_end), family)
-    decision = decide_step(method, system, step, trial, t_end)
-    keep, inside = decision.keep, None
+    keep, proposal, result = decide_step(method, system, step, trial, t_end)
+    inside = None
     accepted = _accepted_state(method, system, family, step, trial, keep)
     if step.tangents is not None and trial.tangents is not None:
         inside = TangentsInside(step.tangents.entry_speeds, trial.tangents.information)
@@ -207,8 +206,8 @@ def attempt(
     # reject independently, and an accepted step of one lane must not depend on another lane.
     following = replace(
         choose(keep, accepted, step),
-        proposal=decision.proposal,
-        result=decision.result,
+        proposal=proposal,
+        result=result,
         attempts=step.attempts + 1,
     )
     return Attempt(
@@ -243,15 +242,43 @@ def _accepted_state(
     second_rates = _second_rates(method, system, y1, solver_state, gaps)
     # Those of a rejected trial may not be finite.
     second_rates = choose(keep, second_rates, step.second_rates)
-    entry_speeds = _entry_speeds_after(method, system, step, trial, keep, second_rates)
+    before, entry_speeds, tangents = step.contact_gaps, step.entry_speeds, None
+    if uses_entry_speed(system.scene):
+        at_onsets = second_rates
+        if not isinstance(method.solver, UnrolledExplicit):
+            # The solver's state does not contain the rates at the end of the step. One more
+            # evaluation is spent only where a contact begins, as nothing else uses them.
+            def end_second_rates() -> ByLabel[Scalar]:
+                args = system, step.entry_speeds
+                rates = term_of(method).vf(trial.t1, trial.outcome.y, args)
+                return system.second_rates(trial.outcome.y.motion, rates.motion)
+
+            begun = keep & begins(before, gaps)
+            at_onsets = jax.lax.cond(begun, end_second_rates, lambda: second_rates)
+        entry_speeds = updated_entry_speeds(system.scene, entry_speeds, before, gaps, at_onsets)
     y1, y_tangents = _across_discontinuities(method, system, family, step, trial, keep)
-    if joints_have_breakpoints(system.scene):
+    if any(name in system.scene.joints for name in breakpoints(system.scene)):
         # A driver with a kink makes velocities jump, and with them the rates of the gaps.
         gaps = system.contact_gaps(y1.motion)
-    tangents = None
     if family is not None:
-        assert y_tangents is not None
-        tangents = _tangents_after(family, step, trial, y_tangents, second_rates)
+        end, start = trial.tangents, step.tangents
+        assert end is not None and start is not None and y_tangents is not None
+
+        # The tangents of entry speeds neglect terms proportional to the penetration at the end of
+        # the step, because the second rates are treated as constants.
+        def entry_speeds_after(
+            system: System, y1: Variables, entry_speeds: EntrySpeeds
+        ) -> tuple[EntrySpeeds, None]:
+            after = system.contact_gaps(y1.motion)
+            scene = system.scene
+            return updated_entry_speeds(scene, entry_speeds, before, after, second_rates), None
+
+        # The derivatives are taken at the solver's result and not at the corrected one, because the
+        # entry speeds were computed from the solver's result.
+        _, _, entry_speed_tangents = family.pushed(
+            entry_speeds_after, (trial.outcome.y, step.entry_speeds), (end.y, start.entry_speeds)
+        )
+        tangents = Tangents(y_tangents, entry_speed_tangents, end.solver_state)
     return replace(
         step,
         t=trial.t1,
@@ -320,70 +347,6 @@ def _across_discontinuities(
     return y1, y_tangents
 
 
-def _tangents_after(
-    family: SystemFamily,
-    step: Step,
-    trial: Trial,
-    y_tangents: Variables,
-    second_rates: ByLabel[Scalar],
-) -> Tangents:
-    """Return the tangents at the end of a trial step, for the case that it is accepted.
-
-    The tangents of entry speeds neglect terms proportional to the penetration at the end of the
-    step, because the second rates are treated as constants.
-
-    **Arguments:** `step`: the state before the trial; `y_tangents`: tangents of the corrected
-    variables at the end of the step; `second_rates`: second time derivatives of penetrations there,
-    m/s^2.
-    """
-    end, start = trial.tangents, step.tangents
-    assert end is not None and start is not None
-
-    def entry_speeds_after(
-        system: System, y1: Variables, entry_speeds: EntrySpeeds
-    ) -> tuple[EntrySpeeds, None]:
-        gaps = step.contact_gaps, system.contact_gaps(y1.motion)
-        return updated_entry_speeds(system.scene, entry_speeds, *gaps, second_rates), None
-
-    # The derivatives are taken at the solver's result and not at the corrected one, because the
-    # entry speeds were computed from the solver's result.
-    _, _, entry_speed_tangents = family.pushed(
-        entry_speeds_after, (trial.outcome.y, step.entry_speeds), (end.y, start.entry_speeds)
-    )
-    return Tangents(y_tangents, entry_speed_tangents, end.solver_state)
-
-
-def _entry_speeds_after(
-    method: Method,
-    system: System,
-    step: Step,
-    trial: Trial,
-    keep: Condition,
-    second_rates: ByLabel[Scalar],
-) -> EntrySpeeds:
-    """Return the entry speeds after a trial step, m/s, by joint and contact, for the case that it
-    is accepted.
-
-    **Arguments:** `step`: the state before the trial; `keep`: whether it is accepted;
-    `second_rates`: second time derivatives of penetrations at its end, m/s^2, zero if the solver
-    keeps no rates.
-    """
-    if not uses_entry_speed(system.scene):
-        return step.entry_speeds
-    before, after, y1 = step.contact_gaps, trial.gaps, trial.outcome.y
-    if not isinstance(method.solver, UnrolledExplicit):
-        # The solver's state does not contain the rates at the end of the step. One more evaluation
-        # is spent only where a contact begins, as nothing else uses them.
-        zeros = second_rates
-
-        def end_second_rates() -> ByLabel[Scalar]:
-            rates = term_of(method).vf(trial.t1, y1, (system, step.entry_speeds))
-            return system.second_rates(y1.motion, rates.motion)
-
-        second_rates = jax.lax.cond(keep & begins(before, after), end_second_rates, lambda: zeros)
-    return updated_entry_speeds(system.scene, step.entry_speeds, before, after, second_rates)
-
-
 def _second_rates(
     method: Method, system: System, y: Variables, solver_state: SolverState, gaps: ContactGaps
 ) -> ByLabel[Scalar]:
@@ -413,16 +376,15 @@ def blank_attempt(
     if isinstance(method.solver, UnrolledExplicit):
         # The structure is known. To trace an attempt only for its shapes would take as long as
         # tracing the whole loop.
-        inside = None
+        like, inside = method.solver.information_like, None
         if step.tangents is not None:
-            information = method.solver.information_like(step.tangents.y)
-            inside = TangentsInside(step.tangents.entry_speeds, information)
+            inside = TangentsInside(step.tangents.entry_speeds, like(step.tangents.y))
         example = Attempt(
             step=step,
             kept=False,
             t_start=step.t,
             entry_speeds_start=step.entry_speeds,
-            information=method.solver.information_like(step.y),
+            information=like(step.y),
             time_map=time_map_of(method, step, step.t),
             tangents=inside,
         )

@@ -38,14 +38,17 @@ reject the trial."""
 def rates_of(
     system: System, y: Variables, entry_speeds: EntrySpeeds, t: Scalar, closed: Closed | None = None
 ) -> Variables:
-    """Return the time derivatives of all integrated variables `y` at the time t, s.
+    """Return the time derivatives of all integrated variables `y` at the time t, s, as arrays of
+    the type of `t`.
 
     **Arguments:** `entry_speeds`: m/s, by joint and contact; `closed`: whether each contact has a
     force, by joint and contact; by default those that penetrate do.
     """
     dynamics = system.dynamics(y.motion, entry_speeds, t, closed, y.bristles)
     powers = system.powers(dynamics, t)
-    return Variables(dynamics.variable_rates, powers, bristle_rates(dynamics))
+    rates = Variables(dynamics.variable_rates, powers, bristle_rates(dynamics))
+    # diffrax requires arrays in place of Python numbers.
+    return jax.tree.map(lambda rate: jnp.asarray(rate, dtype=jnp.result_type(t)), rates)
 
 
 def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
@@ -60,7 +63,7 @@ def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
     two breakpoints. If steps end at contact events, contacts stay open or closed as they are at the
     start of the step, so that the rates are smooth within it.
     """
-    traced_rates = traced_once(_rates)
+    traced_rates = traced_once(rates_of)
     lands = step is not None and method.landing is not None
     closed_contacts = closed(step.contact_gaps) if step is not None and lands else None
 
@@ -71,19 +74,6 @@ def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
         return traced_rates(system, y, entry_speeds, t, closed_contacts)
 
     return diffrax.ODETerm(rates)
-
-
-def _rates(
-    system: System,
-    y: Variables,
-    entry_speeds: EntrySpeeds,
-    t: Single,
-    closed_contacts: Closed | None,
-) -> Variables:
-    """Return the result of `rates_of` with arrays of the type of `t` in place of Python numbers, as
-    diffrax requires."""
-    rates = rates_of(system, y, entry_speeds, t, closed_contacts)
-    return jax.tree.map(lambda rate: jnp.asarray(rate, dtype=jnp.result_type(t)), rates)
 
 
 def error_order(method: Method) -> Single:
@@ -237,9 +227,7 @@ def _unless(finite: Condition, outcome: SolverStep, y: Variables) -> SolverStep:
     The step-size controller thus receives no NaN, and rejects the trial.
     """
     error = jax.tree.map(lambda e: jnp.where(finite, e, REJECTED_ERROR), outcome.error)
-    return SolverStep(
-        choose(finite, outcome.y, y), error, outcome.information, outcome.solver_state
-    )
+    return replace(outcome, y=choose(finite, outcome.y, y), error=error)
 
 
 def may_jump(method: Method, scene: Scene) -> bool:
