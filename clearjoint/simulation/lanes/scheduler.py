@@ -12,7 +12,7 @@ each lane tries one step.
 
 import threading
 import time
-from collections import defaultdict, deque
+from collections import OrderedDict, defaultdict, deque
 from collections.abc import Callable, Hashable, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
@@ -561,9 +561,10 @@ def _columns(
     return jax.lax.map(columns_of_row, rows)
 
 
-_LOOPS: dict[Hashable, LaneLoop] = {}
+_LOOPS: OrderedDict[Hashable, LaneLoop] = OrderedDict()
 """Native loops that this process has made, by structure, shapes, types and static values of the
-data of their lanes. Batches whose data agree in these share a loop."""
+data of their lanes. Batches whose data agree in these share a loop. (An entry in a plain `dict`
+would count as a change of the package's code, see `clearjoint.compilation.package_code`.)"""
 _LOOPS_LOCK = threading.Lock()
 
 
