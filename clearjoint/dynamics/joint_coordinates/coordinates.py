@@ -51,11 +51,11 @@ from ..coordinates import (
 )
 from .trees import (
     UPRIGHT,
-    Branch,
     FreeBranch,
     Inertia,
     JointedBranch,
     Link,
+    TreeBranch,
     central_inertia,
     forest,
     inertia,
@@ -122,7 +122,7 @@ class JointMechanics(AbstractMechanics):
             for first, last in self._trees
         ]
 
-    def _pairs(self) -> Iterator[tuple[Branch, Link]]:
+    def _pairs(self) -> Iterator[tuple[TreeBranch, Link]]:
         """Return an iterator over the pairs of each branch and its link."""
         return zip(self._branches, self._links, strict=True)
 
@@ -289,7 +289,7 @@ class JointMechanics(AbstractMechanics):
 
     def _per_branch(
         self, rates: Speeds
-    ) -> Iterator[tuple[Branch, MotionVariables, Speeds, Matrix]]:
+    ) -> Iterator[tuple[TreeBranch, MotionVariables, Speeds, Matrix]]:
         """Yield each branch with its variables, its rates u' relative to its carrier, and the axes
         of its tree, for given rates r."""
         links = zip(self._branches, self._per_link(rates), self._axes, strict=True)
@@ -414,6 +414,6 @@ class JointCoordinates(AbstractCoordinates):
         }
 
 
-def _branches(scene: Scene) -> list[Branch]:
+def _branches(scene: Scene) -> list[TreeBranch]:
     """Return the branches of all trees of a scene; a parent comes before its children."""
     return [branch for tree in forest(scene) for branch in tree]

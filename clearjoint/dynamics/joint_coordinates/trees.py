@@ -380,10 +380,10 @@ class JointedBranch:
         return JointState(state.position, other.speeds)
 
 
-Branch: TypeAlias = FreeBranch | JointedBranch
+TreeBranch: TypeAlias = FreeBranch | JointedBranch
 
 
-def forest(scene: Scene) -> list[list[Branch]]:
+def forest(scene: Scene) -> list[list[TreeBranch]]:
     """Return the trees of a scene, each as a list of branches.
 
     Ideal joints that would close a loop belong to no tree; they remain constraints. In each tree, a
@@ -395,7 +395,7 @@ def forest(scene: Scene) -> list[list[Branch]]:
     """
     # Each joint on the ground begins a tree of its own, since the ground does not move.
     placed = {GROUND}
-    trees: list[list[Branch]] = [[root] for root in _children(scene, GROUND, placed)]
+    trees: list[list[TreeBranch]] = [[root] for root in _children(scene, GROUND, placed)]
     for tree in trees:
         _grow(tree, scene, placed)
     # The bodies that are left have no joint to the ground. Those with an anchor are sorted first.
@@ -408,7 +408,7 @@ def forest(scene: Scene) -> list[list[Branch]]:
     return trees
 
 
-def _grow(tree: list[Branch], scene: Scene, placed: set[str]) -> None:
+def _grow(tree: list[TreeBranch], scene: Scene, placed: set[str]) -> None:
     """Append all further branches of a tree to it, breadth first, and add their bodies to
     `placed`."""
     for branch in tree:  # The loop also visits the branches that it appends.
