@@ -23,7 +23,7 @@ from clearjoint import (
     State,
     body_state,
 )
-from clearjoint.dynamics import equations_of_motion as dynamics
+from clearjoint.dynamics import system as dynamics
 from clearjoint.dynamics.bristles import initial_bristles
 from clearjoint.dynamics.contact_events import uses_entry_speed
 from clearjoint.dynamics.formulation import Formulation, Unstabilised

@@ -7,10 +7,10 @@ and their rates are the time derivatives; arguments and results of the type `Spe
 six numbers for each body.
 """
 
-from collections.abc import Callable
+from dataclasses import replace
 from typing import TypeAlias
 
-from ..math.rotations import euler_parameter_rates, rotation_matrix, turned
+from ..math.rotations import euler_parameter_rates, kept_unit, rotation_matrix, turned
 from ..math.vectors import ZERO, Matrix, Scalar, Vector
 from ..model.bodies import GROUND, GROUND_MOTION, NO_WRENCH, Body, BodyState, Wrench
 from ..model.joints.base import Motions, Row
@@ -22,9 +22,7 @@ from .coordinates import (
     Speeds,
     Wrenches,
     anchors,
-    body_with_speeds,
     free_motion,
-    normalised_body,
 )
 
 Bodies: TypeAlias = dict[str, BodyState]
@@ -59,7 +57,7 @@ class AbsoluteCoordinates(AbstractCoordinates):
         for name, (local, origin) in anchors(scene).items():
             body = bodies[name]
             position = (body.position + rotation_matrix(body.orientation) @ local) - origin
-            variables[name] = BodyState(position, body.orientation, body.velocity, body.spin)
+            variables[name] = replace(body, position=position)
         return variables
 
     def decode(self, scene: Scene, variables: Bodies) -> Bodies:
@@ -67,8 +65,7 @@ class AbsoluteCoordinates(AbstractCoordinates):
         of mass, m."""
         motions = self.motions(scene, variables)
         return {
-            name: BodyState(motions[name].position, body.orientation, body.velocity, body.spin)
-            for name, body in variables.items()
+            name: replace(body, position=motions[name].position) for name, body in variables.items()
         }
 
     def motions(self, scene: Scene, variables: Bodies) -> Motions:
@@ -85,12 +82,18 @@ class AbsoluteCoordinates(AbstractCoordinates):
     def without_drift(self, scene: Scene, variables: Bodies) -> Bodies:
         """Return the variables with Euler parameters whose norm is corrected to 1 if it has drifted
         (see `kept_unit`)."""
-        return {name: normalised_body(body) for name, body in variables.items()}
+        return {
+            name: replace(body, orientation=kept_unit(body.orientation))
+            for name, body in variables.items()
+        }
 
     def with_speeds(self, scene: Scene, variables: Bodies, others: Bodies) -> Bodies:
         """Return variables with the positions and orientations of `variables` and the velocities
         and spins of `others`."""
-        return {name: body_with_speeds(body, others[name]) for name, body in variables.items()}
+        return {
+            name: replace(body, velocity=others[name].velocity, spin=others[name].spin)
+            for name, body in variables.items()
+        }
 
 
 class AbsoluteMechanics(AbstractMechanics):
@@ -106,20 +109,21 @@ class AbsoluteMechanics(AbstractMechanics):
 
     def __init__(self, scene: Scene, variables: Bodies, motions: Motions):
         self._scene, self._variables, self.motions = scene, variables, motions
-        self._inverses = {name: _inverse_mass(body) for name, body in scene.bodies.items()}
+        self._inverses = {
+            name: (1.0 / body.mass, _inverse_inertia(body)) for name, body in scene.bodies.items()
+        }
 
     def free_rates(self, wrenches: Wrenches) -> Speeds:
         """Return the rates of the speeds, m/s^2 and rad/s^2, six for each body, under wrenches by
         name of body, gyroscopic moments and gravity, without the reactions of constraints."""
         fall = ZERO if self._scene.gravity is None else self._scene.gravity
-        rates: Speeds = []
+        loads: Wrenches = {}
         for name, body in self._scene.bodies.items():
             spin = self.motions[name].spin
-            gyroscopic = Wrench(ZERO, body.angular_momentum(spin).cross(spin))
-            load = wrenches[name] + gyroscopic
-            acceleration = self._inverses[name](load.force, load.moment)
-            rates += [*(acceleration.linear + fall), *acceleration.angular]
-        return rates
+            gyroscopic = body.angular_momentum(spin).cross(spin)
+            loads[name] = wrenches[name] + Wrench(ZERO, gyroscopic)
+        accelerations = self.accelerations(self.solved(self.projected(loads))).values()
+        return [part for one in accelerations for part in (*(one.linear + fall), *one.angular)]
 
     def projected(self, wrenches: Wrenches) -> Speeds:
         """Return the generalised forces of wrenches by name of body. Since H is the identity, they
@@ -133,8 +137,8 @@ class AbsoluteMechanics(AbstractMechanics):
         over mass, m/s^2, and inverse inertia times moment, rad/s^2."""
         rates: Speeds = []
         for name, load in by_body(self._scene, forces).items():
-            acceleration = self._inverses[name](load.linear, load.angular)
-            rates += [*acceleration.linear, *acceleration.angular]
+            inverse_mass, inverse_inertia = self._inverses[name]
+            rates += [*(load.linear * inverse_mass), *(inverse_inertia @ load.angular)]
         return rates
 
     def bias(self, row: Row) -> Scalar:
@@ -176,7 +180,7 @@ class AbsoluteMechanics(AbstractMechanics):
                 arm_change = change.angular.cross(motion.anchor.local)
                 shift = shift + motion.direction(arm_change)
             orientation = turned(body.orientation, change.angular)
-            bodies[name] = BodyState(body.position + shift, orientation, body.velocity, body.spin)
+            bodies[name] = replace(body, position=body.position + shift, orientation=orientation)
         return bodies
 
     def after_speed_change(self, changes: Speeds) -> Bodies:
@@ -186,7 +190,7 @@ class AbsoluteMechanics(AbstractMechanics):
         for name, change in by_body(self._scene, changes).items():
             body = self._variables[name]
             velocity, spin = body.velocity + change.linear, body.spin + change.angular
-            bodies[name] = BodyState(body.position, body.orientation, velocity, spin)
+            bodies[name] = replace(body, velocity=velocity, spin=spin)
         return bodies
 
 
@@ -202,14 +206,9 @@ def by_body(scene: Scene, numbers: Speeds) -> dict[str, BodyAcceleration]:
     }
 
 
-def _inverse_mass(body: Body) -> Callable[[Vector, Vector], BodyAcceleration]:
-    """Return the function that maps a force, N, and a moment, N m in body axes, on a free body to
-    the body's acceleration, without gyroscopic terms."""
-    inverse, inertia = 1.0 / body.mass, body.inertia
-    if isinstance(inertia, Matrix):
-        tensor = inertia.inverse()
-        return lambda force, moment: BodyAcceleration(force * inverse, tensor @ moment)
-    principal = Vector(1.0 / inertia.x, 1.0 / inertia.y, 1.0 / inertia.z)
-    return lambda force, moment: BodyAcceleration(
-        force * inverse, moment.componentwise_product(principal)
-    )
+def _inverse_inertia(body: Body) -> Matrix:
+    """Return the inverse of a body's inertia, 1/(kg m^2), in body axes."""
+    if isinstance(body.inertia, Matrix):
+        return body.inertia.inverse()
+    x, y, z = body.inertia
+    return Matrix(Vector(1.0 / x, 0.0, 0.0), Vector(0.0, 1.0 / y, 0.0), Vector(0.0, 0.0, 1.0 / z))

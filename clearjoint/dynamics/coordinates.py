@@ -18,7 +18,7 @@ import equinox as eqx
 import jax
 from jaxtyping import PyTree
 
-from ..math.rotations import kept_unit, rotation_matrix
+from ..math.rotations import rotation_matrix
 from ..math.vectors import Scalar, Vector
 from ..model.bodies import Anchor, BodyState, Motion, Wrench
 from ..model.joints.base import Motions, Row
@@ -190,17 +190,6 @@ def anchors(scene: Scene) -> dict[str, tuple[Vector, Vector]]:
         if anchor is not None and anchor[0] not in points:
             points[anchor[0]] = anchor[1:]
     return points
-
-
-def normalised_body(body: BodyState) -> BodyState:
-    """Return the state of a body with Euler parameters whose norm is corrected to 1 if it has
-    drifted (see `kept_unit`)."""
-    return BodyState(body.position, kept_unit(body.orientation), body.velocity, body.spin)
-
-
-def body_with_speeds(body: BodyState, other: BodyState) -> BodyState:
-    """Return position and orientation of `body` with velocity and spin of `other`."""
-    return BodyState(body.position, body.orientation, other.velocity, other.spin)
 
 
 def free_motion(body: BodyState, anchor: tuple[Vector, Vector] | None) -> Motion:

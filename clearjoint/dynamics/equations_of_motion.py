@@ -9,13 +9,12 @@ equation with its Jacobian. The speeds are those of the chosen coordinates, and 
 time derivatives.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
-from ..math.linear_solvers import inner
-from ..math.vectors import Scalar, add
-from ..model.bodies import GROUND, NO_WRENCH, Body, Wrench
+from ..math.vectors import Scalar
+from ..model.bodies import GROUND, NO_WRENCH, Wrench
 from ..model.joints.base import ByLabel, Motions, Row
 from ..model.scene import Scene
 from .contact_forces import LoadedContact, contact_wrenches
@@ -27,8 +26,6 @@ from .coordinates import (
     Speeds,
     Wrenches,
 )
-from .formulation import Formulation
-from .multipliers import response, row_rate, row_weights
 
 
 @dataclass(frozen=True)
@@ -110,43 +107,3 @@ def flattened(rows: ByLabel[Row]) -> list[Row]:
     """Return all rows in one list, in the order of the dictionaries, which is also that of the
     multipliers."""
     return [row for family in rows.values() for row in family.values()]
-
-
-def solved(
-    formulation: Formulation,
-    bodies: Mapping[str, Body],
-    mechanics: AbstractMechanics,
-    forces: ByLabel[LoadedContact],
-    rows: ByLabel[Row],
-    rates: Speeds,
-) -> Dynamics:
-    """Return the solution of the equations of motion with constraints.
-
-    **Arguments:**
-
-    - `bodies`: of the scene, by name.
-    - `forces`: contact forces, which are already contained in `rates` and are only passed on to the
-      result.
-    - `rows`: constraint rows, by joint and label.
-    - `rates`: time derivatives of the speeds without constraints, to which the effect of the
-      constraints is added.
-    """
-    if not rows:
-        return Dynamics(mechanics, forces, rows, rates, {})
-    in_order = flattened(rows)
-    directions = [mechanics.projected(row.jacobian) for row in in_order]
-    # The reactions must change the second time derivative of each row by these targets: the value
-    # that the stabilisation demands, minus the part that does not depend on the rates, minus the
-    # part of the unconstrained rates.
-    targets = [
-        formulation.stabilisation.target(row.value, row_rate(row, mechanics.motions))
-        - add(row.bias, mechanics.bias(row))
-        - inner(direction, rates)
-        for row, direction in zip(in_order, directions, strict=True)
-    ]
-    weights = row_weights(bodies, in_order) if formulation.redundant else None
-    change, multipliers = response(mechanics, directions, targets, formulation.solver(), weights)
-    rates = [add(a, b) for a, b in zip(rates, change, strict=True)]
-    values = iter(multipliers)
-    by_label = {name: {label: next(values) for label in family} for name, family in rows.items()}
-    return Dynamics(mechanics, forces, rows, rates, by_label)

@@ -18,9 +18,8 @@ from ..compilation import HostFirst
 from ..fields.cautions import LeftBearingWarning, caution, quiet
 from ..fields.checks import caution_unless, require
 from ..fields.objects import on_device
-from ..math.rotations import rotation_matrix
-from ..math.vectors import ZERO, Condition, EulerParameters, Scalar, Vector, pack, unpack
-from ..model.bodies import GROUND, GROUND_MOTION, BodyState, Motion, State
+from ..math.vectors import ZERO, Condition, Scalar, pack, unpack
+from ..model.bodies import GROUND, GROUND_MOTION, BodyState, State
 from ..model.joints.base import AbstractConstraint, AbstractContactJoint, ByLabel
 from ..model.scene import Scene
 from ..native import Native
@@ -177,9 +176,19 @@ def slid_out(
     **Arguments:** `joints`: by name, each vector as three separate scalars or arrays (N,);
     `bodies`: N states of each body, by name, with a first axis of length N in each array.
     """
-    motions = {GROUND: GROUND_MOTION} | {name: _motions(body) for name, body in bodies.items()}
+    # NumPy is used so that nothing is compiled.
+    in_scalars = unpack(jax.tree.map(np.asarray, dict(bodies)), leading=1)
+    return {name: np.asarray(excess) for name, excess in _excesses(joints, in_scalars).items()}
+
+
+def _excesses(
+    joints: Mapping[str, AbstractContactJoint], bodies: Mapping[str, BodyState]
+) -> dict[str, Scalar]:
+    """Return the result of `slid_out` for states of the bodies in scalar form."""
+    free = {name: free_motion(body, None) for name, body in bodies.items()}
+    motions = {GROUND: GROUND_MOTION, **free}
     excesses = {name: joint.slid_out(motions) for name, joint in joints.items()}
-    return {name: np.asarray(excess) for name, excess in excesses.items() if excess is not None}
+    return {name: excess for name, excess in excesses.items() if excess is not None}
 
 
 def any_slid_out(scene: Scene, bodies: Mapping[str, BodyState]) -> Condition:
@@ -190,24 +199,9 @@ def any_slid_out(scene: Scene, bodies: Mapping[str, BodyState]) -> Condition:
     **Arguments:** `scene`, `bodies`: the scene, and the states of its bodies by name; each vector
     is three separate scalars.
     """
-    free = {name: free_motion(body, None) for name, body in bodies.items()}
-    motions = {GROUND: GROUND_MOTION, **free}
-    excesses = [joint.slid_out(motions) for joint in scene.contact_joints().values()]
-    beyond = [jnp.asarray(excess > 0.0) for excess in excesses if excess is not None]
+    excesses = _excesses(scene.contact_joints(), bodies).values()
+    beyond = [jnp.asarray(excess > 0.0) for excess in excesses]
     return reduce(jnp.logical_or, beyond, jnp.asarray(False))
-
-
-def _motions(body: BodyState) -> Motion:
-    """Return the motion of a body at N times, with NumPy arrays (N,) as components.
-
-    NumPy is used so that nothing is compiled.
-
-    **Arguments:** `body`: N states, as arrays (N, 3) and (N, 4).
-    """
-    parts = (body.position, body.orientation, body.velocity, body.spin)
-    columns = [np.moveaxis(np.asarray(part), -1, 0) for part in parts]
-    position, velocity, spin = (Vector(*columns[k]) for k in (0, 2, 3))
-    return Motion(position, rotation_matrix(EulerParameters(*columns[1])), velocity, spin)
 
 
 def _numbers(by_name: Mapping[str, Scalar]) -> dict[str, float]:

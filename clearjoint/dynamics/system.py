@@ -13,9 +13,10 @@ import jax
 import jax.numpy as jnp
 
 from ..math.groups import min_
-from ..math.vectors import ZERO, Condition, Scalar, is_zero
+from ..math.linear_solvers import inner
+from ..math.vectors import ZERO, Condition, Scalar, add, is_zero
 from ..model.bodies import BodyState, Motion
-from ..model.joints.base import ByLabel, Motions, Row
+from ..model.joints.base import ByLabel, Motions, Row, each_label
 from ..model.scene import Scene
 from .contact_events import ContactGap, ContactGaps, contact_gaps
 from .contact_forces import (
@@ -28,7 +29,7 @@ from .contact_forces import (
 )
 from .coordinates import AbstractMechanics, MotionVariables, Speeds
 from .energy import ledger_powers, mechanical_energy
-from .equations_of_motion import Dynamics, applied_wrenches, constraint_rows, flattened, solved
+from .equations_of_motion import Dynamics, applied_wrenches, constraint_rows, flattened
 from .formulation import Formulation
 from .grouping.condensing import grouped, whole
 from .multipliers import response, row_rate, row_weights
@@ -155,9 +156,21 @@ class System(eqx.Module):
         self, mechanics: AbstractMechanics, forces: ByLabel[LoadedContact], t: Scalar
     ) -> Dynamics:
         wrenches = applied_wrenches(self.scene, mechanics.motions, forces, self.clock(t))
-        rates = mechanics.free_rates(wrenches)
-        rows = self.rows(mechanics.motions, t)
-        return solved(self.formulation, self.scene.bodies, mechanics, forces, rows, rates)
+        rates, rows = mechanics.free_rates(wrenches), self.rows(mechanics.motions, t)
+        if not rows:
+            return Dynamics(mechanics, forces, rows, rates, {})
+        # The second time derivative of each row that the stabilisation demands, minus the part that
+        # does not depend on the rates.
+        targets = [
+            self.formulation.stabilisation.target(row.value, row_rate(row, mechanics.motions))
+            - add(row.bias, mechanics.bias(row))
+            for row in flattened(rows)
+        ]
+        change, multipliers = self._response(mechanics, flattened(rows), targets, rates)
+        rates = [add(a, b) for a, b in zip(rates, change, strict=True)]
+        values = iter(multipliers)
+        by_label = each_label(lambda name, label: next(values), rows)
+        return Dynamics(mechanics, forces, rows, rates, by_label)
 
     def rates(
         self,
@@ -236,8 +249,10 @@ class System(eqx.Module):
         """
         mechanics = self.mechanics(variables)
         rows = flattened(self.rows(mechanics.motions, t))
-        changes = self._correction(mechanics, rows, [-row.value for row in rows])
-        return variables if changes is None else mechanics.after_displacement(changes)
+        if not rows:
+            return variables
+        changes, _ = self._response(mechanics, rows, [-row.value for row in rows])
+        return mechanics.after_displacement(changes)
 
     def project_velocities(self, variables: MotionVariables, t: Scalar) -> MotionVariables:
         """Return the variables with corrected velocities, for which the constraints' rates are
@@ -247,23 +262,31 @@ class System(eqx.Module):
         """
         mechanics = self.mechanics(variables)
         rows = flattened(self.rows(mechanics.motions, t))
-        rates = [-row_rate(row, mechanics.motions) for row in rows]
-        changes = self._correction(mechanics, rows, rates)
-        return variables if changes is None else mechanics.after_speed_change(changes)
-
-    def _correction(
-        self, mechanics: AbstractMechanics, rows: Sequence[Row], targets: Sequence[Scalar]
-    ) -> Speeds | None:
-        """Return the smallest change of positions or speeds, in the metric of the mass matrix, that
-        changes the value or the rate of each row by its target; ``None`` without rows.
-
-        The result has one number for each speed of the coordinates.
-        """
         if not rows:
-            return None
+            return variables
+        targets = [-row_rate(row, mechanics.motions) for row in rows]
+        changes, _ = self._response(mechanics, rows, targets)
+        return mechanics.after_speed_change(changes)
+
+    def _response(
+        self,
+        mechanics: AbstractMechanics,
+        rows: Sequence[Row],
+        targets: Sequence[Scalar],
+        rates: Speeds | None = None,
+    ) -> tuple[Speeds, list[Scalar]]:
+        """Return the smallest change of positions, speeds or rates of the speeds, in the metric of
+        the mass matrix, by which each row reaches its target, and the multipliers of the rows.
+
+        **Arguments:** `rows`: at least one; `targets`: the change of each row's value or rate or,
+        with `rates`, its second time derivative, without the part that does not depend on them;
+        `rates`: rates of the speeds before the change.
+        """
         directions = [mechanics.projected(row.jacobian) for row in rows]
+        if rates is not None:
+            targets = [a - inner(d, rates) for a, d in zip(targets, directions, strict=True)]
         weights = row_weights(self.scene.bodies, rows) if self.formulation.redundant else None
-        return response(mechanics, directions, targets, self.formulation.solver(), weights)[0]
+        return response(mechanics, directions, targets, self.formulation.solver(), weights)
 
     def is_constrained(self, variables: MotionVariables, t: Scalar) -> bool:
         """Return whether any constraint remains that the coordinates do not eliminate."""
@@ -299,4 +322,5 @@ class System(eqx.Module):
             for contact in joint.contacts(motions).values():
                 if contact.gap.clearance is not None:
                     farthest = jnp.minimum(farthest, min_(contact.gap.clearance))
-        return functools.reduce(jnp.maximum, values) > farthest
+        # A violation that is not a number is larger than any limit.
+        return jnp.logical_not(functools.reduce(jnp.maximum, values) <= farthest)

@@ -138,7 +138,7 @@ def small_groups(monkeypatch):
     monkeypatch.setattr(condensing, "SMALLEST", 2)
 
     def forget():
-        monkeypatch.setattr(scheduler._LOOPS, "_loops", {})
+        scheduler._LOOPS.clear()
         modules = [m for name, m in sys.modules.items() if name.startswith("clearjoint.")]
         for found in [value for module in modules for value in vars(module).values()]:
             if isinstance(found, Native):

@@ -1,10 +1,15 @@
 """Assembly by projection, springs and loads against closed forms, and the axial policies."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import clearjoint as cj
 from clearjoint.dynamics.constraint_report import start_rows
+from clearjoint.dynamics.formulation import Formulation
+from clearjoint.dynamics.system import System
+from clearjoint.math.vectors import Vector, unpack
 
 
 def test_assembly_satisfies_positions_and_velocities():
@@ -116,3 +121,13 @@ def test_axial_policies_hold_the_journal_as_declared(axial, least, most):
     )
     slide = np.abs(_axial_offset(cj.observe(scene, solution))).max()
     assert least <= slide <= most
+
+
+@pytest.mark.parametrize(("shift", "violated"), [(0.0, False), (2e-3, True), (np.nan, True)])
+def test_a_violation_that_is_not_a_number_counts_as_violated(shift, violated):
+    scene, state = cj.mechanisms.four_bar()
+    system = System(unpack(scene), Formulation(cj.AbsoluteCoordinates()))
+    variables = system.encode(unpack(state.bodies))
+    name = next(iter(variables))
+    moved = replace(variables[name], position=variables[name].position + Vector(shift, 0.0, 0.0))
+    assert bool(system.constraints_violated({**variables, name: moved}, 0.0)) == violated

@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import clearjoint as cj
-from clearjoint.dynamics import equations_of_motion as dynamics
+from clearjoint.dynamics import system as dynamics
 from clearjoint.dynamics.constraint_report import constraint_report
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.system import System

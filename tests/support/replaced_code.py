@@ -21,7 +21,7 @@ FEATURES: Mapping[str, tuple[tuple[object, str], ...]] = MappingProxyType(
         "hinge": (
             (freedoms.Hinge, "rotation"),
             (freedoms.Hinge, "columns"),
-            (trees, "jointed_link"),
+            (trees.JointedBranch, "link"),
         ),
         "link on a link": ((trees.Inertia, "without"),),
         "clearance": (

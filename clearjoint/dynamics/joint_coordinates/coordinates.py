@@ -51,10 +51,11 @@ from ..coordinates import (
 )
 from .trees import (
     UPRIGHT,
-    AbstractBranch,
+    FreeBranch,
     Inertia,
     JointedBranch,
     Link,
+    TreeBranch,
     central_inertia,
     forest,
     inertia,
@@ -88,15 +89,15 @@ class JointMechanics(AbstractMechanics):
         index = {branch.body: k for k, branch in enumerate(self._branches)}
         self._parents = [index.get(branch.parent) for branch in self._branches]
         # In a free tree, all bodies fall alike: rates are relative to free fall, and gravity is
-        # added to the accelerations (`falls`). In a tree on the ground, gravity is a load on each
-        # body (`weights`). For each branch, `axes` is the rotation matrix of its tree's axes.
+        # added to the accelerations (`_falls`). In a tree on the ground, gravity is a load on each
+        # body (`_weights`). For each branch, `axes` is the rotation matrix of its tree's axes.
         self._axes: list[Matrix] = []
         self._falls: list[Vector] = []
         self._weights: list[Vector] = []
         for tree in trees:
             axes = motions[tree[0].body].rotation
             gravity = axes.transposed_times(self._gravity)
-            fall, weight = (gravity, ZERO) if tree[0].falls() else (ZERO, gravity)
+            fall, weight = (gravity, ZERO) if isinstance(tree[0], FreeBranch) else (ZERO, gravity)
             self._axes += [axes] * len(tree)
             self._falls += [fall] * len(tree)
             self._weights += [weight] * len(tree)
@@ -121,7 +122,7 @@ class JointMechanics(AbstractMechanics):
             for first, last in self._trees
         ]
 
-    def _pairs(self) -> Iterator[tuple[AbstractBranch, Link]]:
+    def _pairs(self) -> Iterator[tuple[TreeBranch, Link]]:
         """Return an iterator over the pairs of each branch and its link."""
         return zip(self._branches, self._links, strict=True)
 
@@ -288,7 +289,7 @@ class JointMechanics(AbstractMechanics):
 
     def _per_branch(
         self, rates: Speeds
-    ) -> Iterator[tuple[AbstractBranch, MotionVariables, Speeds, Matrix]]:
+    ) -> Iterator[tuple[TreeBranch, MotionVariables, Speeds, Matrix]]:
         """Yield each branch with its variables, its rates u' relative to its carrier, and the axes
         of its tree, for given rates r."""
         links = zip(self._branches, self._per_link(rates), self._axes, strict=True)
@@ -413,6 +414,6 @@ class JointCoordinates(AbstractCoordinates):
         }
 
 
-def _branches(scene: Scene) -> list[AbstractBranch]:
+def _branches(scene: Scene) -> list[TreeBranch]:
     """Return the branches of all trees of a scene; a parent comes before its children."""
     return [branch for tree in forest(scene) for branch in tree]

@@ -13,12 +13,18 @@ with the velocity of its point at the origin. "At constant speeds" means: the pa
 acceleration that remains if the time derivatives of all joint speeds are zero.
 """
 
-import abc
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TypeAlias
+from dataclasses import dataclass, replace
+from typing import ClassVar, TypeAlias
 
-from ...math.rotations import composed, conjugate, euler_parameter_rates, normalised, turned
+from ...math.rotations import (
+    composed,
+    conjugate,
+    euler_parameter_rates,
+    kept_unit,
+    normalised,
+    turned,
+)
 from ...math.vectors import (
     IDENTITY,
     NOTHING,
@@ -38,14 +44,7 @@ from ...model.bodies import GROUND, Body, BodyState, Motion
 from ...model.joints.base import AbstractConstraint
 from ...model.joints.motion_subspaces import AbstractMotionSubspace, JointState, Relative, Twist
 from ...model.scene import Scene
-from ..coordinates import (
-    MotionVariables,
-    Speeds,
-    anchors,
-    body_with_speeds,
-    free_motion,
-    normalised_body,
-)
+from ..coordinates import Speeds, anchors, free_motion
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,56 +72,6 @@ class Link:
 
 GROUND_LINK = Link(IDENTITY, ZERO, ZERO, ZERO, ZERO, NOTHING, ())
 """The ground, as the parent of links."""
-
-
-def free_link(spin: Vector) -> Link:
-    """Return the link of a free body with a given spin, rad/s, in body axes.
-
-    Its six speeds are the velocity of the centre of mass and the spin.
-    """
-    axes = UNIT_X, UNIT_Y, UNIT_Z
-    columns = [Twist(ZERO, axis) for axis in axes] + [Twist(axis, ZERO) for axis in axes]
-    return Link(IDENTITY, ZERO, spin, ZERO, ZERO, _gradient(spin, ZERO), tuple(columns))
-
-
-def jointed_link(
-    parent: Link | None, motion_subspace: AbstractMotionSubspace, state: JointState
-) -> Link:
-    """Return the link of a body that a joint carries on its parent.
-
-    **Arguments:** `parent`: link of the parent; ``None`` for the ground. `motion_subspace`: the
-    relative motions that the joint allows. `state`: coordinates and speeds of the joint.
-    """
-    # Rotation from the body's axes to the tree's, position of the joint's point on the parent, m,
-    # and acceleration of this point at constant speeds, m/s^2. The tree's axes are those of its
-    # root, and on the ground its origin is the joint's point.
-    rotation, point, bias = IDENTITY, ZERO, ZERO
-    if parent is None:
-        parent = GROUND_LINK
-    else:
-        rotation = parent.rotation @ motion_subspace.rotation(state.position)
-        to_joint = parent.rotation @ motion_subspace.point_parent
-        point, bias = parent.centre + to_joint, parent.bias + parent.gradient @ to_joint
-    # Relative motion in the joint, and its acceleration at constant speeds. Both are given in the
-    # axes of the carried body, so its own rotation leads to the tree's axes.
-    twist, joint_bias = motion_subspace.twist(state), motion_subspace.bias(state)
-    angular, linear = rotation @ twist.angular, rotation @ twist.linear
-    spin = parent.spin + angular
-    angular_bias = parent.angular_bias + parent.spin.cross(angular) + rotation @ joint_bias.angular
-    gradient = _gradient(spin, angular_bias)
-    # From the joint's point on the parent to the body's centre of mass: over the joint's point on
-    # the body. The displacement is fixed in the axes of the carried body, so that the Coriolis
-    # acceleration has the spin of this body, and `gradient` acts on the whole arm.
-    displacement = motion_subspace.displacement(state.position)
-    arm = rotation @ (displacement - motion_subspace.point_child)
-    coriolis = (spin * 2.0).cross(linear) + rotation @ joint_bias.linear
-    columns = []
-    for column in motion_subspace.columns(state.position):
-        # The velocity of the joint's point becomes that of the body's point at the origin.
-        axis, velocity = rotation @ column.angular, rotation @ column.linear
-        columns.append(Twist(axis, velocity + point.cross(axis)))
-    bias = bias + coriolis + gradient @ arm
-    return Link(rotation, point + arm, spin, angular_bias, bias, gradient, tuple(columns))
 
 
 def _gradient(spin: Vector, angular_bias: Vector) -> Matrix:
@@ -189,14 +138,8 @@ def central_inertia(body: Body, rotation: Matrix) -> Matrix:
 
     **Arguments:** `rotation`: matrix that maps components in body axes to the tree's axes.
     """
-    rows = (rotation.row_x, rotation.row_y, rotation.row_z)
-    images = [
-        body.inertia @ row
-        if isinstance(body.inertia, Matrix)
-        else row.componentwise_product(body.inertia)
-        for row in rows
-    ]
-    return _symmetric(lambda i, j: rows[i].dot(images[j]))
+    images = [body.angular_momentum(row) for row in rotation.rows]
+    return _symmetric(lambda i, j: rotation.rows[i].dot(images[j]))
 
 
 def inertia(body: Body, centre: Vector, central: Matrix) -> Inertia:
@@ -237,83 +180,7 @@ BodyPose: TypeAlias = tuple[EulerParameters, Motion]
 
 
 @dataclass(frozen=True)
-class AbstractBranch(abc.ABC):
-    """Base class of branches, with the conversions between the variables and the motion of a body.
-
-    - `body`, `parent`: names of the body and its parent.
-
-    In all methods, `state` is the variables of the body, and `axes` is the rotation matrix from the
-    axes of the tree's root body to global ones. Lists of the type `Speeds` have one entry for each
-    degree of freedom of the branch.
-    """
-
-    body: str
-    parent: str
-
-    @abc.abstractmethod
-    def encode(self, parent: BodyPose, body: BodyPose) -> MotionVariables:
-        """Return the variables of the body for given orientations and motions of the parent and the
-        body."""
-
-    @abc.abstractmethod
-    def orientation(self, parent: EulerParameters, state: MotionVariables) -> EulerParameters:
-        """Return the body's Euler parameters, computed from those of its parent."""
-
-    @abc.abstractmethod
-    def motion(self, parent: Motion, state: MotionVariables) -> Motion:
-        """Return pose and velocities of the body, computed from those of its parent."""
-
-    @abc.abstractmethod
-    def link(self, parent: Link | None, state: MotionVariables) -> Link:
-        """Return the body as a link of its tree.
-
-        A link has pose, spin and the accelerations at constant speeds, from which the mass matrix
-        and the forces of the tree are computed. Its vectors are in the axes of the tree's root
-        body, relative to the tree's origin.
-
-        **Arguments:** `parent`: the link of the body's parent; ``None`` if the body is the root,
-        whose parent is the ground.
-        """
-
-    @abc.abstractmethod
-    def rates(
-        self, state: MotionVariables, speeds: Speeds, axes: Matrix, gravity: Vector
-    ) -> MotionVariables:
-        """Return the time derivatives of the variables for given rates of the speeds.
-
-        **Arguments:** `speeds`: the time derivatives of the speeds, relative to the parent;
-        `gravity`: m/s^2, global.
-        """
-
-    @abc.abstractmethod
-    def after_displacement(
-        self, state: MotionVariables, changes: Speeds, axes: Matrix
-    ) -> MotionVariables:
-        """Return the variables after a small displacement along each speed, m or rad."""
-
-    @abc.abstractmethod
-    def after_speed_change(
-        self, state: MotionVariables, changes: Speeds, axes: Matrix
-    ) -> MotionVariables:
-        """Return the variables with a change, m/s or rad/s, added to each speed."""
-
-    @abc.abstractmethod
-    def without_drift(self, state: MotionVariables) -> MotionVariables:
-        """Return normalised variables of the same motion: unit Euler parameters, angles within two
-        turns."""
-
-    @abc.abstractmethod
-    def with_speeds(self, state: MotionVariables, other: MotionVariables) -> MotionVariables:
-        """Return variables with the positions of `state` and the speeds of `other`."""
-
-    @abc.abstractmethod
-    def falls(self) -> bool:
-        """Return whether the time derivatives of the speeds are relative to free fall, so that
-        gravity has to be added to them."""
-
-
-@dataclass(frozen=True)
-class FreeBranch(AbstractBranch):
+class FreeBranch:
     """A free body, the root of a tree, whose variables are a `BodyState`, as in absolute
     coordinates.
 
@@ -322,9 +189,13 @@ class FreeBranch(AbstractBranch):
     axes, and on the ground, m in global coordinates. The six speeds are velocity (m/s) and spin
     (rad/s), both in body axes. Rates of the velocity are relative to free fall, since gravity
     accelerates all bodies of a free tree alike.
+
+    The methods are those of `JointedBranch`. The parent is the ground, whose motion they ignore.
     """
 
+    body: str
     anchor: tuple[Vector, Vector] | None
+    parent: ClassVar[str] = GROUND
 
     def encode(self, parent: BodyPose, body: BodyPose) -> BodyState:
         """Return the state of the body, with the position of the centre of mass or, with an anchor,
@@ -347,7 +218,10 @@ class FreeBranch(AbstractBranch):
 
     def link(self, parent: Link | None, state: BodyState) -> Link:
         """Return the body as the root link of its tree. A root has no `parent`."""
-        return free_link(state.spin)
+        axes = UNIT_X, UNIT_Y, UNIT_Z
+        columns = [Twist(ZERO, axis) for axis in axes] + [Twist(axis, ZERO) for axis in axes]
+        gradient = _gradient(state.spin, ZERO)
+        return Link(IDENTITY, ZERO, state.spin, ZERO, ZERO, gradient, tuple(columns))
 
     def rates(self, state: BodyState, speeds: Speeds, axes: Matrix, gravity: Vector) -> BodyState:
         """Return the time derivatives of position (m/s), Euler parameters, velocity and spin."""
@@ -375,38 +249,39 @@ class FreeBranch(AbstractBranch):
         rotation = Vector(*changes[3:])
         shift = self._shift(axes, axes @ Vector(*changes[:3]), rotation)
         orientation = turned(state.orientation, rotation)
-        return BodyState(state.position + shift, orientation, state.velocity, state.spin)
+        return replace(state, position=state.position + shift, orientation=orientation)
 
     def after_speed_change(self, state: BodyState, changes: Speeds, axes: Matrix) -> BodyState:
         """Return the state with changes of velocity, m/s, and spin, rad/s, both in body axes."""
         velocity = state.velocity + axes @ Vector(*changes[:3])
-        spin = state.spin + Vector(*changes[3:])
-        return BodyState(state.position, state.orientation, velocity, spin)
+        return replace(state, velocity=velocity, spin=state.spin + Vector(*changes[3:]))
 
     def without_drift(self, state: BodyState) -> BodyState:
         """Return the state with Euler parameters whose norm is corrected to 1 if it has drifted
         (see `kept_unit`)."""
-        return normalised_body(state)
+        return replace(state, orientation=kept_unit(state.orientation))
 
     def with_speeds(self, state: BodyState, other: BodyState) -> BodyState:
         """Return a state with position and orientation of `state`, and velocity and spin of
         `other`."""
-        return body_with_speeds(state, other)
-
-    def falls(self) -> bool:
-        """Return True: the rates are relative to free fall, and the method `rates` adds gravity."""
-        return True
+        return replace(state, velocity=other.velocity, spin=other.spin)
 
 
 @dataclass(frozen=True)
-class JointedBranch(AbstractBranch):
+class JointedBranch:
     """A body that an ideal joint carries on its parent; its variables are the `JointState` of that
     joint, its relative positions and speeds.
 
-    - `joint`: name of the joint.
+    - `body`, `parent`, `joint`: names of the body, its parent and the joint.
     - `motion_subspace`: the relative motions that the joint allows.
+
+    In all methods, `state` is the variables of the body, and `axes` is the rotation matrix from the
+    axes of the tree's root body to global ones. Lists of the type `Speeds` have one entry for each
+    speed of the joint, relative to the parent.
     """
 
+    body: str
+    parent: str
     joint: str
     motion_subspace: AbstractMotionSubspace
 
@@ -441,9 +316,44 @@ class JointedBranch(AbstractBranch):
         return Motion(position, rotation, velocity, spin)
 
     def link(self, parent: Link | None, state: JointState) -> Link:
-        """Return the body as a link of its tree; `parent` is ``None`` if the parent is the
-        ground."""
-        return jointed_link(parent, self.motion_subspace, state)
+        """Return the body as a link of its tree, whose vectors are in the axes of the tree's root
+        body, relative to the tree's origin.
+
+        **Arguments:** `parent`: the link of the body's parent; ``None`` if that is the ground.
+        """
+        subspace = self.motion_subspace
+        # Rotation from the body's axes to the tree's, position of the joint's point on the parent,
+        # m, and acceleration of this point at constant speeds, m/s^2. The tree's axes are those of
+        # its root, and on the ground its origin is the joint's point.
+        rotation, point, bias = IDENTITY, ZERO, ZERO
+        if parent is None:
+            parent = GROUND_LINK
+        else:
+            rotation = parent.rotation @ subspace.rotation(state.position)
+            to_joint = parent.rotation @ subspace.point_parent
+            point, bias = parent.centre + to_joint, parent.bias + parent.gradient @ to_joint
+        # Relative motion in the joint, and its acceleration at constant speeds. Both are given in
+        # the axes of the carried body, so its own rotation leads to the tree's axes.
+        twist, joint_bias = subspace.twist(state), subspace.bias(state)
+        angular, linear = rotation @ twist.angular, rotation @ twist.linear
+        spin = parent.spin + angular
+        angular_bias = (
+            parent.angular_bias + parent.spin.cross(angular) + rotation @ joint_bias.angular
+        )
+        gradient = _gradient(spin, angular_bias)
+        # From the joint's point on the parent to the body's centre of mass: over the joint's point
+        # on the body. The displacement is fixed in the axes of the carried body, so that the
+        # Coriolis acceleration has the spin of this body, and `gradient` acts on the whole arm.
+        displacement = subspace.displacement(state.position)
+        arm = rotation @ (displacement - subspace.point_child)
+        coriolis = (spin * 2.0).cross(linear) + rotation @ joint_bias.linear
+        columns = []
+        for column in subspace.columns(state.position):
+            # The velocity of the joint's point becomes that of the body's point at the origin.
+            axis, velocity = rotation @ column.angular, rotation @ column.linear
+            columns.append(Twist(axis, velocity + point.cross(axis)))
+        bias = bias + coriolis + gradient @ arm
+        return Link(rotation, point + arm, spin, angular_bias, bias, gradient, tuple(columns))
 
     def rates(self, state: JointState, speeds: Speeds, axes: Matrix, gravity: Vector) -> JointState:
         """Return the time derivatives of the joint's position and of its speeds."""
@@ -469,13 +379,11 @@ class JointedBranch(AbstractBranch):
         """Return a state with the position of `state` and the speeds of `other`."""
         return JointState(state.position, other.speeds)
 
-    def falls(self) -> bool:
-        """Return False: the rates of the speeds are relative to the parent, and gravity need not be
-        added to them."""
-        return False
+
+TreeBranch: TypeAlias = FreeBranch | JointedBranch
 
 
-def forest(scene: Scene) -> list[list[AbstractBranch]]:
+def forest(scene: Scene) -> list[list[TreeBranch]]:
     """Return the trees of a scene, each as a list of branches.
 
     Ideal joints that would close a loop belong to no tree; they remain constraints. In each tree, a
@@ -487,7 +395,7 @@ def forest(scene: Scene) -> list[list[AbstractBranch]]:
     """
     # Each joint on the ground begins a tree of its own, since the ground does not move.
     placed = {GROUND}
-    trees: list[list[AbstractBranch]] = [[root] for root in _children(scene, GROUND, placed)]
+    trees: list[list[TreeBranch]] = [[root] for root in _children(scene, GROUND, placed)]
     for tree in trees:
         _grow(tree, scene, placed)
     # The bodies that are left have no joint to the ground. Those with an anchor are sorted first.
@@ -495,12 +403,12 @@ def forest(scene: Scene) -> list[list[AbstractBranch]]:
     for name in sorted(scene.bodies, key=lambda name: name not in points):
         if name not in placed:
             placed.add(name)
-            trees.append([FreeBranch(name, GROUND, points.get(name))])
+            trees.append([FreeBranch(name, points.get(name))])
             _grow(trees[-1], scene, placed)
     return trees
 
 
-def _grow(tree: list[AbstractBranch], scene: Scene, placed: set[str]) -> None:
+def _grow(tree: list[TreeBranch], scene: Scene, placed: set[str]) -> None:
     """Append all further branches of a tree to it, breadth first, and add their bodies to
     `placed`."""
     for branch in tree:  # The loop also visits the branches that it appends.

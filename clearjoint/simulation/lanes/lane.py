@@ -213,13 +213,12 @@ def step_lane(plan: Plan, scene: Scene, lane: Lane, request: SegmentRequest) -> 
     if lane.saved is None:
         return Lane(run, None)
     saved, lane = lane.saved, Lane(run, lane.saved)
-    due = _save_is_due(lane, request) & jnp.logical_not(saved.is_full())
     # The dense output is evaluated in every turn, because lanes side by side cannot branch. If no
     # state is due, the row is not written. The interpolated state is corrected in the same way as
     # the end of a step, so that constraints hold in it as well as there.
     row = run.records[LATEST].at(plan.scheme.method, _next_save(lane, request))
     row = Snapshot(row.t, on_constraints(system, row.y, row.t), row.entry_speeds)
-    return Lane(run, saved.with_row(row, due))
+    return Lane(run, saved.with_row(row, _saves(lane, request)))
 
 
 def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
@@ -251,7 +250,7 @@ def moves(plan: Plan, lane: Lane, request: SegmentRequest) -> Condition:
     goes = _goes(plan, lane, request)
     if lane.saved is None:
         return goes
-    return goes | (_save_is_due(lane, request) & jnp.logical_not(lane.saved.is_full()))
+    return goes | _saves(lane, request)
 
 
 def _goes(plan: Plan, lane: Lane, request: SegmentRequest) -> Condition:
@@ -281,9 +280,13 @@ def _next_save(lane: Lane, request: SegmentRequest) -> Scalar:
 
 def _save_is_due(lane: Lane, request: SegmentRequest) -> Condition:
     """Return whether the run has reached the next time at which a state is to be saved."""
-    if lane.saved is None:
-        return jnp.asarray(False)
     return _next_save(lane, request) <= lane.run.step.t
+
+
+def _saves(lane: Lane, request: SegmentRequest) -> Condition:
+    """Return whether a state is due to be saved and the buffer of states has room for it."""
+    assert lane.saved is not None
+    return _save_is_due(lane, request) & jnp.logical_not(lane.saved.is_full())
 
 
 def _is_assembled(plan: Plan, scene: Scene, state: State, t: Scalar) -> Condition:

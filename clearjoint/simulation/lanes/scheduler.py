@@ -12,11 +12,12 @@ each lane tries one step.
 
 import threading
 import time
-from collections import deque
+from collections import OrderedDict, defaultdict, deque
 from collections.abc import Callable, Hashable, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import TypeAlias
 
 import equinox as eqx
 import jax
@@ -115,9 +116,17 @@ class Batch:
             lambda leaf: np.asarray(leaf) if eqx.is_array(leaf) else leaf, common
         )
         self.tasks, self._threads = tasks, threads or threads_of_sweeps()
-        self.lengths = dict(common.capacity)
+        self.lengths, count = dict(common.capacity), len(tasks.end_time)
+        self._save_at = np.zeros((count, 0)) if tasks.save_at is None else tasks.save_at
         if tasks.save_at is not None:
             self.lengths[common.saved] = tasks.save_at.shape[1]
+        # Data that Python gives the lanes: tasks and first requests, with a first axis of length L.
+        # Times to save at are no part of a task's data: they reach a lane through the window of its
+        # request.
+        window = self.next_saves(slice(None), 0)
+        wanted = {name: np.full(count, rows) for name, rows in common.capacity.items()}
+        request = SegmentRequest(tasks.end_time, tasks.first_step, window, wanted)
+        self.own = replace(tasks, save_at=None), request
         self.turns = 0
         """Number of turns so far, the sum over all columns, including empty columns."""
         self._made: _Programs | None = None
@@ -131,6 +140,14 @@ class Batch:
         other = Batch(self.common, tasks, self._threads)
         other._made = self._made
         return other
+
+    def next_saves(self, lanes: int | slice, first: int) -> np.ndarray:
+        """Return the `WINDOW` times at which states of lanes are to be saved, s, from the time with
+        the index `first` on; infinite where no such time is left."""
+        times = self._save_at[lanes, first : first + WINDOW]
+        window = np.full((*times.shape[:-1], WINDOW), np.inf)
+        window[..., : times.shape[-1]] = times
+        return window
 
     def run(
         self,
@@ -174,16 +191,13 @@ class Batch:
     def _programs(self) -> "_Programs":
         if self._made is None:
             with program_is_made_inside():
-                self._made = self._new_programs()
+                if is_native():
+                    try:
+                        self._made = _Programs(self, native=True)
+                    except UnsupportedPrimitiveError as error:
+                        report_fallback(error)
+                self._made = self._made or _Programs(self, native=False)
         return self._made
-
-    def _new_programs(self) -> "_Programs":
-        if is_native():
-            try:
-                return _Programs(self, native=True)
-            except UnsupportedPrimitiveError as error:
-                report_fallback(error)
-        return _Programs(self, native=False)
 
 
 class _Programs:
@@ -204,21 +218,16 @@ class _Programs:
     """
 
     def __init__(self, batch: Batch, native: bool):
-        # The first lane is an example of the structure, shapes and dtypes of all lanes. Times to
-        # save at are no part of a lane's data: they reach it through the window of its request.
-        common, bare = batch.common, replace(batch.tasks, save_at=None)
-        requests = _first_requests(batch)
-        task, request = (
-            jax.tree.map(lambda leaf: np.asarray(leaf[0]), tree) for tree in (bare, requests)
-        )
+        # The first lane is an example of the structure, shapes and dtypes of all lanes.
+        common = batch.common
+        task, request = jax.tree.map(lambda leaf: np.asarray(leaf[0]), batch.own)
         if native:
             lane = _begun(common, task)
-            self.loop = _LOOPS.loop(common, (task, request), lane)
+            self.loop = _native_loop(common, (task, request), lane)
         else:
             # XLA needs only the shapes of a lane's state, so no lane is computed for them.
             lane = zeros_like(eqx.filter_eval_shape(_begun.__wrapped__, common, task))
-            own = task, request
-            self.loop = XlaLaneLoop(_lane_after_turn, _lane_status, common, own, lane)
+            self.loop = XlaLaneLoop(_lane_after_turn, _lane_status, common, (task, request), lane)
 
         # Cells of the data and the state of a lane.
         self.own_cells, self.task_cells = Cells((task, request)), Cells(task).size
@@ -252,18 +261,6 @@ class _Programs:
         self.column_cells = {name: make().results for name, make in self.columns.items()}
 
 
-def _first_requests(batch: Batch) -> SegmentRequest:
-    """Return the first requests of the L lanes, in arrays with a first axis of length L."""
-    common, tasks = batch.common, batch.tasks
-    count = len(tasks.end_time)
-    window = np.full((count, WINDOW), np.inf)
-    if tasks.save_at is not None:
-        first = tasks.save_at[:, :WINDOW]
-        window[:, : first.shape[1]] = first
-    wanted = {name: np.full(count, rows) for name, rows in common.capacity.items()}
-    return SegmentRequest(tasks.end_time, tasks.first_step, window, wanted)
-
-
 def _shifted(cells: PyTree, by: int) -> PyTree:
     """Return a PyTree of indices of cells with `by` added to each index, the place in a column at
     which the cells begin."""
@@ -279,25 +276,16 @@ class _LaneSlot:
     """
 
     number: int
-    rows: dict[str, list[np.ndarray]]
+    rows: dict[str, list[np.ndarray]] = field(default_factory=lambda: defaultdict(list))
 
     def recorded(self, log: str) -> int:
         """Return the number of rows that the host has read from a log."""
         return sum(map(len, self.rows[log]))
 
 
-@dataclass
-class _Record:
-    """A lane that has ended.
-
-    - `lane`: its number.
-    - `outcome`: (cells,) cells of its outcome.
-    - `logs`: by log, the cells of the recorded blocks, (blocks, cells), and the number of rows.
-    """
-
-    lane: int
-    outcome: np.ndarray
-    logs: dict[str, tuple[np.ndarray, int]]
+_Record: TypeAlias = tuple[int, np.ndarray, dict[str, tuple[np.ndarray, int]]]
+"""A lane that has ended: its number, the cells of its outcome, (cells,), and for each log the cells
+of the recorded blocks, (blocks, cells), with the number of rows."""
 
 
 @dataclass
@@ -321,8 +309,7 @@ class _Shared:
     stops: bool = False
 
     def __post_init__(self) -> None:
-        bare, requests = replace(self.batch.tasks, save_at=None), _first_requests(self.batch)
-        self.own = self.programs.own_cells.rows((bare, requests))
+        self.own = self.programs.own_cells.rows(self.batch.own)
         self._lanes, self._begun = len(self.waiting), time.monotonic()
 
     def next_lanes(self, count: int) -> list[int]:
@@ -330,11 +317,9 @@ class _Shared:
         numbers."""
         found: list[int] = []
         # Several threads take lanes at a time: to test for emptiness first would be a race.
-        try:
+        with suppress(IndexError):
             while len(found) < count:
                 found.append(self.waiting.popleft())
-        except IndexError:
-            pass
         return found
 
     def running(self) -> Running:
@@ -394,9 +379,7 @@ class _Group:
             states = self._begin(own[:, : self._programs.task_cells])
             # There may be more empty columns than lanes left; the other columns stay empty.
             for column, number, cells, state in zip(empty, numbers, own, states, strict=False):
-                self._slots[column] = _LaneSlot(
-                    number, {name: [] for name in self._programs.buffers}
-                )
+                self._slots[column] = _LaneSlot(number)
                 self._loop.write_lane(self._columns, column, cells, state)
         return len(numbers) > 0 or len(empty) < len(self._slots)
 
@@ -436,14 +419,8 @@ class _Group:
                 integers[int(cell), column] = common.capacity[name] - slot.recorded(name)
 
     def _next_saves(self, slot: _LaneSlot) -> np.ndarray:
-        """Return the next `WINDOW` times at which states of a lane are to be saved, s; infinite
-        where no such time is left."""
-        window, batch = np.full(WINDOW, np.inf), self._shared.batch
-        if batch.tasks.save_at is not None:
-            first = slot.recorded(batch.common.saved)
-            following = batch.tasks.save_at[slot.number, first : first + WINDOW]
-            window[: len(following)] = following
-        return window
+        batch = self._shared.batch
+        return batch.next_saves(slot.number, slot.recorded(batch.common.saved))
 
     def _end(self, columns: list[int]) -> None:
         """Record the results of the lanes in some columns, and mark the columns as empty."""
@@ -454,7 +431,7 @@ class _Group:
         outcomes = self._outcome(np.concatenate([tasks, states], axis=1))
         for column, slot, task, cells in zip(columns, slots, tasks, outcomes, strict=True):
             logs = {name: self._log(name, slot.rows[name], task) for name in self._read}
-            self._shared.records.append(_Record(slot.number, cells, logs))
+            self._shared.records.append((slot.number, cells, logs))
             del self._shared.times[slot.number]
             self._loop.leave(self._columns, column)
             self._slots[column] = None
@@ -517,10 +494,11 @@ def _deliver(
 def _ended(shared: _Shared, records: Sequence[_Record]) -> Ended:
     """Return lanes that have ended, with their outcomes and logs converted from cells."""
     programs, logs = shared.programs, {}
+    numbers, outcomes, logs_of_lanes = zip(*records, strict=True)
     # The blocks of all lanes are converted at once, and then divided again by lane. The last block
     # of a lane may contain rows of zeros, which are cut off.
     for name, length in shared.batch.lengths.items():
-        found = [record.logs[name] for record in records]
+        found = [of_lane[name] for of_lane in logs_of_lanes]
         read = programs.column_cells[name].trees(np.concatenate([cells for cells, _ in found]))
         ends = np.cumsum([len(cells) for cells, _ in found])[:-1]
         columns = {}
@@ -530,8 +508,7 @@ def _ended(shared: _Shared, records: Sequence[_Record]) -> Ended:
             for table, part, (_, count) in zip(columns[key], parts, found, strict=True):
                 table[:count] = part.reshape(-1, *blocks.shape[2:])[:count]
         logs[name] = columns, np.array([count for _, count in found])
-    outcomes = programs.outcome_cells.trees(np.stack([record.outcome for record in records]))
-    return Ended(np.array([record.lane for record in records]), outcomes, logs)
+    return Ended(np.array(numbers), programs.outcome_cells.trees(np.stack(outcomes)), logs)
 
 
 def _on_device(number: int) -> AbstractContextManager[object]:
@@ -584,37 +561,29 @@ def _columns(
     return jax.lax.map(columns_of_row, rows)
 
 
-class _Loops:
-    """Cache of the native loops that this process has made.
-
-    Batches whose data have the same structure, shapes, types and static values share a loop.
-    """
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._loops: dict[Hashable, LaneLoop] = {}
-
-    def loop(self, common: Common, own: tuple[Task, SegmentRequest], lane: Lane) -> LaneLoop:
-        """Return the loop for lanes with the structure, shapes and types of the arguments. It is
-        compiled unless the cache has it."""
-        trees = common, own, lane
-        leaves, structure = jax.tree.flatten(trees)
-        # A loop is compiled for shapes and types of arrays, but for values of static leaves.
-        key = (
-            structure,
-            tuple((leaf.shape, leaf.dtype) if eqx.is_array(leaf) else leaf for leaf in leaves),
-        )
-        # The lock makes other threads wait for a loop that is being compiled.
-        with self._lock:
-            if key not in self._loops:
-                traced = begins_a_program(_lane_after_turn)
-                self._loops[key] = load_or_make(
-                    _lane_after_turn, trees, lambda: LaneLoop(traced, _lane_status, *trees)
-                )
-            return self._loops[key]
+_LOOPS: OrderedDict[Hashable, LaneLoop] = OrderedDict()
+"""Native loops that this process has made, by structure, shapes, types and static values of the
+data of their lanes. Batches whose data agree in these share a loop. (An entry in a plain `dict`
+would count as a change of the package's code, see `clearjoint.compilation.package_code`.)"""
+_LOOPS_LOCK = threading.Lock()
 
 
-_LOOPS = _Loops()
+def _native_loop(common: Common, own: tuple[Task, SegmentRequest], lane: Lane) -> LaneLoop:
+    """Return the loop for lanes with the structure, shapes and types of the arguments. It is
+    compiled unless the process has made it before."""
+    trees = common, own, lane
+    leaves, structure = jax.tree.flatten(trees)
+    # A loop is compiled for shapes and types of arrays, but for values of static leaves.
+    forms = [(leaf.shape, leaf.dtype) if eqx.is_array(leaf) else leaf for leaf in leaves]
+    key = structure, tuple(forms)
+    # The lock makes other threads wait for a loop that is being compiled.
+    with _LOOPS_LOCK:
+        if key not in _LOOPS:
+            traced = begins_a_program(_lane_after_turn)
+            _LOOPS[key] = load_or_make(
+                _lane_after_turn, trees, lambda: LaneLoop(traced, _lane_status, *trees)
+            )
+        return _LOOPS[key]
 
 
 def _lane_after_turn(common: Common, own: tuple[Task, SegmentRequest], lane: Lane) -> Lane:

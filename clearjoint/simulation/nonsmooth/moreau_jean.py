@@ -69,14 +69,12 @@ class StepEnd(eqx.Module):
     - `contacts[joint][contact]`: the `ContactStep` of each contact.
     - `residual`: largest violation of the contact conditions (no approach without an impulse, no
       pulling impulse, Coulomb's law), over the largest contact velocity.
-    - `solved`: whether the residual is at most `SOLVED`.
     - `shallow`: whether no penetration exceeds the bearing's clearance.
     """
 
     variables: MotionVariables
     contacts: dict[str, dict[str, ContactStep]]
     residual: Scalar
-    solved: Condition
     shallow: Condition
 
 
@@ -87,50 +85,43 @@ def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> S
     t has the value that holds after the breakpoint.
     """
     # Motion without contact, from which the gaps in the middle of the step follow.
-    middle_time = t + 0.5 * h
+    system, middle_time = rigid.system, t + 0.5 * h
     # At a breakpoint, the time just after it.
-    t = one_sided_time(rigid.system, t, t)
-    middle, free = _smooth_step(rigid, variables, t, middle_time, h)
-    mechanics = rigid.system.mechanics(free)
-    contacts = touches(rigid.system.scene, mechanics.motions)
-    if not contacts:
-        mean = _mean_speeds(rigid.system, middle, free)
-        return StepEnd(
-            variables=_arrived(rigid, variables, mean, free, middle_time, h),
-            contacts={},
-            residual=jnp.zeros(()),
-            solved=jnp.asarray(True),
-            shallow=jnp.asarray(True),
-        )
-    # Each closed contact must open at least with its restitution times the approach velocity. An
-    # aim is the opening velocity without impulses, less this smallest velocity. (`opening` is the
-    # opening velocity before the step, which is negative for an approach.) The lists of velocities
-    # begin with one for each contact; those of the slip directions follow, and have no aims.
-    problem = ContactProblem(rigid.system, mechanics, contacts, middle_time)
-    before = problem.velocities(rigid.system.mechanics(middle).motions)
-    unloaded = problem.velocities(mechanics.motions)
-    closed = [touch.gap <= 0.0 for touch in contacts]
-    aims = [
-        velocity + rigid.restitution[touch.joint][touch.label] * opening
-        for touch, velocity, opening in zip(contacts, unloaded, before, strict=False)
-    ]
-    impulses, residual = problem.impulses(closed, aims, unloaded[len(contacts) :])
-    # The impulses change the speeds; a further push, on the positions alone, ends penetrations. A
-    # sink is the velocity towards the wall that forces without contact would add in the step.
-    rows = range(len(problem.rows))
-    after = problem.velocities_after(unloaded, impulses, rows, rows)
-    last = mechanics.after_speed_change(problem.kick(impulses))
-    sinks = [jnp.maximum(a - b, 0.0) for a, b in zip(before, unloaded, strict=True)]
-    push, projection_residual = _projection(problem, closed, after, sinks, h)
-    mean = rigid.system.mechanics(_mean_speeds(rigid.system, middle, last)).after_speed_change(push)
-    residual = jnp.maximum(residual, projection_residual)
-    return StepEnd(
-        variables=_arrived(rigid, variables, mean, last, middle_time, h),
-        contacts=_contact_steps(contacts, impulses, before, after),
-        residual=residual,
-        solved=residual <= SOLVED,
-        shallow=_is_shallow(contacts),
-    )
+    t = one_sided_time(system, t, t)
+    middle, last = _smooth_step(rigid, variables, t, middle_time, h)
+    mechanics = system.mechanics(last)
+    contacts = touches(system.scene, mechanics.motions)
+    steps, residual, push = {}, jnp.zeros(()), None
+    if contacts:
+        # Each closed contact must open at least with its restitution times the approach velocity.
+        # An aim is the opening velocity without impulses, less this smallest velocity. (`opening`
+        # is the opening velocity before the step, which is negative for an approach.) The lists of
+        # velocities begin with one for each contact; those of the slip directions follow, and have
+        # no aims.
+        problem = ContactProblem(system, mechanics, contacts, middle_time)
+        before = problem.velocities(system.mechanics(middle).motions)
+        unloaded = problem.velocities(mechanics.motions)
+        closed = [touch.gap <= 0.0 for touch in contacts]
+        aims = [
+            velocity + rigid.restitution[touch.joint][touch.label] * opening
+            for touch, velocity, opening in zip(contacts, unloaded, before, strict=False)
+        ]
+        impulses, residual = problem.impulses(closed, aims, unloaded[len(contacts) :])
+        # The impulses change the speeds; a further push, on the positions alone, ends penetrations.
+        # A sink is the velocity towards the wall that forces without contact would add in the step.
+        rows = range(len(problem.rows))
+        after = problem.velocities_after(unloaded, impulses, rows, rows)
+        steps = _contact_steps(contacts, impulses, before, after)
+        last = mechanics.after_speed_change(problem.kick(impulses))
+        sinks = [jnp.maximum(a - b, 0.0) for a, b in zip(before, unloaded, strict=True)]
+        push, projection_residual = _projection(problem, closed, after, sinks, h)
+        residual = jnp.maximum(residual, projection_residual)
+    # The positions move with the mean speeds and the push.
+    mean = _mean_speeds(system, middle, last)
+    if push is not None:
+        mean = system.mechanics(mean).after_speed_change(push)
+    moved = _displaced(system, variables, _smooth_rates(rigid, mean, middle_time), h)
+    return StepEnd(system.with_speeds(moved, last), steps, residual, _is_shallow(contacts))
 
 
 def _smooth_step(
@@ -149,25 +140,6 @@ def _smooth_step(
     predicted = _accelerated(rigid.system, middle, _smooth_rates(rigid, middle, middle_time), half)
     rates = _smooth_rates(rigid, predicted, middle_time)
     return middle, _accelerated(rigid.system, middle, rates, h)
-
-
-def _arrived(
-    rigid: Rigid,
-    start: MotionVariables,
-    mean: MotionVariables,
-    last: MotionVariables,
-    middle_time: Scalar,
-    h: Scalar,
-) -> MotionVariables:
-    """Return the variables at the end of a step.
-
-    **Arguments:** `start`: variables before the step, of which the positions are used; `mean`:
-    variables in the middle of the step, with the speeds at which the positions move; `last`:
-    variables with the speeds after the step; `middle_time`: s; `h`: s, length of the step.
-    """
-    return rigid.system.with_speeds(
-        _displaced(rigid.system, start, _smooth_rates(rigid, mean, middle_time), h), last
-    )
 
 
 def _is_shallow(contacts: list[Touch]) -> Condition:

@@ -37,7 +37,7 @@ from ..step.settings import check_span
 from ..step.step_state import choose
 from ..step.trial_step import all_finite
 from .contact_problem import require_restitution, restitutions
-from .moreau_jean import ContactStep, Rigid, advance
+from .moreau_jean import SOLVED, ContactStep, Rigid, advance
 
 DRIVER_TOLERANCE = 1e-5
 """Largest difference between the change of a driver's value (a prescribed motion) over a step and
@@ -209,15 +209,15 @@ def _after_step(rigid: Rigid, now: RigidRun, t: Scalar, h: Scalar) -> RigidRun:
     # A state that is not finite has its own result code, since the other conditions mean nothing
     # then. If several of the others fail, the last one below gives the code.
     finite = all_finite(end.variables)
-    contacts = end.contacts
+    contacts, solved = end.contacts, end.residual <= SOLVED
 
     def total(name: str, label: str) -> ContactTotals:
         return _total(now.totals[name][label], contacts[name][label], now.touching[name][label])
 
     result = RESULTS.where(finite, now.result, RESULTS.non_finite)
-    result = RESULTS.where(finite & ~end.solved, RESULTS.solver_failed, result)
+    result = RESULTS.where(finite & ~solved, RESULTS.solver_failed, result)
     result = RESULTS.where(finite & ~end.shallow, RESULTS.step_too_long, result)
-    good = finite & end.solved & end.shallow
+    good = finite & solved & end.shallow
     # Drivers enter the equations by their second derivatives, at single times of a step only.
     # Without this check, a kink or jump between these times would pass unnoticed.
     smooth = drivers_are_smooth(rigid.system, end.variables, t, t + h, DRIVER_TOLERANCE)

@@ -158,7 +158,7 @@ class Observation(eqx.Module, AbstractTabular):
       redundant; those of least norm are then given.
     - `accelerations[body]`: an `AccelerationSeries`.
     - `drift[joint]`: (N,), the largest magnitude of the joint's constraint equations, which are
-      zero for an exact solution; in m, or without unit for equations between directions.
+      zero for an exact solution; in m, or in rad or without unit for equations between directions.
     - `drift_rate[joint]`: (N,), the largest magnitude of the time derivatives of these equations,
       in the same unit per s.
     - `energies[name]`: (N,) J. "kinetic", "gravity", "springs", "contacts" and "bristles" exist
@@ -243,12 +243,13 @@ class Observation(eqx.Module, AbstractTabular):
             rows[name] = "reaction", loads, *of_load, {"comment": unique}
         for name, (field, *of_body) in BODY_PARTS.items():
             rows[name] = "body", [getattr(b, field) for b in self.accelerations.values()], *of_body
-        for name, dim, values, unit, text in (
-            ("drift", "joint", self.drift, "1", "largest |Phi| of the joint, m or 1"),
-            ("drift_rate", "joint", self.drift_rate, "1/s", "largest |rate of Phi| of the joint"),
-            ("energy", "energy_term", self.energies, "J", "energies and their ledger"),
-        ):
-            rows[name] = dim, [*values.values()], unit, text
+        # Equations of one joint have different units, so that drift has no unit of its own.
+        of_drift = "largest |Phi| of the joint, in m, rad or without unit"
+        rows["drift"] = "joint", [*self.drift.values()], None, of_drift
+        of_rate = "largest |rate of Phi| of the joint, in m/s, rad/s or 1/s"
+        rows["drift_rate"] = "joint", [*self.drift_rate.values()], None, of_rate
+        energies = [*self.energies.values()]
+        rows["energy"] = "energy_term", energies, "J", "energies and their ledger"
         # A variable is left out if the scene has no element with such a series.
         variables = {
             name: _stacked(*row)
