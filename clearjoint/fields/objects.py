@@ -219,7 +219,6 @@ def without_modules(namespace: dict[str, object], *public: str) -> Callable[[], 
     **Arguments:** `namespace`: ``globals()`` of the package; `public`: names of modules to be
     listed all the same.
     """
-
     return lambda: sorted(
         name
         for name, value in namespace.items()
