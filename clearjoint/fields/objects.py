@@ -169,7 +169,7 @@ class AbstractReadable(eqx.Module):
         # `quantity` does not know: a value that is no number raises an error that names its field.
         for name, field in list(vars(cls).items()):
             converter = field.metadata.get("converter") if isinstance(field, Field) else None
-            if converter in (as_number, _as_optional_number):
+            if converter is not None and converter in (as_number, _as_optional_number):
                 named = partial(converter, argument=name, unit=field.metadata["unit"])
                 field.metadata = MappingProxyType({**field.metadata, "converter": named})
 

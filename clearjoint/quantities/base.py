@@ -79,7 +79,7 @@ class Instant:
         self._system, self._own_time, self._variables = system, own_time, variables
         self._entry_speeds, self._bristles, self._inside = entry_speeds, bristles, inside
         # What JAX may trace of an instant.
-        self.parts = system, own_time, variables, entry_speeds, work, bristles
+        self._parts = system, own_time, variables, entry_speeds, work, bristles
 
     @cached_property
     def scene(self) -> Scene:
@@ -180,7 +180,7 @@ class Instant:
 
 
 jax.tree_util.register_pytree_node(
-    Instant, lambda now: (now.parts, None), lambda _, parts: Instant(*parts)
+    Instant, lambda now: (now._parts, None), lambda _, parts: Instant(*parts)
 )
 T = TypeVar("T")
 Component = Literal["x", "y", "z"]
