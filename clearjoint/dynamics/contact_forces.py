@@ -13,6 +13,7 @@ from typing import TypeAlias
 import jax
 import jax.numpy as jnp
 
+from ..fields.checks import EPSILON
 from ..math.vectors import ZERO, Condition, Scalar, Vector
 from ..model.bodies import GROUND, Wrench
 from ..model.contact.friction import AbstractBristleFriction
@@ -30,8 +31,7 @@ Bristles: TypeAlias = ByLabel[Vector]
 first body; zero while the contact is open. Rates of deflections, m/s, have the same form."""
 NO_BRISTLES: Bristles = {}
 INSIDE = 1e-300
-"""Depth of a contact at its wall, m, at which a law whose force jumps at the onset is evaluated. It
-is positive, since such a law has no force at depth zero, and too small to compress anything."""
+"""Smallest distance from the wall, m, of the depth that `depth_at_wall` returns."""
 
 
 @jax.tree_util.register_dataclass
@@ -230,8 +230,18 @@ def _continued(
     pushing = force(
         replace(gap, depth=jnp.where(past, -gap.depth - 2.0 * law.onset_offset(), gap.depth))
     )
-    at_wall = force(replace(gap, depth=INSIDE - law.onset_offset())) if law.force_jumps else 0.0
+    at_wall = force(replace(gap, depth=depth_at_wall(law))) if law.force_jumps else 0.0
     return jnp.where(closed, jnp.where(past, 2.0 * at_wall - pushing, pushing), 0.0)
+
+
+def depth_at_wall(law: AbstractContactLaw) -> Scalar:
+    """Return the depth, m, at which a law whose force jumps at the onset is evaluated.
+
+    The law has no force exactly at its onset, where the depth is minus `onset_offset`. The returned
+    depth is the next larger one, or `INSIDE` if the offset is zero, and compresses nothing.
+    """
+    # The sum of a nonzero offset and `INSIDE` would be rounded to the offset.
+    return INSIDE - law.onset_offset() * (1.0 - EPSILON)
 
 
 def _bristle_friction(

@@ -388,11 +388,9 @@ def recheck(tree: PyTree) -> None:
     constructors, as by `equinox.tree_at`.
     """
     with quiet():
-        waiting = [tree]
-        while waiting:
-            node = waiting.pop()
-            _check_here(node)
-            waiting += reversed(_children(node))
+        _check_here(tree)
+        for part in _children(tree):
+            recheck(part)
 
 
 def recheck_changes(tree: PyTree, structure: Hashable, changed: tuple[bool, ...]) -> None:
@@ -469,23 +467,19 @@ def _child(tree: PyTree, key: str | int) -> PyTree:
 
 
 def _check_here(tree: PyTree) -> None:
-    if isinstance(tree, eqx.Module):
-        for cls in type(tree).__mro__:
-            if "__check_init__" in cls.__dict__:
-                _check_by(cls.__dict__["__check_init__"], tree)
-
-
-def _check_by(check: Callable[[PyTree], None], tree: PyTree) -> None:
-    """Call one check of a module, the method `__check_init__` of one of its classes.
+    """Call the checks of a module, the method `__check_init__` of each of its classes.
 
     While `conditions_of` collects conditions, a check that fails because it needs known values is
     omitted.
     """
-    try:
-        check(tree)
-    except (jax.errors.ConcretizationTypeError, jax.errors.TracerArrayConversionError):
-        if _CONDITIONS.get() is None:
-            raise
+    if isinstance(tree, eqx.Module):
+        for cls in type(tree).__mro__:
+            if check := vars(cls).get("__check_init__"):
+                try:
+                    check(tree)
+                except (jax.errors.ConcretizationTypeError, jax.errors.TracerArrayConversionError):
+                    if _CONDITIONS.get() is None:
+                        raise
 
 
 def _children(tree: PyTree) -> list[PyTree]:

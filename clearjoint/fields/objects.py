@@ -142,29 +142,6 @@ def _as_optional_number(
     return None if value is None else as_number(value, argument, unit)
 
 
-def name_conversions(cls: type) -> None:
-    """Give the converters of a class's `quantity` fields the names and units of these fields.
-
-    A value that is no number then raises an error that names its field. Each class calls this
-    function when it is defined, because `quantity` does not know the name of its field.
-    """
-    for name, field in list(vars(cls).items()):
-        converter = field.metadata.get("converter") if isinstance(field, Field) else None
-        if converter is not None and converter in (as_number, _as_optional_number):
-            named = partial(converter, argument=name, unit=field.metadata["unit"])
-            field.metadata = MappingProxyType({**field.metadata, "converter": named})
-
-
-def check_declared(module: eqx.Module) -> None:
-    """Check each field of an object against its declaration, except for fields that are ``None``.
-
-    **Raises:** `ValueError` that names the field, its value, the allowed values and a remedy.
-    """
-    for name, declared in _declarations(type(module)):
-        if (value := getattr(module, name)) is not None:
-            declared.check_value(name, value)
-
-
 @cache
 def _declarations(kind: type[eqx.Module]) -> list[tuple[str, Declaration]]:
     """Return the fields of a class that have a declaration: the name and declaration of each."""
@@ -188,11 +165,19 @@ class AbstractReadable(eqx.Module):
 
     def __init_subclass__(cls, **options: object):
         super().__init_subclass__(**options)
-        name_conversions(cls)
+        # Give the converters of `quantity` fields the names and units of these fields, which
+        # `quantity` does not know: a value that is no number raises an error that names its field.
+        for name, field in list(vars(cls).items()):
+            converter = field.metadata.get("converter") if isinstance(field, Field) else None
+            if converter is not None and converter in (as_number, _as_optional_number):
+                named = partial(converter, argument=name, unit=field.metadata["unit"])
+                field.metadata = MappingProxyType({**field.metadata, "converter": named})
 
     def __check_init__(self):
         # Equinox calls it when an object has been made.
-        check_declared(self)
+        for name, declared in _declarations(type(self)):
+            if (value := getattr(self, name)) is not None:
+                declared.check_value(name, value)
         # The methods are taken from the class, because Equinox wraps those of an instance at each
         # access, which takes time.
         type(self)._check_together(self)
@@ -234,15 +219,11 @@ def without_modules(namespace: dict[str, object], *public: str) -> Callable[[], 
     **Arguments:** `namespace`: ``globals()`` of the package; `public`: names of modules to be
     listed all the same.
     """
-
-    def names() -> list[str]:
-        return sorted(
-            name
-            for name, value in namespace.items()
-            if name in public or not isinstance(value, ModuleType)
-        )
-
-    return names
+    return lambda: sorted(
+        name
+        for name, value in namespace.items()
+        if name in public or not isinstance(value, ModuleType)
+    )
 
 
 def _plain(leaf: object) -> object:

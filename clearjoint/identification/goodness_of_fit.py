@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from .residuals import SINGULAR, RunMisfit
+from .residuals import LEAST_SINGULAR_VALUE, RunMisfit
 
 UNLIKELY = 1e-3
 """p-value of chi squared below which the noise, the model or the fit is considered wrong."""
@@ -39,11 +39,11 @@ def directions(jacobian: Float[np.ndarray, "M p"]) -> list[Direction]:
     """
     norms = np.linalg.norm(jacobian, axis=0)
     # A parameter without effect gets a tiny norm, and with it a large but finite deviation.
-    norms = np.where(norms > 0.0, norms, max(norms.max(), 1.0) * SINGULAR)
+    norms = np.where(norms > 0.0, norms, max(norms.max(), 1.0) * LEAST_SINGULAR_VALUE)
     # With columns of unit length, the decomposition does not depend on the units of the
     # coordinates.
     _, sizes, axes = np.linalg.svd(jacobian / norms, full_matrices=False)
-    sizes = np.maximum(sizes, SINGULAR * max(sizes[0], 1.0))
+    sizes = np.maximum(sizes, LEAST_SINGULAR_VALUE * max(sizes[0], 1.0))
     changes = []
     for size, axis in zip(sizes[::-1], axes[::-1], strict=True):
         along = axis / norms

@@ -35,7 +35,7 @@ ends. Both are in scaled coordinates, whose unit is about a standard deviation o
 NEARLY = 0.1
 """Gauss-Newton step in standard deviations. A search that finds no better point counts as converged
 below this step, because integration errors prevent a higher accuracy."""
-SINGULAR = 1e-12
+UNDETERMINED = 1e-12
 """Singular value of the Jacobian, relative to the largest, below which the data don't determine a
 direction in the parameters' coordinates."""
 
@@ -151,7 +151,7 @@ def decrement(residuals: jax.Array, jacobian: jax.Array) -> jax.Array:
     the norm of the projection of the residuals (M,) on the columns of the Jacobian (M, p).
     """
     axes, sizes, _ = jnp.linalg.svd(jacobian, full_matrices=False)
-    return jnp.linalg.norm(jnp.where(sizes > SINGULAR * sizes[0], residuals @ axes, 0.0))
+    return jnp.linalg.norm(jnp.where(sizes > UNDETERMINED * sizes[0], residuals @ axes, 0.0))
 
 
 _Model = tuple[jax.Array, jax.Array, jax.Array]
@@ -238,7 +238,7 @@ def search_with_damping(
         # largest norm, so that a division by it is safe.
         norms = np.linalg.norm(latest.jacobian, axis=0)
         largest = norms.max() if norms.max() > 0.0 else 1.0
-        scales = np.where(norms > SINGULAR * largest, norms, largest)
+        scales = np.where(norms > UNDETERMINED * largest, norms, largest)
         y, arrays = on_device(start * scales), None
         limits = on_device(step_limits * scales), on_device(tolerance)
         while True:

@@ -353,7 +353,7 @@ def samples(measurements: Measurements, count: int) -> Samples:
     return Samples(values, weights, tuple(one.period for one in series))
 
 
-SINGULAR = 1e-12
+LEAST_SINGULAR_VALUE = 1e-12
 """Smallest singular value relative to the largest, for columns of unit length. Smaller ones are
 raised to this value, so that the variance of an undetermined direction stays finite."""
 
@@ -365,7 +365,7 @@ def parameter_covariance(jacobian: Float[np.ndarray, "M p"]) -> Float[np.ndarray
 
     **Arguments:** `jacobian`: (M, p) derivatives of the residuals by the coordinates.
     """
-    return information.covariance(jacobian, SINGULAR)
+    return information.covariance(jacobian, LEAST_SINGULAR_VALUE)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from .vectors import Condition, Scalar
+from .vectors import Condition, Scalar, library
 
 
 class GroupName(str):
@@ -55,15 +55,10 @@ def stack(trees: Sequence[PyTree]) -> PyTree:
     first, structure = jax.tree.flatten(trees[0])
     columns = zip(*(jax.tree.leaves(tree) for tree in trees), strict=True)
     leaves = [
-        leaf if is_structural(leaf) else _row(column)
+        leaf if is_structural(leaf) else library(column).stack(column)
         for leaf, column in zip(first, columns, strict=True)
     ]
     return jax.tree.unflatten(structure, leaves)
-
-
-def _row(scalars: Sequence[Scalar]) -> jax.Array | np.ndarray:
-    numpy = jnp if any(isinstance(scalar, jax.Array) for scalar in scalars) else np
-    return numpy.stack(scalars)
 
 
 def element(tree: PyTree, index: int) -> PyTree:

@@ -22,7 +22,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jax.tree_util import DictKey, GetAttrKey, SequenceKey
 from jaxtyping import PyTree
 from numpy.typing import ArrayLike
 
@@ -300,25 +299,20 @@ def _in_tables(structure: jax.tree_util.PyTreeDef) -> list[bool]:  # pyright: ig
     Such a field has ``{"table": True}`` in its metadata. An array of shape (3,) in it is a column
     of three numbers, not a vector.
     """
-    tree = jax.tree.unflatten(structure, [0] * structure.num_leaves)
-    paths, _ = jax.tree_util.tree_flatten_with_path(tree)
-    return [_is_in_table(tree, path) for path, _ in paths]
+    return _leaves_in_tables(jax.tree.unflatten(structure, [0] * structure.num_leaves), False)
 
 
-def _is_in_table(node: PyTree, path: jax.tree_util.KeyPath) -> bool:
-    for key in path:
-        if isinstance(key, GetAttrKey):
-            declared = getattr(type(node), "__dataclass_fields__", {}).get(key.name)
-            if declared is not None and declared.metadata.get("table", False):
-                return True
-            node = getattr(node, key.name)
-        elif isinstance(key, DictKey):
-            node = node[key.key]
-        elif isinstance(key, SequenceKey):
-            node = node[key.idx]
-        else:
-            return False
-    return False
+def _leaves_in_tables(node: PyTree, in_table: bool) -> list[bool]:
+    if jax.tree_util.all_leaves([node]):
+        return [in_table]
+    declared, flags = getattr(type(node), "__dataclass_fields__", {}), []
+    # The parts of the node itself, whatever its class, in JAX's order.
+    parts = jax.tree_util.tree_leaves_with_path(node, is_leaf=lambda part: part is not node)
+    for (key,), part in parts:
+        name = getattr(key, "name", None)
+        is_table = name in declared and declared[name].metadata.get("table", False)
+        flags += _leaves_in_tables(part, in_table or is_table)
+    return flags
 
 
 def _pattern(leaf: ArrayLike) -> Pattern:

@@ -30,7 +30,6 @@ from ..model.bodies import BodyState
 from ..model.scene import Scene
 
 
-@jax.tree_util.register_pytree_node_class
 class Instant:
     """A scene and its motion at one time of a run: the argument of quantities.
 
@@ -79,22 +78,8 @@ class Instant:
         self.time, self.work = system.clock(own_time), work
         self._system, self._own_time, self._variables = system, own_time, variables
         self._entry_speeds, self._bristles, self._inside = entry_speeds, bristles, inside
+        # What JAX may trace of an instant.
         self._parts = system, own_time, variables, entry_speeds, work, bristles
-
-    def tree_flatten(self) -> tuple[tuple[PyTree, ...], None]:
-        """Return the parts of the instant that JAX may trace, and ``None`` as no part is static.
-
-        JAX calls this method.
-        """
-        return self._parts, None
-
-    @classmethod
-    def tree_unflatten(cls, _: None, parts: tuple[PyTree, ...]) -> "Instant":
-        """Return the instant with the parts that `tree_flatten` returns.
-
-        JAX calls this method.
-        """
-        return cls(*parts)
 
     @cached_property
     def scene(self) -> Scene:
@@ -194,6 +179,9 @@ class Instant:
         )
 
 
+jax.tree_util.register_pytree_node(
+    Instant, lambda now: (now._parts, None), lambda _, parts: Instant(*parts)
+)
 T = TypeVar("T")
 Component = Literal["x", "y", "z"]
 """Name of a vector component.

@@ -6,6 +6,7 @@ ends.
 
 import math
 from collections.abc import Callable, Collection
+from functools import reduce
 from typing import ClassVar, Protocol, runtime_checkable
 
 import equinox as eqx
@@ -87,10 +88,7 @@ class ContactForce(AbstractContactQuantity):
         """Return the normal force, N."""
         contacts = now.contacts[self.joint]
         forces = contacts.values() if self.contact is None else [contacts[self.contact]]
-        largest: Scalar = 0.0
-        for force in forces:
-            largest = jnp.maximum(largest, force.normal_force)
-        return largest
+        return reduce(jnp.maximum, (force.normal_force for force in forces), 0.0)
 
 
 class FrictionForce(AbstractContactQuantity):

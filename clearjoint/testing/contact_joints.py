@@ -19,6 +19,7 @@ from ..math.vectors import ZERO, Condition, Matrix, Scalar, Vector, unpack
 from ..model.bodies import GROUND, GROUND_MOTION, Motion
 from ..model.joints.base import AbstractContactJoint, ByLabel, Motions
 from .conformance import ensure
+from .continuity import at_rest
 
 TOLERANCE = 1e-9
 """Largest accepted error of a relation that holds exactly, relative to one plus the size of its
@@ -29,7 +30,7 @@ TOLERANCE_OF_DIFFERENCES = 1e-5
 """Largest accepted relative error of derivatives that are compared with finite differences, far
 above the errors of these."""
 PENETRATION, ENTRY_SPEED = 1e-6, 0.1
-"""Penetration, m, and entry speed, m/s, of a tested contact."""
+"""Depth beyond the onset, m, and entry speed, m/s, of a tested contact."""
 
 Rows: TypeAlias = dict[str, jax.Array]
 """Array of numbers of each contact, by the contact's label."""
@@ -54,7 +55,7 @@ def check_contact_joint(
       each parameter of the joint agrees with finite differences;
     - `jax.vmap` gives the same result as a single evaluation.
 
-    The joint is tested at the given motions, at zero penetration of each contact, a micrometre
+    The joint is tested at the given motions, at the onset of each contact's force, a micrometre
     deeper, with its attachment points on both bodies (those of its method `attachments`)
     coincident, and at all these positions at rest.
 
@@ -164,25 +165,23 @@ def _require(condition: Condition, label: str, message: str) -> None:
 def _positions(joint: AbstractContactJoint, motions: Motions, together: bool) -> list[Motions]:
     """Return the motions of the bodies at which the joint is tested.
 
-    These are the given motions; motions in which the second body is shifted to zero penetration of
-    each contact, 1 µm deeper, and, if `together` is true, to coincident attachment points; and all
-    of these with bodies at rest.
+    These are the given motions; motions in which the second body is shifted to the onset of each
+    contact's force, 1 µm deeper, and, if `together` is true, to coincident attachment points; and
+    all of these with bodies at rest.
     """
     moving, scalar = [motions], unpack(joint)
     # A shift of the second body along the normal increases the penetration by its length.
-    for contact in scalar.contacts(motions).values():
-        for depth in (0.0, PENETRATION):
+    for label, contact in scalar.contacts(motions).items():
+        onset = -scalar.laws()[label].onset_offset()
+        for depth in (onset, onset + PENETRATION):
             moving.append(_shifted(joint, motions, contact.normal * (depth - contact.gap.depth)))
     points = {body: point for _, body, point in scalar.attachments()}
     first, second = joint.pair()
     if together and first in points and second in points:
         apart = motions[second].point(points[second]) - motions[first].point(points[first])
         moving.append(_shifted(joint, motions, -apart))
-    resting = [
-        {name: replace(motion, velocity=ZERO, spin=ZERO) for name, motion in position.items()}
-        for position in moving
-    ]
-    return [jax.tree.map(lambda leaf: jnp.asarray(leaf, float), p) for p in moving + resting]
+    positions = moving + list(map(at_rest, moving))
+    return [jax.tree.map(lambda leaf: jnp.asarray(leaf, float), each) for each in positions]
 
 
 def _shifted(joint: AbstractContactJoint, motions: Motions, shift: Vector) -> Motions:

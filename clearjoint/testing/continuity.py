@@ -1,6 +1,7 @@
 """Motions of bodies for checks, and jumps of scalar functions in intervals."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import jax
@@ -126,6 +127,14 @@ def moved(motions: Mapping[str, Motion], time: float) -> dict[str, Motion]:
             motion.velocity,
             motion.spin,
         )
+        for name, motion in motions.items()
+    }
+
+
+def at_rest(motions: Mapping[str, Motion]) -> dict[str, Motion]:
+    """Return the motions of bodies, by name, with zero velocities and spins."""
+    return {
+        name: replace(motion, velocity=motion.velocity * 0.0, spin=motion.spin * 0.0)
         for name, motion in motions.items()
     }
 

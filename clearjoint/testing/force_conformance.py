@@ -1,7 +1,6 @@
 """Check user-defined force elements, which act on bodies with wrenches: forces and moments."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import equinox as eqx
 import jax
@@ -12,7 +11,7 @@ from ..math.vectors import Scalar, Vector, pack, unpack
 from ..model.bodies import Motion, Wrench
 from ..model.joints.base import AbstractForce
 from .conformance import ensure
-from .continuity import moved
+from .continuity import at_rest, moved
 
 STEP = 1e-5
 """Step of the central differences of the stored energy, s, at which their errors are well below the
@@ -55,7 +54,8 @@ def check_force(
     >>> spring = cj.SpringDamper("ground", "arm", (0, 0, 0), (0, 0.5, 0), stiffness=100.0)
     >>> testing.check_force(spring, motions)
     """
-    motions = {name: _as_arrays(motions[name]) for name in force.body_names()}
+    # Derivatives and `jax.vmap` need arrays of JAX.
+    motions = jax.tree.map(on_device, {name: motions[name] for name in force.body_names()})
     wrenches = _wrenches(force, motions, time)
     ensure(wrenches.keys() <= motions.keys(), "There is a wrench on a body not in body_names().")
     for leaf in jax.tree.leaves(wrenches):
@@ -66,11 +66,6 @@ def check_force(
     _check_power(force, motions, time, tolerance)
     _check_derivatives(force, motions, time)
     _check_lanes(force, motions, time)
-
-
-def _as_arrays(motion: Motion) -> Motion:
-    """Return a motion whose numbers are arrays of JAX, as derivatives and `jax.vmap` need them."""
-    return jax.tree.map(on_device, motion)
 
 
 def _wrenches(force: AbstractForce, motions: Mapping[str, Motion], time: Scalar) -> Wrenches:
@@ -132,16 +127,12 @@ def _check_derivatives(force: AbstractForce, motions: Mapping[str, Motion], time
     def wrenches(numbers: AbstractForce, motions: Mapping[str, Motion]) -> Wrenches:
         return _wrenches(eqx.combine(numbers, rest), motions, time)
 
-    for given in (motions, {name: _at_rest(motion) for name, motion in motions.items()}):
+    for given in (motions, at_rest(motions)):
         point = numbers, given
         # The derivative if all numbers change at once is not finite if one derivative is not.
         slopes = jax.jvp(wrenches, point, jax.tree.map(jnp.ones_like, point))[1]
         for slope in jax.tree.leaves(slopes):
             ensure(jnp.isfinite(slope), "A derivative of the force is not finite.")
-
-
-def _at_rest(motion: Motion) -> Motion:
-    return replace(motion, velocity=motion.velocity * 0.0, spin=motion.spin * 0.0)
 
 
 def _check_lanes(force: AbstractForce, motions: Mapping[str, Motion], time: float) -> None:

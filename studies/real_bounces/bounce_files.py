@@ -4,7 +4,8 @@ The repository giiulia/LabI-Dynamics-Thermodynamics keeps them in Python files (
 and `Method2` of `Coefficient_of_restitution`): `pallina4_intervalli_h1 = np.array([...])`, a row
 for each bounce and a column for each throw, s; `pallina4_H0` and `pallina4_H1`, drop and rebound
 heights, a row for each height and a column for each reading, cm. Literals are read; the files are
-never executed.
+never executed. Arrays that the scripts beside them compute, such as those from `np.delete`, are not
+data.
 """
 
 import ast
@@ -85,28 +86,26 @@ def _tables(file: Path) -> dict[str, np.ndarray]:
         raise ValueError(f"{file}, line {error.lineno}, is not Python: {error.msg}.") from error
     found = {}
     for node in tree.body:
-        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
-            name = node.targets[0].id
-            if any(known.fullmatch(name) for known in (INTERVALS, DROPS, REBOUNDS)):
-                found[name] = _literal(node, f"{file}: {name}")
+        match node:
+            case ast.Assign([ast.Name(name)], ast.Call(ast.Attribute(attr="array"), [rows, *_])):
+                if any(known.fullmatch(name) for known in (INTERVALS, DROPS, REBOUNDS)):
+                    found[name] = _literal(rows, f"{file}: {name}")
     return found
 
 
-def _literal(node: ast.Assign, where: str) -> np.ndarray:
-    """Return the rows of numbers in `np.array([...])`."""
+def _literal(rows: ast.expr, where: str) -> np.ndarray:
+    """Return the rows of numbers in the argument of `np.array([...])`."""
     try:
-        assert isinstance(node.value, ast.Call)
-        rows = ast.literal_eval(node.value.args[0])
-        table = np.array(rows, dtype=float)
-    except (AssertionError, IndexError, ValueError, TypeError) as error:
+        table = np.array(ast.literal_eval(rows), dtype=float)
+    except (ValueError, TypeError) as error:
         raise ValueError(
-            f"{where} (line {node.lineno}) must be np.array of rows of equal length that hold "
+            f"{where} (line {rows.lineno}) must be np.array of rows of equal length that hold "
             "numbers alone: correct the file."
         ) from error
     if table.ndim != 2 or not (np.isfinite(table).all() and (table > 0.0).all()):
         wrong = np.argwhere(~(table > 0.0))
         raise ValueError(
-            f"{where} (line {node.lineno}) must be a table of positive numbers, but has shape "
+            f"{where} (line {rows.lineno}) must be a table of positive numbers, but has shape "
             f"{table.shape} and wrong entries at (row, column) {wrong.tolist()}: correct the file."
         )
     return table

@@ -164,7 +164,7 @@ def requested(law: type, delivered: float) -> float | None:
     """Return the restitution to request of a law, or ``None`` if it cannot deliver one."""
 
     def lacking(value: float) -> float:
-        return float(law(value, 1.0).delivered_restitution()) - delivered
+        return float(law(value, 1e9).delivered_restitution()) - delivered
 
     lowest = 1e-6
     if lacking(lowest) > 0.0 or delivered >= 1.0:

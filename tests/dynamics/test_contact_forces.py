@@ -1,5 +1,7 @@
 """Forces of contacts that stay open or closed for a whole step."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -36,6 +38,35 @@ def test_force_of_a_closed_spring_continues_past_the_wall(law):
     slopes = [jax.jacfwd(lambda d: forces_at(law, True, d))(s * DEPTH) for s in (1.0, -1.0)]
     np.testing.assert_allclose(slopes[1], slopes[0], rtol=1e-14)
     assert not np.any(forces_at(law, False, DEPTH))
+
+
+class Preloaded(cj.extend.AbstractContactLaw):
+    """A linear spring that begins before the surfaces touch, with a force of 3 N there."""
+
+    ahead: Any = cj.extend.quantity("m")
+    uses_entry_speed = False
+
+    def onset_offset(self):
+        return self.ahead
+
+    def force(self, gap, entry_speed):
+        return self.elastic_force(gap)
+
+    def elastic_force(self, gap):
+        depth = gap.depth + self.ahead
+        return jnp.where(depth > 0.0, 3.0 + 4e8 * depth, 0.0)
+
+    def stored_energy(self, gap):
+        return 0.0
+
+
+@pytest.mark.parametrize("ahead", [0.0, 1e-6])
+def test_force_that_jumps_at_an_early_onset_continues_past_it(ahead):
+    law = Preloaded(ahead)
+    assert law.force_jumps
+    for depth in (-DEPTH, DEPTH):
+        found = forces_at(law, True, depth - ahead)[0]
+        assert found == pytest.approx(3.0 + 4e8 * depth, rel=1e-7)
 
 
 @pytest.mark.parametrize(

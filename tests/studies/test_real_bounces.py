@@ -182,6 +182,14 @@ def test_files_without_measurements_are_refused(tmp_path, text, said):
         read_balls([file])
 
 
+def test_computed_arrays_of_scripts_are_no_data(folder, tmp_path):
+    """A script beside the data reduces a table: the table of the data file is read."""
+    (tmp_path / "data.py").write_text((folder / "Method1" / "data.py").read_text())
+    script = "pallina1_H0 = np.delete(data.pallina1_H0, [0], axis=0)\npallina1_H1 = rebounds\n"
+    (tmp_path / "script.py").write_text(script)
+    assert len(read_balls([tmp_path])[TENNIS_TABLE].drops.heights) == 5
+
+
 def test_missing_file_is_refused(tmp_path):
     with pytest.raises(ValueError, match=r"is not there"):
         read_balls([tmp_path / "nothing.py"])

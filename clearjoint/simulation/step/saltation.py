@@ -21,7 +21,7 @@ import jax
 import jax.numpy as jnp
 
 from ...dynamics.contact_events import ContactGap, ContactGaps, any_of
-from ...dynamics.contact_forces import INSIDE, EntrySpeeds, LoadedContact, contact_force
+from ...dynamics.contact_forces import EntrySpeeds, LoadedContact, contact_force, depth_at_wall
 from ...dynamics.system import System
 from ...math.vectors import Condition, Scalar, Vector
 from ...model.joints.base import AbstractContactJoint, ByLabel, Contact, Motions, each_label
@@ -176,18 +176,17 @@ def _mean_force(
     def at_depth(depth: Scalar) -> LoadedContact:
         return force(replace(contact, gap=replace(contact.gap, depth=depth)))
 
-    # The force begins where the depth is minus `onset_offset`, here called the wall. Since the law
-    # has no force exactly there, it is evaluated deeper by the tiny number `INSIDE`.
+    # The force begins where the depth is minus `onset_offset`, here called the wall.
     # If only the force jumps, the mean is its value at the end of the step, or at the wall if the
     # step ends outside of it.
     if not law.slope_jumps():
-        return at_depth(jnp.maximum(contact.gap.depth, INSIDE - law.onset_offset()))
+        return at_depth(jnp.maximum(contact.gap.depth, depth_at_wall(law)))
     # If only the slope jumps, the force is zero at the wall, and the mean is half of the force at
     # the end of the step.
     if not law.force_jumps:
         return _multiplied(force(contact), 0.5)
     # Otherwise the mean is that of the forces at the wall and at the end of the step.
-    at_wall = at_depth(INSIDE - law.onset_offset())
+    at_wall = at_depth(depth_at_wall(law))
     return jax.tree.map(lambda a, b: 0.5 * (a + b), force(contact), at_wall)
 
 
