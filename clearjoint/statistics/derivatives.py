@@ -116,13 +116,13 @@ def statistics_derivatives(
     normal = np.array([one.is_normal for one in uncertain.values()])
     variables = {"failed": number_failed(results)}
     for name, (values, unit) in scalar_outputs(results).items():
+        # From derivatives by the standardised coordinates to those by the nominal ones.
+        derivatives, errors = (row / sizes for row in estimate(draws, values, members, normal))
         # Only the first runs are independent draws from the distributions, whose mean is wanted.
         sample = values[:members][np.isfinite(values[:members])]
         error = sample.std(ddof=1) / np.sqrt(len(sample))
         variables[f"{name}_mean"] = Labelled((), sample.mean(), unit)
         variables[f"{name}_standard_error"] = Labelled((), error, unit)
-        # From derivatives by the standardised coordinates to those by the nominal ones.
-        derivatives, errors = (row / sizes for row in estimate(draws, values, members, normal))
         for part, row in {
             "": derivatives,
             "_standard_error": errors,
