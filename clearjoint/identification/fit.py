@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,25 +12,19 @@ from jaxtyping import Float
 
 from ..export.labelled import AbstractTabular, Labelled, labelled_dataset, texts
 from ..information import fisher_information as information
+from ..information.fisher_information import aligned
 from ..information.horizon import FitHorizon
 from ..measurements.series import Measurements
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Bounded, Parameter, step_limits, values_at
+from ..parametrisation.variations import SeriesDelay, StateNumber
 from . import checking
 from . import goodness_of_fit as statistics
 from .checking import LikelihoodCheck
 from .levenberg_marquardt import Ending, Search
 from .posterior.result import Posterior
-from .report import (
-    FAR,
-    correlation_table,
-    estimates_table,
-    numbered,
-    remedies,
-    searches_table,
-    series_table,
-)
+from .report import estimates_table, numbered
 from .residuals import RunMisfit
 from .screening.screening import Screened
 
@@ -43,6 +38,21 @@ ALIKE = 1.3
 """Ratio of the half widths of two intervals up to which the report says that they agree."""
 SHOWN = 3
 """Largest number of other minima that the warnings describe."""
+FAR = 2.0
+"""Ratio of residuals to stated noise above which they count as far above the noise."""
+GOOD = 1.5
+"""Ratio of residuals to stated noise up to which a series counts as well fitted."""
+PIECES = 20
+"""Number of equal pieces of the record, of which the first with large residuals is found. Series
+with fewer samples are not examined for delays and outliers."""
+DOUBLINGS = 5
+"""Number of growing windows to suggest, each twice as long as the one before it."""
+MOST = 0.5
+"""Share of chi squared above which one cause counts as the main cause."""
+FEW = 0.02
+"""Share of the samples that may be outliers: the largest residuals are summed over this share."""
+UNCORRELATED = 1e-3
+"""p-value of the test of whiteness below which residuals are not white."""
 
 
 @dataclass(frozen=True)
@@ -224,7 +234,7 @@ class Fit(AbstractTabular):
     def rms(self) -> dict[str, float]:
         """Root mean square of each series' residuals by name; 1 is expected for the stated
         noise."""
-        return {n: math.sqrt(float(np.mean(row**2))) for n, row in self.residuals.items()}
+        return {name: _rms(row) for name, row in self.residuals.items()}
 
     @property
     def samples(self) -> int:
@@ -264,14 +274,7 @@ class Fit(AbstractTabular):
     @property
     def warnings(self) -> list[str]:
         """Sentences on problems of the fit; an empty list if there are none."""
-        return [
-            *self.doubts,
-            *self._search_warnings(),
-            *self._rival_warnings(),
-            *self._bound_warnings(),
-            *self._uncertain_directions(),
-            *self._noise_warnings(),
-        ]
+        return [*self.doubts, *self._problems(), *self._uncertain_directions(), *self._noise()]
 
     @cached_property
     def advice(self) -> list[str]:
@@ -281,20 +284,8 @@ class Fit(AbstractTabular):
         """
         # Without degrees of freedom, residuals say nothing about the model.
         scatter = self._scatter if self.degrees_of_freedom > 0 else 0.0
-        if not scatter > FAR and self.ending is not Ending.FAILED:
-            return []
-        found = remedies(
-            self.measurements,
-            self.parameters,
-            self.predictions,
-            self.residuals,
-            self.searches,
-            self.best,
-            scatter,
-            bool(self.screened),
-            self.horizon,
-        )
-        return list(found)
+        fine = not scatter > FAR and self.ending is not Ending.FAILED
+        return [] if fine else list(_remedies(self, scatter))
 
     def __str__(self) -> str:
         """Return the report as text: estimates, goodness of fit, correlations, searches, warnings
@@ -310,12 +301,12 @@ class Fit(AbstractTabular):
             f"chi squared {self.chi_squared:.6g} with {self.degrees_of_freedom} degrees of "
             "freedom, "
             f"p = {self.p_value:.2g}",
-            series_table(self.residuals, self.rms, self.whiteness, self.normality),
+            _series_table(self),
         ]
         if len(self.parameters) > 1:
-            parts.append(correlation_table(list(self.parameters), self.correlation))
+            parts.append(_correlation_table(self))
         if len(self.searches) > 1:
-            parts.append(searches_table(self.searches, self.best, self.screened))
+            parts.append(_searches_table(self))
         rest = [warning for warning in self.warnings if warning not in first]
         parts.append("\n".join(f"Warning: {warning}" for warning in rest))
         if self.advice:
@@ -400,14 +391,13 @@ class Fit(AbstractTabular):
         made."""
         return [] if self.check is None or self.check.passed else [self._test_report()]
 
-    def _search_warnings(self) -> Iterator[str]:
+    def _problems(self) -> Iterator[str]:
+        """Yield warnings of an unfinished search, other minima, and estimates at a bound."""
         if self.ending is not Ending.CONVERGED:
             yield f"Not converged: {self.ending.value}."
         if self.screened and not self.screened[-1].complete:
             end = self.screened[-1].times[-1]
             yield f"Screening reached only {end:.4g} s: increase its rounds."
-
-    def _rival_warnings(self) -> Iterator[str]:
         others = statistics.competing_minima(self.best.best, self._other_minima)
         for rival in others[:SHOWN]:
             values = values_at(self.parameters, rival.coordinates).items()
@@ -419,6 +409,12 @@ class Fit(AbstractTabular):
             )
         if len(others) > SHOWN:
             yield f"{len(others) - SHOWN} more minima are in Fit.rivals."
+        for name, parameter in self.parameters.items():
+            scale, value = parameter.scale, self.estimates[name]
+            if isinstance(scale, Bounded):
+                for bound in (scale.low, scale.high):
+                    if abs(value - bound) < AT_BOUND * (scale.high - scale.low):
+                        yield f"{name} is at its bound {bound:g}."
 
     @property
     def _other_minima(self) -> list[RunMisfit]:
@@ -426,14 +422,6 @@ class Fit(AbstractTabular):
         searches = (*self.searches, *(() if self.check is None else self.check.searches))
         others = [s for s in searches if s is not self.best and s.ending is Ending.CONVERGED]
         return [search.best for search in others]
-
-    def _bound_warnings(self) -> Iterator[str]:
-        for name, parameter in self.parameters.items():
-            scale, value = parameter.scale, self.estimates[name]
-            if isinstance(scale, Bounded):
-                for bound in (scale.low, scale.high):
-                    if abs(value - bound) < AT_BOUND * (scale.high - scale.low):
-                        yield f"{name} is at its bound {bound:g}."
 
     def _uncertain_directions(self) -> Iterator[str]:
         """Yield a warning for each combination of parameters that the data hardly determine.
@@ -463,10 +451,197 @@ class Fit(AbstractTabular):
         """
         return math.sqrt(self.chi_squared / self.degrees_of_freedom)
 
-    def _noise_warnings(self) -> Iterator[str]:
+    def _noise(self) -> Iterator[str]:
+        """Yield a warning if the residuals are improbably large or small."""
         if self.degrees_of_freedom > 0:
             ratio = f"Residuals are {self._scatter:.3g} times the stated noise"
             if self.p_value < statistics.UNLIKELY:
                 yield f"{ratio}: the noise is understated, or the model lacks an effect."
             elif self.p_value > 1.0 - statistics.UNLIKELY:
                 yield f"{ratio}: the noise is overstated."
+
+
+def _series_table(fit: Fit) -> str:
+    """Return a table with a row for each measured series."""
+    rows = [["series", "samples", "rms / noise", "p (white)", "p (normal)"]]
+    rms, white, normal = fit.rms, fit.whiteness, fit.normality
+    for name, row in fit.residuals.items():
+        tests = f"{white[name]:.2g}", f"{normal[name]:.2g}"
+        rows.append([name, str(len(row)), f"{rms[name]:.3f}", *tests])
+    return "\n".join(aligned(rows))
+
+
+def _correlation_table(fit: Fit) -> str:
+    """Return a table of the correlations of the estimates."""
+    rows = [["correlation", *fit.parameters]]
+    for name, row in zip(fit.parameters, fit.correlation, strict=True):
+        rows.append([name, *(f"{number:.4f}" for number in row)])
+    return "\n".join(aligned(rows))
+
+
+def _searches_table(fit: Fit) -> str:
+    """Return a table with a row for each search, the best one marked by a star.
+
+    With results of a screening, a line about its runs and rounds precedes the table.
+    """
+    rows = [["start", "chi squared", "runs", "ended"]]
+    for number, search in enumerate(fit.searches):
+        mark = " *" if search is fit.best else ""
+        chi_squared, runs = f"{search.best.chi_squared:.6g}", str(search.evaluations)
+        rows.append([f"{number}{mark}", chi_squared, runs, search.ending.value])
+    table = "\n".join(aligned(rows))
+    if not fit.screened:
+        return table
+    runs = sum(one.runs for one in fit.screened)
+    rounds = sum(len(one.times) for one in fit.screened)
+    return f"starts from screening by {runs} runs in {rounds} rounds:\n{table}"
+
+
+def _remedies(fit: Fit, scatter: float) -> Iterator[str]:
+    """Yield sentences on remedies for a poor fit, the cheapest and most likely first.
+
+    **Arguments:** `scatter`: square root of chi squared per degree of freedom, 1 for the stated
+    noise.
+    """
+    # A missing effect would leave a trace in the residuals, which would then be correlated.
+    if all(statistics.whiteness(row) > UNCORRELATED for row in fit.residuals.values()):
+        yield (
+            "Residuals are white: the model fits, and the noise may be understated. If the sensors "
+            f"can be that noisy, state a noise {scatter:.3g} times as large."
+        )
+    sizes = fit.rms
+    worst = max(sizes, key=lambda name: sizes[name])
+    others = [size for name, size in sizes.items() if name != worst]
+    # If the model fits all other series, the fault is probably in the sensor of this one.
+    if others and max(others) <= GOOD:
+        yield (
+            f"Only series {worst!r} does not fit: its residuals are {sizes[worst]:.3g} times its "
+            "noise. Check its unit, sign, axes and noise, and the position of the sensor."
+        )
+    yield from _delays(fit)
+    yield from _outliers(fit)
+    yield from _shorter_records(fit)
+    if len(fit.searches) == 1 and not fit.screened:
+        yield (
+            "Search from several starts, by starts=cj.Starts(8). If impacts make chi squared "
+            "rough, screen starts without derivatives, by starts=cj.Screening(...)."
+        )
+    else:
+        # Searches that end in one minimum differ in chi squared by less than a hundredth.
+        ends = [search.best.chi_squared for search in fit.searches]
+        yield (
+            f"The {len(ends)} searches ended at chi squared from {min(ends):.3g} to "
+            f"{max(ends):.3g}: "
+            + (
+                "all in one minimum. The model probably lacks an effect."
+                if max(ends) < 1.01 * min(ends)
+                else "in several minima. Use more starts, or a wider spread."
+            )
+        )
+    if fit.ending is Ending.EXHAUSTED:
+        number = fit.best.evaluations
+        yield f"The search had not converged after {number} runs: increase max_iterations."
+    if not any(isinstance(one.variation, StateNumber) for one in fit.parameters.values()):
+        yield (
+            "Estimate the initial state too, unless it is known more accurately than the noise, "
+            'for example by cj.Parameter.initial(lambda state: state.bodies["..."].spin[2]).'
+        )
+
+
+def _delays(fit: Fit) -> Iterator[str]:
+    """Yield a sentence on the first series whose misfit is mainly that of a delayed clock."""
+    variations = [parameter.variation for parameter in fit.parameters.values()]
+    estimated = {name for one in variations if isinstance(one, SeriesDelay) for name in one.series}
+    for name, series in fit.measurements.series.items():
+        if len(series) < PIECES:  # Too few samples to tell a delay from other causes.
+            continue
+        # A small delay adds delay * rate to the residuals. Least squares gives the delay that
+        # explains most of them.
+        slope = np.gradient(fit.predictions[name], np.asarray(series.times))
+        rate, row = slope / np.asarray(series.noise), fit.residuals[name]
+        power = float(rate @ rate)
+        shift = float(row @ rate) / power if power > 0.0 else 0.0
+        # The share of the mean square that a shift removes; the minimum is for residuals of zero.
+        explained = 1.0 - _rms(row - shift * rate) ** 2 / max(_rms(row) ** 2, 1e-300)
+        if explained > MOST and _rms(row) > FAR:
+            direction = "late" if shift > 0.0 else "early"
+            remedy = (
+                "start its delay from another guess"
+                if name in estimated
+                else f"estimate its delay, by a parameter cj.Parameter.delay({name!r})"
+            )
+            yield (
+                f"Series {name!r} seems {abs(shift):.3g} s {direction}, which would explain "
+                f"{explained:.0%} of its misfit: check its clock and its trigger, or {remedy}."
+            )
+            return
+
+
+def _outliers(fit: Fit) -> Iterator[str]:
+    """Yield a sentence if few samples, the share `FEW`, contribute most of chi squared."""
+    rows = np.concatenate(list(fit.residuals.values())) ** 2
+    count = max(int(FEW * len(rows)), 1)
+    largest = np.sort(rows)[::-1][:count]
+    if len(rows) >= PIECES and largest.sum() >= MOST * rows.sum():
+        name, worst = max(fit.residuals.items(), key=lambda item: float(np.abs(item[1]).max()))
+        time = float(fit.measurements[name].times[np.argmax(np.abs(worst))])
+        yield (
+            f"{count} of {len(rows)} samples contribute {largest.sum() / rows.sum():.0%} of chi "
+            f"squared, the worst at {time:.6g} s in {name!r}: remove outliers, or state a larger "
+            "noise for these samples. Times of impact peaks are the first to deviate."
+        )
+
+
+def _shorter_records(fit: Fit) -> Iterator[str]:
+    """Yield sentences that advise to fit a shorter record, or growing windows of the record."""
+    all_series, horizon = fit.measurements.series, fit.horizon
+    times = np.concatenate([np.asarray(s.times) for s in all_series.values()])
+    rows = np.concatenate([fit.residuals[name] for name in all_series])
+    edges = np.linspace(times.min(), times.max(), PIECES + 1)
+    start, end = float(edges[0]), float(fit.measurements.times()[-1])
+    # The run fits the data up to the first piece of the record with large residuals.
+    pieces = ((low, (times >= low) & (times <= high)) for low, high in pairwise(edges))
+    until = float(next((low for low, inside in pieces if _rms(rows[inside]) > FAR), edges[-1]))
+    # With large residuals from the first piece on, no part of the record fits.
+    if until == start:
+        length = (end - start) / PIECES
+        wrong = "the scene, the initial state or a unit is wrong, not the value of a parameter"
+        if len(fit.best.windows) > 1:
+            yield (
+                "The run deviates from the data from the first samples on, although windows of the "
+                "record were fitted first: begin with a shorter one, by grow=("
+                f"{start + length:.4g}, ...). If that fails too, {wrong}."
+            )
+        else:
+            # The first window is one piece, and each further one is twice as long.
+            grow = ", ".join(f"{start + length * 2**k:.4g}" for k in range(DOUBLINGS))
+            yield (
+                "The run deviates from the data from the first samples on: fit growing windows of "
+                "the record, from which a search converges from farther away, by "
+                f"identify(..., grow=({grow})). If the data up to {start + length:.4g} s do not "
+                f"fit either, {wrong}."
+            )
+    elif until < end:
+        # The first window is the part that fits, and the next ones are longer in small steps.
+        ends = until + (end - until) * np.array([0.0, 0.25, 0.5])
+        grow = ", ".join(f"{one:.4g}" for one in ends)
+        yield (
+            f"The run follows the data up to {until:.4g} s and deviates afterwards: fit growing "
+            f"windows of the record, by identify(..., grow=({grow}))."
+        )
+    if horizon is None:
+        yield (
+            "Compute the longest record that a single run can fit, by "
+            "cj.fit_horizon(scene, state, parameters, measurements, uncertainty=...)."
+        )
+    elif end > horizon.single_shot:
+        yield (
+            f"The record ends at {end:.4g} s, but a single run can fit only "
+            f"{horizon.single_shot:.4g} s: shorten the record, or fit windows that grow from this "
+            "time, by grow=[...]."
+        )
+
+
+def _rms(row: Float[np.ndarray, " N"]) -> float:
+    """Return the root mean square of a row, 0 for an empty one."""
+    return math.sqrt(float(np.mean(row**2))) if len(row) else 0.0

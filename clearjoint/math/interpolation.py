@@ -226,10 +226,10 @@ def highest_after(
     order of x. The maximum between `first` and `last` is estimated.
 
     **Returns:** a point. Its value is the largest of the function's values from `first` to `last`,
-    at these two points and at the two evaluations. If the higher evaluation is above its
-    neighbours, the position is the maximum of the parabola through these three points, which is
-    nearer to the function's maximum than the evaluated points. Otherwise it is the higher one of
-    `first` and `last`.
+    at these two points and at the two evaluations. If neither `first` nor `last` is above the
+    higher evaluation, the position is the maximum of the parabola through this evaluation and its
+    neighbours, which is nearer to the function's maximum than the evaluated points. Otherwise it is
+    the higher one of `first` and `last`.
     """
     margin = GUESS_MARGIN * (last.x - first.x)
     # If the extrapolated parabola has no maximum, the search begins in the middle.
@@ -239,10 +239,11 @@ def highest_after(
     middle = Point(guess, value_at(guess))
     refined = _cubic_vertex(before, first, middle, last)
     a, b, c = _nearest_three(first, middle, last, Point(refined, value_at(refined)))
-    # If none of the inner points is the highest one, the maximum is at an end of the interval.
-    is_peak = (b.value >= a.value) & (b.value >= c.value)
-    top = higher(higher(first, last), b)
-    return Point(jnp.where(is_peak, vertex(a, b, c), top.x), top.value)
+    # The higher inner point is b. If an end is above it, also one that is not its neighbour, the
+    # maximum is at that end.
+    end = higher(first, last)
+    x = jnp.where(b.value >= end.value, vertex(a, b, c), end.x)
+    return Point(x, higher(end, b).value)
 
 
 def _cubic_vertex(before: Point, first: Point, middle: Point, last: Point) -> Scalar:

@@ -14,7 +14,7 @@ nominal value \(\theta\). For an output f of a run, the expectation \(J(\theta) 
 """
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
@@ -36,14 +36,6 @@ if TYPE_CHECKING:
 
 LEAST_RUNS = 10
 """Number of runs for each coefficient of the regression below which its errors are unreliable."""
-
-
-class Estimates(NamedTuple):
-    """Derivatives (p,) of a mean by the centres of the parameters' distributions, and their errors
-    (p,), as standard deviations."""
-
-    derivatives: Float[np.ndarray, " p"]
-    errors: Float[np.ndarray, " p"]
 
 
 def statistics_derivatives(
@@ -101,7 +93,11 @@ def statistics_derivatives(
     check_uncertain(uncertain)
     require_positive("disturbance", disturbance, "give it in m/s")
     check_confidence(confidence)
-    _check_members(members, len(uncertain))
+    require_count("members", members, "give a number of runs")
+    require(members % 2 == 0, "members", members, "even", "add one")
+    fewest = _fewest_members(len(uncertain))
+    expected = f"{fewest} or more for {len(uncertain)} parameters"
+    require(members >= fewest, "members", members, expected, "run more")
     scene, state = with_arrays((scene, state))
     draws = _draws(uncertain, members, seed)
     axes = {
@@ -120,11 +116,20 @@ def statistics_derivatives(
     normal = np.array([one.is_normal for one in uncertain.values()])
     variables = {"failed": number_failed(results)}
     for name, (values, unit) in scalar_outputs(results).items():
-        found = estimate(draws, values, members, normal)
-        scaled = Estimates(found.derivatives / sizes, found.errors / sizes)
+        # From derivatives by the standardised coordinates to those by the nominal ones.
+        derivatives, errors = (row / sizes for row in estimate(draws, values, members, normal))
         # Only the first runs are independent draws from the distributions, whose mean is wanted.
         sample = values[:members][np.isfinite(values[:members])]
-        variables |= _labelled(name, unit, sample, scaled, factor)
+        error = sample.std(ddof=1) / np.sqrt(len(sample))
+        variables[f"{name}_mean"] = Labelled((), sample.mean(), unit)
+        variables[f"{name}_standard_error"] = Labelled((), error, unit)
+        for part, row in {
+            "": derivatives,
+            "_standard_error": errors,
+            "_low": derivatives - factor * errors,
+            "_high": derivatives + factor * errors,
+        }.items():
+            variables[f"{name}_derivative{part}"] = Labelled(("parameter",), row, unit)
     coordinates = [one.parameter.scale.label(name) for name, one in uncertain.items()]
     labels = {
         "parameter": Labelled(("parameter",), texts(list(uncertain))),
@@ -133,42 +138,6 @@ def statistics_derivatives(
     notes = {"runs": len(draws), "seed": seed, "confidence": confidence}
     notes["disturbance"] = f"{disturbance:g} m/s"
     return labelled_dataset("derivatives of statistics", variables, labels, tuple(notes.items()))
-
-
-def _labelled(
-    name: str, unit: str, sample: np.ndarray, found: Estimates, factor: float
-) -> dict[str, Labelled]:
-    """Return the mean of an output and its derivatives, with errors and intervals, by name.
-
-    **Arguments:** `name`, `unit`: of the output; `sample`: its values in independent runs;
-    `found`: derivatives by the nominal coordinates; `factor`: half the width of an interval, in
-    standard errors.
-    """
-    derivatives, errors = found
-    along = {
-        "derivative": derivatives,
-        "derivative_standard_error": errors,
-        "derivative_low": derivatives - factor * errors,
-        "derivative_high": derivatives + factor * errors,
-    }
-    error = sample.std(ddof=1) / np.sqrt(len(sample))
-    return {
-        f"{name}_mean": Labelled((), sample.mean(), unit),
-        f"{name}_standard_error": Labelled((), error, unit),
-        **{f"{name}_{key}": Labelled(("parameter",), row, unit) for key, row in along.items()},
-    }
-
-
-def _check_members(members: int, parameters: int) -> None:
-    """Check that there are enough runs for the regression.
-
-    **Raises:** `ValueError` for `members` that are not an even, positive whole number, or too few.
-    """
-    require_count("members", members, "give a number of runs")
-    require(members % 2 == 0, "members", members, "even", "add one")
-    fewest = _fewest_members(parameters)
-    expected = f"{fewest} or more for {parameters} parameters"
-    require(members >= fewest, "members", members, expected, "run more")
 
 
 def _fewest_members(parameters: int) -> int:
@@ -215,8 +184,9 @@ def estimate(
     values: Float[np.ndarray, " runs"],
     members: int,
     normal: np.ndarray,
-) -> Estimates:
-    """Return the derivatives of an output's mean by the centres of the standardised parameters.
+) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
+    """Return the derivatives (p,) of an output's mean by the centres of the standardised
+    parameters, and their standard errors (p,).
 
     A derivative is by regression for a normal parameter, and by pairs of runs for a uniform one;
     see the module's docstring.
@@ -244,7 +214,7 @@ def estimate(
         halves = halves[np.isfinite(halves)]
         require(len(halves) > 1, "members", len(halves), "2 pairs of runs or more", "run more")
         derivatives[k], errors[k] = halves.mean(), halves.std(ddof=1) / np.sqrt(len(halves))
-    return Estimates(derivatives, errors)
+    return derivatives, errors
 
 
 def _regression(z: np.ndarray, y: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -15,7 +15,7 @@ from clearjoint.identification.posterior.posterior import modes
 from clearjoint.identification.posterior.tempering import (
     Target,
     draw,
-    level,
+    level_or_infinity,
     next_count,
     resampled,
 )
@@ -285,9 +285,9 @@ def test_few_points_keep_the_ends_of_a_thin_curved_region():
 
 def test_steps_along_the_record():
     curves = np.array([[0.0, 1.0, 4.0], [0.0, 3.0, np.inf]])
-    assert level(curves, 0.5).tolist() == [0.5, 1.5]
-    assert level(curves, 1.0).tolist() == [1.0, 3.0]
-    assert level(curves, 1.5).tolist() == [2.5, np.inf]
+    assert level_or_infinity(curves, 0.5).tolist() == [0.5, 1.5]
+    assert level_or_infinity(curves, 1.0).tolist() == [1.0, 3.0]
+    assert level_or_infinity(curves, 1.5).tolist() == [2.5, np.inf]
     assert next_count(np.zeros((4, 3)), 0.0) == 2.0
     steep = np.array([[0.0, 0.0], [0.0, 100.0], [0.0, 200.0], [0.0, 300.0]])
     assert 0.0 < next_count(steep, 0.0) < 0.1

@@ -118,6 +118,21 @@ def test_highest_after_does_not_exceed_a_kink(top, before):
     assert 0.0 <= float(found.x) <= 1.0
 
 
+def test_highest_after_has_the_position_of_an_end_above_a_lower_peak():
+    """The higher evaluation is above its neighbours, but `last` is not one of them."""
+    evaluated = []
+
+    def value(x):
+        evaluated.append(float(x))
+        return jnp.interp(
+            x, jnp.array([0.0, 0.5, 0.6, 0.99, 1.0]), jnp.array([0, 0.8, 0.2, 0.2, 1])
+        )
+
+    found = highest_after(value, Point(-1.0, 0.0), Point(0.0, 0.0), Point(1.0, 1.0))
+    assert evaluated[0] == 0.5 and 0.6 < evaluated[1] < 0.99
+    assert (float(found.x), float(found.value)) == (1.0, 1.0)
+
+
 def test_highest_after_of_a_constant_and_of_a_step_of_zero_length():
     flat = highest_after(lambda x: jnp.ones(()), *(Point(x, 1.0) for x in (0.0, 0.0, 1.0)))
     assert (float(flat.value), 0.0 <= float(flat.x) <= 1.0) == (1.0, True)

@@ -227,8 +227,8 @@ def along_record(
             cloud = evaluated(target, cloud.points, ahead)
             continue
         # Weights by what this part of the record adds to the likelihood.
-        increments = 0.5 * (level(cloud.curves, reached) - level(cloud.curves, following))
-        weights, _ = normalised(increments)
+        before, after = (level_or_infinity(cloud.curves, k) for k in (reached, following))
+        weights, _ = normalised(0.5 * (before - after))
         reached, steps = following, steps + 1
         on_step(reached)
         if reached >= target.count:
@@ -244,7 +244,7 @@ def evaluated(target: Target, points: Float[np.ndarray, "n p"], ahead: int) -> C
     return Cloud(points, target.curves(points, ahead), target.log_prior(points))
 
 
-def level(curves: Float[np.ndarray, "n T"], count: float) -> Float[np.ndarray, " n"]:
+def level_or_infinity(curves: Float[np.ndarray, "n T"], count: float) -> Float[np.ndarray, " n"]:
     """Return chi squared (n,) over the first `count` times; a fraction counts a part of a sample.
 
     It is infinite from the first sample that a run misses.
@@ -269,12 +269,12 @@ def next_count(curves: Float[np.ndarray, "n T"], reached: float) -> float:
     **Arguments:** `curves`: (n, T + 1) chi squared over the first 0 to T times; `reached`: number
     of times that are already in the likelihood.
     """
-    before, last = level(curves, reached), curves.shape[1] - 1
+    before, last = level_or_infinity(curves, reached), curves.shape[1] - 1
 
     def enough(count: float) -> bool:
         """Return whether enough effective points remain after a step to `count` times."""
         with np.errstate(invalid="ignore"):
-            weights, _ = normalised(0.5 * (before - level(curves, count)))
+            weights, _ = normalised(0.5 * (before - level_or_infinity(curves, count)))
         return 1.0 / (weights**2).sum() >= KEPT * len(curves)
 
     if enough(float(last)):
@@ -349,7 +349,7 @@ def mutated(
         new = evaluated(target, points[inside], moved.curves.shape[1] - 1)
         # `new` has only the points inside; they are spread over the n indices.
         others = moved.where(inside, new.taken(np.where(inside, np.cumsum(inside) - 1, 0)))
-        before, after = (0.5 * level(one.curves, reached) for one in (moved, others))
+        before, after = (0.5 * level_or_infinity(one.curves, reached) for one in (moved, others))
         ratios = ratios + before - after + others.log_priors - moved.log_priors
         accepts = inside & (np.log(generator.uniform(size=number)) < ratios)
         moved = moved.where(accepts, others)

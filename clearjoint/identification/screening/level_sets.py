@@ -19,8 +19,8 @@ smaller one is raised to it, because distances are divided by its root."""
 def reached(curves: np.ndarray, keep: int, excess: float) -> float:
     """Return the number of sample times up to which the level set has at least `keep` points.
 
-    The number, from 0 to T, may be a fraction, see `level`. Over a longer part of the record, fewer
-    points fit about as well as the best.
+    The number, from 0 to T, may be a fraction, see `finite_level`. Over a longer part of the
+    record, fewer points fit about as well as the best.
 
     **Arguments:** `curves`: (n, T + 1) chi squared of n points, cumulated over the first 0 to T
     sample times; `keep`: a number of points; `excess`: largest difference between chi squared of a
@@ -34,18 +34,18 @@ def reached(curves: np.ndarray, keep: int, excess: float) -> float:
     last_full, low, high = int(beyond[0]) - 1, 0.0, 1.0
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        if _gap(level(curves, last_full + middle), keep) > excess:
+        if _gap(finite_level(curves, last_full + middle), keep) > excess:
             high = middle
         else:
             low = middle
     return last_full + low
 
 
-def level(curves: Float[np.ndarray, "n T"], count: float) -> Float[np.ndarray, " n"]:
+def finite_level(curves: Float[np.ndarray, "n T"], count: float) -> Float[np.ndarray, " n"]:
     """Return chi squared of n points, (n,), over the first `count` times.
 
-    `curves`: (n, T + 1) chi squared over the first 0 to T times; values at a fractional `count` are
-    interpolated linearly.
+    `curves`: (n, T + 1) chi squared over the first 0 to T times, all finite; values at a fractional
+    `count` are interpolated linearly.
     """
     last_full = min(int(count), curves.shape[1] - 2)
     part = count - last_full

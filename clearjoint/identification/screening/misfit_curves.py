@@ -6,7 +6,6 @@ record is kept. A length of the record is given as a number of its sample times:
 the first k times is that of all samples up to the k-th time.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -75,6 +74,7 @@ class SideBySide:
         number of times after which runs end; `smoothing`: number of times over which residuals are
         averaged, each with those before it, 1 for none.
         """
+        instants, sample_indices = self._instants(coordinates, count)
         curves = np.zeros((len(coordinates), count + 1))
         waiting: dict[int, np.ndarray] = {}
 
@@ -87,44 +87,6 @@ class SideBySide:
             columns = np.asarray(_cumulated(self.data, filled, smoothing))
             curves[lanes, 1:] = columns[: len(lanes), :count]
 
-        def keep(lane: int, predicted: np.ndarray) -> None:
-            # Lanes end in any order. They are compared in groups, because the predictions of all
-            # lanes would take much memory.
-            waiting[lane] = predicted
-            if len(waiting) == TOGETHER:
-                take()
-
-        self._run(coordinates, count, keep)
-        if waiting:
-            take()
-        return curves
-
-    def predictions(self, coordinates: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n S T"]:
-        """Return the predicted values of the S series at the T times in n runs, (n, S, T), SI.
-
-        Values are NaN at times that a run does not reach.
-
-        **Arguments:** `coordinates`: (n, p) coordinates of the parameters in each run.
-        """
-        found = np.full((len(coordinates), len(self.runs.names), self.count), np.nan)
-
-        def keep(lane: int, predicted: np.ndarray) -> None:
-            found[lane] = predicted[:, : self.count]
-
-        self._run(coordinates, self.count, keep)
-        return found
-
-    def _run(
-        self, coordinates: np.ndarray, count: int, keep: Callable[[int, np.ndarray], None]
-    ) -> None:
-        """Run lanes at n points over the first `count` times.
-
-        **Arguments:** `coordinates`: (n, p) of the points; `keep`: function that is called when a
-        lane has ended, with its number from 0 and its predictions, (S, times with padding) in SI,
-        NaN at times that it did not reach and after the first `count`.
-        """
-        instants, sample_indices = self._instants(coordinates, count)
-
         def on_ended(ended: Ended) -> None:
             # A lane has recorded rows up to the time that it reached.
             rows, counts = ended.logs[LOG]
@@ -134,13 +96,20 @@ class SideBySide:
                 for row, name, indices in parts:
                     at = indices[lane if len(indices) > 1 else 0]
                     row[: len(at)] = np.where(at < reached, rows[name][k, at], np.nan)
-                keep(lane, predicted)
+                # Lanes end in any order. They are compared in groups, because the predictions of
+                # all lanes would take much memory.
+                waiting[lane] = predicted
+                if len(waiting) == TOGETHER:
+                    take()
 
         # A batch with the tasks of another keeps its compiled programs.
         tasks = self._tasks(coordinates, instants)
         batch = self._batches[0].with_tasks(tasks) if self._batches else Batch(self._common, tasks)
         self._batches[:] = [batch]
         batch.run(range(len(coordinates)), on_ended)
+        if waiting:
+            take()
+        return curves
 
     def _tasks(self, coordinates: np.ndarray, instants: np.ndarray) -> Task:
         """Return the data of n lanes at coordinates (n, p).

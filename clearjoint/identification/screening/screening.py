@@ -22,7 +22,7 @@ from ...simulation.run.progress_bars import ProgressBar, telling_of_compiling
 from .. import goodness_of_fit as statistics
 from ..levenberg_marquardt import Search, best_search
 from ..starts import half_widths
-from .level_sets import among, apart, level, reached
+from .level_sets import among, apart, finite_level, reached
 from .misfit_curves import SideBySide
 
 LEVEL = 0.99
@@ -166,7 +166,7 @@ def screen(
             curves = lanes.chi_squared(points, ahead, screening.smoothing)
             # The part of the record over which enough points fit about as well as the best.
             count = reached(curves, screening.keep, excess)
-            misfits = level(curves, count)
+            misfits = finite_level(curves, count)
             best = np.argsort(misfits, kind="stable")[: screening.keep]
             runs += len(points)
             times.append(lanes.time(count))
