@@ -7,7 +7,6 @@ from pathlib import Path
 from urllib.parse import quote
 from zlib import crc32
 
-import matplotlib
 import numpy as np
 import pandas as pd
 import xarray as xr
@@ -52,7 +51,6 @@ def draw_run(folder: Path, scene: Scene, solution: Solution, observed: Observati
     **Arguments:** `folder`: folder of the results, which has the table of outputs already;
     `solution`: the run; `observed`: contacts, forces and energies at its saved states.
     """
-    matplotlib.use("agg")  # draws files without a screen
     for name, joint in scene.contact_joints().items():
         if isinstance(joint, HasJournal):
             clearance = float(np.asarray(joint.clearance))
@@ -78,7 +76,6 @@ def draw_sweep(folder: Path, dataset: xr.Dataset) -> None:
     second axis or, if these are more than six, a map of colours over both. The channels of Poincaré
     sections are drawn if there is one axis only.
     """
-    matplotlib.use("agg")
     lanes = dataset["result"]
     axes = [str(dim) for dim in lanes.dims]
     if axes == ["lane"]:  # zipped axes, of which the first is drawn
@@ -98,19 +95,9 @@ def draw_sweep(folder: Path, dataset: xr.Dataset) -> None:
                 _save(folder, f"{name} {channel}", plot.bifurcation(dataset, name, channel))
 
 
-def draw_fit(folder: Path, found: Fit) -> None:
-    """Draw the figures of a fit: measured series with predictions, and the correlations of the
-    estimated parameters."""
-    matplotlib.use("agg")
-    _save(folder, "fitted", plot.fitted(found)[0, 0])
-    if len(found.parameters) > 1:
-        _save(folder, "correlations", plot.correlations(found))
-
-
 def draw_wear(folder: Path, found: xr.Dataset) -> None:
     """Draw the figures of a result of `clearjoint.wear`: the depth around each part that has worn,
     and over the cycles the largest depths, the worn volumes and the largest forces."""
-    matplotlib.use("agg")
     parts = worn_parts(found)
     if not parts:
         return
@@ -121,27 +108,19 @@ def draw_wear(folder: Path, found: xr.Dataset) -> None:
         deepest[name] = of_joint[f"{part}_depth"].max("angle").values
         volumes[name] = 1e9 * of_joint[f"{part}_volume"].values
     forces = {str(joint): found["force"].sel(joint=joint).values for joint in found["joint"].values}
-    _draw_stages(folder, "depths", found, deepest, "largest depth", "m")
-    _draw_stages(folder, "volumes", found, volumes, "worn volume", "mm^3")
-    _draw_stages(folder, "forces", found, forces, "largest force", "N")
-
-
-def _draw_stages(
-    folder: Path,
-    figure: str,
-    found: xr.Dataset,
-    curves: dict[str, np.ndarray],
-    quantity: str,
-    unit: str,
-) -> None:
-    """Draw values (stages,) over the cycles before the stages, as one curve for each name."""
-    factor, shown = fitting_unit(np.array(list(curves.values())), unit)
-    axes, cycles = plot.style.axes_or_new(None), found["cycles"].values
-    lines = [(name, cycles, factor * values) for name, values in curves.items()]
-    plot.style.draw_lines(axes, lines)
-    plot.style.dress(axes, "cycles", f"{quantity}, {shown}")
-    plot.style.legend_above(axes, min(len(curves), 2))
-    _save(folder, figure, axes)
+    cycles = found["cycles"].values
+    for figure, quantity, unit, curves in (
+        ("depths", "largest depth", "m", deepest),
+        ("volumes", "worn volume", "mm^3", volumes),
+        ("forces", "largest force", "N", forces),
+    ):
+        factor, shown = fitting_unit(np.array(list(curves.values())), unit)
+        axes = plot.style.axes_or_new(None)
+        lines = ((name, cycles, factor * values) for name, values in curves.items())
+        plot.style.draw_lines(axes, lines)
+        plot.style.dress(axes, "cycles", f"{quantity}, {shown}")
+        plot.style.legend_above(axes, min(len(curves), 2))
+        _save(folder, figure, axes)
 
 
 def worn_parts(found: xr.Dataset) -> list[tuple[str, Part]]:
@@ -301,8 +280,11 @@ def write_sweep_report(folder: Path, dataset: xr.Dataset) -> None:
 
 
 def write_fit_report(folder: Path, found: Fit) -> None:
-    """Draw the figures of a fit and write its page."""
-    draw_fit(folder, found)
+    """Draw the figures of a fit, measured series with predictions and the correlations of the
+    estimated parameters, and write its page."""
+    _save(folder, "fitted", plot.fitted(found)[0, 0])
+    if len(found.parameters) > 1:
+        _save(folder, "correlations", plot.correlations(found))
     write_page(folder)
 
 

@@ -30,7 +30,7 @@ from ..simulation.step.dense_output import require_dense
 from ..simulation.step.method import Scheme
 from ..simulation.step.settings import Settings
 from . import folders
-from .endings import FAILED, INTERRUPTED, WELL, CommandResult, say
+from .endings import FAILED, INTERRUPTED, WELL, CommandResult, has_error_stream, say
 from .reports import write_run_report
 from .study import RunPart, Study
 
@@ -59,13 +59,12 @@ class Negative(AbstractQuantity):
         self.quantity.check(scene)
 
 
-def run(study: Study, folder: Path, progress: bool) -> CommandResult:
+def run(study: Study, folder: Path) -> CommandResult:
     """Run a study's scene, and write tables, figures and a page.
 
     The results up to the end of a run that fails, or that Ctrl-C interrupts, are written, too.
 
-    **Arguments:** `folder`: folder of the results, which is made if it does not exist; `progress`:
-    whether to show a progress bar.
+    **Arguments:** `folder`: folder of the results, which is made if it does not exist.
 
     **Raises:** `ValueError` for wrong entries in the section [run], such as an `end` that is
     missing or not after the start, and for a state with which the scene can't run.
@@ -84,7 +83,7 @@ def run(study: Study, folder: Path, progress: bool) -> CommandResult:
             Saving(times, impacts=contacts, sections=sections, outputs=reductions),
             start_time=part.start,
             throw=False,
-            progress=progress,
+            progress=has_error_stream(),
         )
         if solution.result != RESULTS.successful:
             code = FAILED

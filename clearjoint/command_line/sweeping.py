@@ -17,21 +17,20 @@ from ..sweeps.axes import Axis
 from ..sweeps.layout import check_outputs
 from ..sweeps.store.store import open_sweep
 from ..sweeps.sweep import sweep as run_sweep
-from .endings import FAILED, INTERRUPTED, WELL, CommandResult, say
+from .endings import FAILED, INTERRUPTED, WELL, CommandResult, has_error_stream, say
 from .folders import STORE, Summary, write_scene, write_summary
 from .reports import write_sweep_report
 from .study import AxisPart, FoundPath, Study, SweepPart, find_path
 
 
-def sweep(study: Study, folder: Path, progress: bool) -> CommandResult:
+def sweep(study: Study, folder: Path) -> CommandResult:
     """Run the sweep of a study's section [sweep], or continue it, and write its store, tables,
     figures and page.
 
     The sweep counts as failed only if no lane ran to its end, since a sweep often includes values
     with which a mechanism can't run. After Ctrl-C, results so far are written.
 
-    **Arguments:** `folder`: folder of the results, which is made if it does not exist; `progress`:
-    whether to show a progress bar.
+    **Arguments:** `folder`: folder of the results, which is made if it does not exist.
 
     **Raises:** `ValueError` for a study without this section, and for wrong entries in it.
     `KeyboardInterrupt` if Ctrl-C interrupts the sweep before its store exists.
@@ -63,7 +62,7 @@ def sweep(study: Study, folder: Path, progress: bool) -> CommandResult:
             path=folder / STORE,
             chunk=chunk,
             start_time=study.parts.run.start,
-            progress=progress,
+            progress=has_error_stream(),
         )
     except KeyboardInterrupt:
         if not (folder / STORE).exists():  # nothing is finished that could be reported

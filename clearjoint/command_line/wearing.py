@@ -14,7 +14,7 @@ import numpy as np
 
 from ..durability.wear import check_wear, cycles_to_depth, final_state, open_wear, worn
 from ..durability.wear import wear as compute_wear
-from .endings import FAILED, INTERRUPTED, WELL, CommandResult, say
+from .endings import FAILED, INTERRUPTED, WELL, CommandResult, has_error_stream, say
 from .folders import WEAR_STORE, Summary, write_scene, write_summary
 from .reports import stage_table, worn_parts, write_wear_report
 from .study import Study, WearPart
@@ -26,14 +26,13 @@ WORN_SCENE = "worn.toml"
 """File of the scene with the worn profiles and the state after the last run."""
 
 
-def wear(study: Study, folder: Path, progress: bool) -> CommandResult:
+def wear(study: Study, folder: Path) -> CommandResult:
     """Compute the wear that a study's section [wear] describes, or continue it, and write its
     store, tables, figures, the worn scene and an HTML page of all these.
 
     After Ctrl-C, results so far are written.
 
-    **Arguments:** `folder`: folder of the results, which is made if it does not exist; `progress`:
-    whether to show a progress bar.
+    **Arguments:** `folder`: folder of the results, which is made if it does not exist.
 
     **Returns:** the exit code of the command, for wear that reached its end, failed or was
     interrupted, and the table of stages as text.
@@ -65,7 +64,7 @@ def wear(study: Study, folder: Path, progress: bool) -> CommandResult:
                 depth=part.depth,
                 start_time=part.start,
                 path=store,
-                progress=progress,
+                progress=has_error_stream(),
             )
     except KeyboardInterrupt:
         if not store.exists():  # no stage is finished that could be reported
