@@ -95,20 +95,19 @@ def draw_sweep(folder: Path, dataset: xr.Dataset) -> None:
                 _save(folder, f"{name} {channel}", plot.bifurcation(dataset, name, channel))
 
 
-def draw_wear(folder: Path, found: xr.Dataset) -> None:
+def draw_wear(folder: Path, found: xr.Dataset, frame: pd.DataFrame) -> None:
     """Draw the figures of a result of `clearjoint.wear`: the depth around each part that has worn,
-    and over the cycles the largest depths, the worn volumes and the largest forces."""
+    and over the cycles the largest depths, the worn volumes and the largest forces, which are in
+    the table of stages, `frame`."""
     parts = worn_parts(found)
     if not parts:
         return
-    deepest, volumes = {}, {}
     for joint, part in parts:
         _save(folder, f"{part} of {joint}", plot.worn_profile(found, joint, part))
-        of_joint, name = found.sel(joint=joint), f"{part} of {joint}"
-        deepest[name] = of_joint[f"{part}_depth"].max("angle").values
-        volumes[name] = 1e9 * of_joint[f"{part}_volume"].values
-    forces = {str(joint): found["force"].sel(joint=joint).values for joint in found["joint"].values}
-    cycles = found["cycles"].values
+    names = [f"{part} of {joint}" for joint, part in parts]
+    forces = {str(joint): frame[f"force in {joint} [N]"] for joint in found["joint"].values}
+    deepest = {name: frame[f"{name}, largest [m]"] for name in names}
+    volumes = {name: 1e9 * frame[f"{name}, volume [m^3]"] for name in names}
     for figure, quantity, unit, curves in (
         ("depths", "largest depth", "m", deepest),
         ("volumes", "worn volume", "mm^3", volumes),
@@ -116,7 +115,7 @@ def draw_wear(folder: Path, found: xr.Dataset) -> None:
     ):
         factor, shown = fitting_unit(np.array(list(curves.values())), unit)
         axes = plot.style.axes_or_new(None)
-        lines = ((name, cycles, factor * values) for name, values in curves.items())
+        lines = ((name, frame["cycles"], factor * values) for name, values in curves.items())
         plot.style.draw_lines(axes, lines)
         plot.style.dress(axes, "cycles", f"{quantity}, {shown}")
         plot.style.legend_above(axes, min(len(curves), 2))
@@ -174,8 +173,8 @@ def _section(crossings: Crossings) -> Axes:
     if len(values) == 1:
         units, values = {"time": "s"} | units, {"time": crossings.times} | values
     names = list(values)[:2]
-    columns, units = [values[name] for name in names], [units[name] for name in names]
-    return section_points(crossings.times, columns, names, units, None, None, None)
+    columns = [values[name] for name in names]
+    return section_points(crossings.times, columns, names, [units[name] for name in names])
 
 
 def _over_time(output: xr.DataArray) -> Axes:
@@ -299,7 +298,7 @@ def write_wear_report(folder: Path, found: xr.Dataset) -> None:
         for joint, part in worn_parts(found)
     }
     pd.DataFrame(profiles).to_csv(folder / PROFILES, index=False)
-    draw_wear(folder, found)
+    draw_wear(folder, found, frame)
     write_page(folder, _table("Stages", frame, len(frame)))
 
 
@@ -314,9 +313,8 @@ def stage_table(found: xr.Dataset) -> pd.DataFrame:
         depths = found[f"{part}_depth"].sel(joint=joint).transpose("stage", "angle").values
         columns[f"{part} of {joint}, largest [m]"] = depths.max(axis=1)
         columns[f"{part} of {joint}, mean [m]"] = depths.mean(axis=1)
-        columns[f"{part} of {joint}, volume [m^3]"] = (
-            found[f"{part}_volume"].sel(joint=joint).values
-        )
+        volumes = found[f"{part}_volume"].sel(joint=joint).values
+        columns[f"{part} of {joint}, volume [m^3]"] = volumes
     return pd.DataFrame(columns)
 
 

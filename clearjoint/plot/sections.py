@@ -162,9 +162,9 @@ def section_points(
     values: Sequence[np.ndarray],
     channels: Sequence[str],
     units: Sequence[str],
-    after: float | None,
-    clearance: float | None,
-    axes: Axes | None,
+    after: float | None = None,
+    clearance: float | None = None,
+    axes: Axes | None = None,
 ) -> Axes:
     """Draw two channels of section crossings as points.
 

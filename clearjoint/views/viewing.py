@@ -16,9 +16,9 @@ from ..model.bodies import State
 from ..model.scene import Scene
 from ..model.survey import survey
 from ..simulation.results.nonsmooth_solution import NonsmoothSolution
-from ..simulation.results.observe import MotionMode, Observation, observe
+from ..simulation.results.observe import Observation, observe
 from ..simulation.results.solution import Solution, Trajectory
-from .arrows import MODE_NAMES, Arrows, arrows, coloured_by_mode, newtons
+from .arrows import MODE_NAMES, arrows, coloured_by_mode, newtons
 from .meshes import FORCE, LOAD, MODES, DrawnPart, Mesh, MeshLike, given_mesh
 from .page import Legend, page
 from .poses import BodyPoses, body_poses, initial_state, instants_to_show, require_bodies
@@ -185,7 +185,7 @@ def view(
     require_count("frames", frames, "give a number of frames")
     if force_scale is not None:
         require_positive("force_scale", force_scale, "give the length of arrows in m/N")
-    poses, observed, note = _poses(scene, motion, observation, forces, frames)
+    poses, observed, notes = _poses(scene, motion, observation, forces, frames)
     noted = survey(scene)  # points, axes and clearances of all elements
     sizes = proportions(scene, poses, noted, bearing_scale, clearance_scale)
     given = _given(scene, meshes, sizes)
@@ -195,8 +195,17 @@ def view(
     if observed is not None:
         parts, modes = coloured_by_mode(parts, observed)
     parts += force_arrows.parts
-    notes = [*note, *_notes(bool(noted.bores), sizes, force_arrows), *_missed(motion, observed)]
-    legend = Legend(title, tuple(_entries(scene, modes, force_arrows)), tuple(notes))
+    entries = [(colour, name) for name, colour in colours(scene.bodies).items()]
+    entries += [(MODES[int(mode)], f"journal: {MODE_NAMES[mode]}") for mode in modes]
+    shown = {part.colour for part in force_arrows.parts}
+    entries += [(c, n) for c, n in ((FORCE, "contact force"), (LOAD, "load")) if c in shown]
+    if noted.bores:  # scales of clearances and bearings
+        notes.append(f"clearances enlarged {sizes.clearance_scale:g} ×")
+        if sizes.bearing_scale != 1.0:
+            notes.append(f"bearings enlarged {sizes.bearing_scale:g} ×")
+    if force_arrows.parts:
+        notes.append(force_arrows.note)
+    legend = Legend(title, tuple(entries), (*notes, *_missed(motion, observed)))
     scales = sizes.clearance_scale, sizes.bearing_scale, force_arrows.scale
     return View(parts, poses.times, legend, *scales, camera(parts, sizes, poses.count), height)
 
@@ -289,29 +298,6 @@ def _given(scene: Scene, meshes: Mapping[str, MeshLike], sizes: Proportions) -> 
         require(is_usual, f"meshes[{name!r}]", f"{size:.3g} m large", expected, remedy)
         checked[name] = mesh
     return checked
-
-
-def _entries(scene: Scene, modes: list[MotionMode], force_arrows: Arrows) -> list[tuple[str, str]]:
-    """Return the colours of the legend and their meanings: bodies, motion modes, and arrows."""
-    entries = [(colour, name) for name, colour in colours(scene.bodies).items()]
-    entries += [(MODES[int(mode)], f"journal: {MODE_NAMES[mode]}") for mode in modes]
-    shown = {part.colour for part in force_arrows.parts}
-    entries += [(c, n) for c, n in ((FORCE, "contact force"), (LOAD, "load")) if c in shown]
-    return entries
-
-
-def _notes(has_clearance: bool, sizes: Proportions, force_arrows: Arrows) -> list[str]:
-    """Return the lines of the legend that state the scales of clearances, bearings and arrows.
-
-    **Arguments:** `has_clearance`: whether the scene has bearings, without which their scales are
-    not stated.
-    """
-    notes = []
-    if has_clearance:
-        notes.append(f"clearances enlarged {sizes.clearance_scale:g} ×")
-        if sizes.bearing_scale != 1.0:
-            notes.append(f"bearings enlarged {sizes.bearing_scale:g} ×")
-    return [*notes, *([force_arrows.note] if force_arrows.parts else [])]
 
 
 def _missed(motion: Viewable | None, observed: Observation | None) -> list[str]:
