@@ -24,7 +24,7 @@ from ..plot.report_page import IMPACT_COLUMNS, impact_rows
 from ..plot.sections import section_points
 from ..plot.style import fitting_unit, scaled
 from ..simulation.results.impact_table import Impacts
-from ..simulation.results.observe import Observation, observe
+from ..simulation.results.observe import observe
 from ..simulation.results.solution import Solution
 from ..simulation.run.sections import Crossings
 from ..sweeps.store.store import open_sweep
@@ -44,13 +44,13 @@ from .folders import (
 )
 
 
-def draw_run(folder: Path, scene: Scene, solution: Solution, observed: Observation) -> None:
+def _draw_run(folder: Path, scene: Scene, solution: Solution) -> None:
     """Draw the figures of a run: path of the journal (orbit) and forces of each clearance joint,
     energies, outputs, Poincaré sections, and the report on one page.
 
-    **Arguments:** `folder`: folder of the results, which has the table of outputs already;
-    `solution`: the run; `observed`: contacts, forces and energies at its saved states.
+    **Arguments:** `folder`: folder of the results, which has the table of outputs already.
     """
+    observed = observe(scene, solution)
     for name, joint in scene.contact_joints().items():
         if isinstance(joint, HasJournal):
             clearance = float(np.asarray(joint.clearance))
@@ -67,59 +67,6 @@ def draw_run(folder: Path, scene: Scene, solution: Solution, observed: Observati
             _save(folder, f"section {name}", _section(crossings))
     title = str(read_summary(folder)["title"])
     plot.report(scene, solution, folder / "report.pdf", title=title)
-
-
-def draw_sweep(folder: Path, dataset: xr.Dataset) -> None:
-    """Draw the figures of a sweep: outputs over the axes, and bifurcation diagrams.
-
-    An output is drawn over the first axis. For two axes there is a curve for each value of the
-    second axis or, if these are more than six, a map of colours over both. The channels of Poincaré
-    sections are drawn if there is one axis only.
-    """
-    lanes = dataset["result"]
-    axes = [str(dim) for dim in lanes.dims]
-    if axes == ["lane"]:  # zipped axes, of which the first is drawn
-        axes = [str(name) for name in lanes.coords if lanes[name].dims == ("lane",)][:1]
-    for name, variable in dataset.items():
-        # The dataset has these four numbers of each lane besides the outputs. Outputs with more
-        # dimensions than the lanes, such as saved motions, have no figure.
-        is_output = name not in ("result", "attempts", "accepted", "time_reached")
-        if variable.dims == lanes.dims and is_output and variable.dtype.kind == "f":
-            _draw_output(folder, dataset, str(name), axes)
-    # A section "onset" has the variable "onset_count", the dimension "onset_number", and variables
-    # along this dimension, such as "onset_speed" for its channel "speed".
-    for name in {str(v).removesuffix("_count") for v in dataset if str(v).endswith("_count")}:
-        for variable in (str(v) for v, rows in dataset.items() if f"{name}_number" in rows.dims):
-            channel = variable.removeprefix(f"{name}_")
-            if len(axes) == 1 and channel != "time" and dataset[variable].ndim == 2:
-                _save(folder, f"{name} {channel}", plot.bifurcation(dataset, name, channel))
-
-
-def draw_wear(folder: Path, found: xr.Dataset, frame: pd.DataFrame) -> None:
-    """Draw the figures of a result of `clearjoint.wear`: the depth around each part that has worn,
-    and over the cycles the largest depths, the worn volumes and the largest forces, which are in
-    the table of stages, `frame`."""
-    parts = worn_parts(found)
-    if not parts:
-        return
-    for joint, part in parts:
-        _save(folder, f"{part} of {joint}", plot.worn_profile(found, joint, part))
-    names = [f"{part} of {joint}" for joint, part in parts]
-    forces = {str(joint): frame[f"force in {joint} [N]"] for joint in found["joint"].values}
-    deepest = {name: frame[f"{name}, largest [m]"] for name in names}
-    volumes = {name: 1e9 * frame[f"{name}, volume [m^3]"] for name in names}
-    for figure, quantity, unit, curves in (
-        ("depths", "largest depth", "m", deepest),
-        ("volumes", "worn volume", "mm^3", volumes),
-        ("forces", "largest force", "N", forces),
-    ):
-        factor, shown = fitting_unit(np.array(list(curves.values())), unit)
-        axes = plot.style.axes_or_new(None)
-        lines = ((name, frame["cycles"], factor * values) for name, values in curves.items())
-        plot.style.draw_lines(axes, lines)
-        plot.style.dress(axes, "cycles", f"{quantity}, {shown}")
-        plot.style.legend_above(axes, min(len(curves), 2))
-        _save(folder, figure, axes)
 
 
 def worn_parts(found: xr.Dataset) -> list[tuple[str, Part]]:
@@ -261,7 +208,7 @@ def write_run_report(folder: Path) -> None:
         parts.append(_table("Outputs", numbers, len(numbers)))
     if (folder / f"{MOTION}.nc").exists():
         scene, solution = read_run(folder)
-        draw_run(folder, scene, solution, observe(scene, solution))
+        _draw_run(folder, scene, solution)
         _write_view(folder, scene, solution)
         if solution.impacts is not None and len(solution.impacts):
             rows = impact_rows(solution.impacts, len(solution.impacts))
@@ -271,10 +218,32 @@ def write_run_report(folder: Path) -> None:
 
 
 def write_sweep_report(folder: Path, dataset: xr.Dataset) -> None:
-    """Draw the figures of a sweep, and write its page and a CSV table with a row for each lane."""
+    """Draw the figures of a sweep, outputs over the axes and bifurcation diagrams, and write its
+    page and a CSV table with a row for each lane.
+
+    An output is drawn over the first axis. For two axes there is a curve for each value of the
+    second axis or, if these are more than six, a map of colours over both. The channels of Poincaré
+    sections are drawn if there is one axis only.
+    """
     frame = lane_table(dataset)
     frame.to_csv(folder / "sweep.csv", index=False)
-    draw_sweep(folder, dataset)
+    lanes = dataset["result"]
+    axes = [str(dim) for dim in lanes.dims]
+    if axes == ["lane"]:  # zipped axes, of which the first is drawn
+        axes = [str(name) for name in lanes.coords if lanes[name].dims == ("lane",)][:1]
+    for name, variable in dataset.items():
+        # The dataset has these four numbers of each lane besides the outputs. Outputs with more
+        # dimensions than the lanes, such as saved motions, have no figure.
+        is_output = name not in ("result", "attempts", "accepted", "time_reached")
+        if variable.dims == lanes.dims and is_output and variable.dtype.kind == "f":
+            _draw_output(folder, dataset, str(name), axes)
+    # A section "onset" has the variable "onset_count", the dimension "onset_number", and variables
+    # along this dimension, such as "onset_speed" for its channel "speed".
+    for name in {str(v).removesuffix("_count") for v in dataset if str(v).endswith("_count")}:
+        for variable in (str(v) for v, rows in dataset.items() if f"{name}_number" in rows.dims):
+            channel = variable.removeprefix(f"{name}_")
+            if len(axes) == 1 and channel != "time" and dataset[variable].ndim == 2:
+                _save(folder, f"{name} {channel}", plot.bifurcation(dataset, name, channel))
     write_page(folder, _table("Lanes", frame, ROWS))
 
 
@@ -288,17 +257,36 @@ def write_fit_report(folder: Path, found: Fit) -> None:
 
 
 def write_wear_report(folder: Path, found: xr.Dataset) -> None:
-    """Draw the figures of a result of `clearjoint.wear`, and write its page and CSV tables of the
-    stages and of the worn profiles."""
+    """Write CSV tables of the stages and of the worn profiles of a result of `clearjoint.wear`, its
+    figures and its page.
+
+    The figures show the depth around each part that has worn, and over the cycles the largest
+    depths, the worn volumes and the largest forces.
+    """
     frame = stage_table(found)
     frame.to_csv(folder / STAGES, index=False)
-    last = found.isel(stage=-1)
-    profiles = {"angle [rad]": found["angle"].values} | {
-        f"{part} of {joint} [m]": last[f"{part}_depth"].sel(joint=joint).values
-        for joint, part in worn_parts(found)
-    }
+    profiles, depths, volumes = {"angle [rad]": found["angle"].values}, {}, {}
+    for joint, part in worn_parts(found):
+        name = f"{part} of {joint}"
+        profiles[f"{name} [m]"] = found[f"{part}_depth"].sel(joint=joint).isel(stage=-1).values
+        depths[name] = frame[f"{name}, largest [m]"]
+        volumes[name] = 1e9 * frame[f"{name}, volume [m^3]"]
+        _save(folder, name, plot.worn_profile(found, joint, part))
     pd.DataFrame(profiles).to_csv(folder / PROFILES, index=False)
-    draw_wear(folder, found, frame)
+    forces = {str(joint): frame[f"force in {joint} [N]"] for joint in found["joint"].values}
+    figures = (
+        ("depths", "largest depth", "m", depths),
+        ("volumes", "worn volume", "mm^3", volumes),
+        ("forces", "largest force", "N", forces),
+    )
+    for figure, quantity, unit, curves in figures if depths else ():
+        factor, shown = fitting_unit(np.array(list(curves.values())), unit)
+        axes = plot.style.axes_or_new(None)
+        lines = ((name, frame["cycles"], factor * values) for name, values in curves.items())
+        plot.style.draw_lines(axes, lines)
+        plot.style.dress(axes, "cycles", f"{quantity}, {shown}")
+        plot.style.legend_above(axes, min(len(curves), 2))
+        _save(folder, figure, axes)
     write_page(folder, _table("Stages", frame, len(frame)))
 
 

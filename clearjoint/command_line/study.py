@@ -280,20 +280,15 @@ CLASSES: tuple[type, ...] = (
     *_concrete(joints, AbstractReduction),
     *(AbsoluteCoordinates, JointCoordinates, Baumgarte, Projection, Unstabilised),
     *(diffrax.Tsit5, diffrax.Dopri5, diffrax.Dopri8, diffrax.Bosh3, diffrax.Heun, diffrax.Euler),
-    *(Linear, Log, Bounded, Starts, Screening, ImpactTable, WearRates),
+    *(Linear, Log, Bounded),
 )
-"""Classes that study files may name: quantities, reductions, coordinates, stabilisations, solvers,
-scales, further starts of fits, tables of impacts, and wear rates."""
-TABLES = (
-    *(AxisPart, ColumnPart, FitPart, ParameterPart, RunPart, SectionPart, Settings, SweepPart),
-    WearPart,
-)
-"""Classes of the tables of study files. Files do not name them, since their keys tell the class."""
+"""Classes that study files may name, besides those of which an argument must be an object:
+quantities, reductions, coordinates, stabilisations, solvers and scales."""
 
 
 def study_schema() -> Schema:
     """Return the JSON Schema (2020-12) of study files as a dictionary for `json.dump`."""
-    catalogue = Catalogue((*CLASSES, *TABLES))
+    catalogue = Catalogue(CLASSES)
     scene = {"type": "object", "properties": scene_properties(catalogue), "required": ["bodies"]}
     properties = {"scene": {"anyOf": [{"type": "string"}, scene]}}
     properties |= catalogue.properties(StudyParts)

@@ -45,7 +45,6 @@ def wear(study: Study, folder: Path) -> CommandResult:
         remedy = "add [wear.rates.<joint>]"
         study.location.at("wear").refuse(None, "a section [wear]", remedy)
     start, store, code = time.perf_counter(), folder / WEAR_STORE, WELL
-    check_section(study, part)
     try:
         with study.location.at("wear").in_errors():
             found = compute_wear(

@@ -183,32 +183,20 @@ def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
     **Raises:** `ValueError` if the label's unit is not that of the data with some prefix.
     """
     values = np.asarray(data.values, dtype=float)
-    si = data.attrs.get("units", "1")
-    exponent, unit = _prefixed(values, si)
+    exponent, unit = _prefixed(values, data.attrs.get("units", "1"))
     name = shown(str(data.name).replace("_", " "))
     if present:  # both data have one axis, and thus one prefix
-        names, exponent, unit = _present_unit(present.replace("\n", " "), si)
+        names = present.replace("\n", " ")
+        if unit != "1":
+            base = unit.removeprefix(PREFIXES[exponent])
+            exponents = {prefix + base: power for power, prefix in PREFIXES.items()}
+            names, _, unit = names.rpartition(", ")
+            expected = f"of an axis with the unit of {present!r}"
+            require(unit in exponents, "axes", base, expected, "draw it into new axes")
+            exponent = exponents[unit]
         name = names if name in names.split(", ") else f"{names}, {name}"
     factor = 10.0**-exponent
     return ScaledValues(values * factor, name if unit == "1" else f"{name}, {unit}", factor)
-
-
-def _present_unit(label: str, unit: str) -> tuple[str, int, str]:
-    """Split an axis label such as "force, kN" into names ("force"), power of ten of the prefix (3)
-    and unit with prefix ("kN").
-
-    **Arguments:** `unit`: SI unit of the data that are added to the axis, without prefix.
-
-    **Raises:** `ValueError` for a label with another unit.
-    """
-    text = unit.replace("^2", "²").replace("^3", "³")
-    if text == "1":
-        return label, 0, text
-    names, _, prefixed = label.rpartition(", ")
-    exponents = {PREFIXES[exponent] + text: exponent for exponent in PREFIXES}
-    expected, remedy = f"of an axis with the unit of {label!r}", "draw it into new axes"
-    require(prefixed in exponents, "axes", unit, expected, remedy)
-    return names, exponents[prefixed], prefixed
 
 
 def legend_label(dataset: xr.Dataset, variable: str, axis: str) -> str:

@@ -260,13 +260,14 @@ def parse(text: str, suffix: str, file: str) -> Document:
             content = json.loads(text, object_pairs_hook=_without_repetition)
         else:
             content = {} if is_deep else tomllib.loads(text)
-    except RecursionError:  # the parsers follow nested content by recursion
+        is_deep = is_deep or _depth(content) > DEEPEST + 1  # the file itself is a table
+    except RecursionError:  # of a parser or of `_depth`
         content, is_deep = {}, True
     except ValueError as error:
         # Python's message about a number with too many digits ends with advice for programmers.
         reason = str(error).split("; use sys.", maxsplit=1)[0]
         raise ValueError(f"{file}: {reason}; correct the {suffix[1:].upper()}.") from error
-    if is_deep or (isinstance(content, dict | list) and _is_deep(content)):
+    if is_deep:
         expected = f"at most {DEEPEST} levels"
         FileLocation(file).refuse("deeper tables or lists", expected, "nest them less deeply")
     if not isinstance(content, dict):
@@ -274,16 +275,12 @@ def parse(text: str, suffix: str, file: str) -> Document:
     return {key: item for key, item in content.items() if key != SCHEMA}
 
 
-def _is_deep(content: dict | list) -> bool:
-    """Return whether more than `DEEPEST` tables and lists are nested."""
-    # By level instead of recursion, whose depth Python limits.
-    level = [content]
-    for _ in range(DEEPEST + 1):
-        entries = [node.values() if isinstance(node, dict) else node for node in level]
-        level = [item for items in entries for item in items if isinstance(item, dict | list)]
-        if not level:
-            return False
-    return True
+def _depth(content: object) -> int:
+    """Return the number of nested tables and lists, zero for another value."""
+    if not isinstance(content, dict | list):
+        return 0
+    entries = content.values() if isinstance(content, dict) else content
+    return 1 + max(map(_depth, entries), default=0)
 
 
 def _without_repetition(pairs: list[tuple[str, object]]) -> Document:
