@@ -23,7 +23,8 @@ from ..parametrisation.paths import parameters
 from ..scene_files.files import save
 from ..scene_files.locations import FileLocation, keys_of, written
 from ..simulation.run.run_checks import check_start
-from .study import Study, find_path
+from .fitting import fit_parameters
+from .study import Study
 from .sweeping import sweep_axes
 from .wearing import check_section
 
@@ -39,8 +40,7 @@ def description(study: Study) -> Iterator[str]:
     report = constraint_report(scene, state, start)
     # The lines about the scene come first, so that they are printed even if a check below raises an
     # error, whose cause they may show.
-    yield from _elements(scene)
-    yield from _constraints(scene, report)
+    yield from _elements(scene, report)
     yield from _contacts(scene, state)
     _require_satisfied(report)
     check_start(scene, state, start, study.settings("run").coordinates)
@@ -61,7 +61,7 @@ def number_paths(study: Study) -> list[str]:
     ]
 
 
-def _elements(scene: Scene) -> Iterator[str]:
+def _elements(scene: Scene, report: ConstraintReport) -> Iterator[str]:
     bodies = ", ".join(f"{n} ({float(np.asarray(b.mass)):g} kg)" for n, b in scene.bodies.items())
     yield f"bodies: {bodies}"
     for title, family in (("joints", scene.joints), ("forces", scene.forces)):
@@ -70,9 +70,6 @@ def _elements(scene: Scene) -> Iterator[str]:
             yield f"{title}: {', '.join(kinds)}"
     gravity = "none" if scene.gravity is None else f"{as_shown(np.asarray(scene.gravity))} m/s^2"
     yield f"gravity: {gravity}"
-
-
-def _constraints(scene: Scene, report: ConstraintReport) -> Iterator[str]:
     independent = len(report.names) - len(report.redundant)
     difference = f"{6 * len(scene.bodies)} of the bodies - {independent} constraints"
     yield f"degrees of freedom: {report.degrees_of_freedom()} ({difference})"
@@ -132,10 +129,7 @@ def _sections(study: Study) -> Iterator[str]:
         lanes = "x".join(str(axis.values.size) for axis in axes.values())
         yield f"sweep: {lanes} lanes over {', '.join(axes)}"
     if fit is not None:
-        for name, parameter in fit.parameters.items():
-            location = study.location.at("fit", "parameters", name)
-            # For its error about an unknown path.
-            find_path(parameter.path, study.scene, study.state, location)
+        fit_parameters(study, fit)  # raises an error for an unknown path
         quantities = {name: column.quantity for name, column in fit.columns.items()}
         study.check_elements(quantities, "fit", "columns")
         yield f"fit: {', '.join(fit.parameters)} from {fit.measurements}"
