@@ -220,34 +220,28 @@ def _outputs(
     variables = {}
     for name, quantity in quantities.items():
         values, extremes = values_along(scene, solution, quantity, saved), {}
-        # A reduction of the quantity `Negative` gives the negative of the smallest value.
         if name + LARGEST in found:
+            # A reduction of the quantity `Negative` gives the negative of the smallest value.
+            largest, smallest = found[name + LARGEST], -found[name + SMALLEST]
             extremes = {
-                "largest": found[name + LARGEST],
+                "largest": largest,
                 "largest_time": found[f"{name}{LARGEST}_time"],
-                "smallest": -found[name + SMALLEST],
+                "smallest": smallest,
                 "smallest_time": found[f"{name}{SMALLEST}_time"],
             }
-            _note_missed_extremes(name, values, extremes, quantity.unit)
+            low, high = values.min(), values.max()
+            # The user should know if the samples miss more than a fiftieth of the range.
+            if max(largest - high, low - smallest) > 0.02 * (largest - smallest):
+                say(
+                    f"note: the saved samples of {name} are between {low:.4g} and {high:.4g} "
+                    f"{quantity.unit}, the run between {smallest:.4g} and {largest:.4g} "
+                    f"{quantity.unit}: {folders.NUMBERS} has these extremes; a smaller save_every "
+                    "gives more samples"
+                )
         title = type(quantity).__name__
         variables[name] = Labelled(rows, values, quantity.unit, title, extremes)
     times = {"time": Labelled(rows, saved.times, "s", "time")}
     return labelled_dataset("outputs of a run", variables, times)
-
-
-def _note_missed_extremes(
-    name: str, values: np.ndarray, extremes: Mapping[str, float], unit: str | None
-) -> None:
-    """Print a note if the saved samples of an output, `values` (N,), miss its `extremes`, which
-    reductions have found, by more than a fiftieth of the output's range."""
-    largest, smallest = extremes["largest"], extremes["smallest"]
-    missed = max(largest - values.max(), values.min() - smallest)
-    if missed > 0.02 * (largest - smallest):
-        say(
-            f"note: the saved samples of {name} are between {values.min():.4g} and "
-            f"{values.max():.4g} {unit}, the run between {smallest:.4g} and {largest:.4g} {unit}: "
-            f"{folders.NUMBERS} has these extremes; a smaller save_every gives more samples"
-        )
 
 
 def _write_numbers(
