@@ -18,7 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.transforms import ScaledTranslation
 
-from ..fields.checks import require
+from ..fields.checks import require, require_type
 from ..fields.drawn_text import literal, shown
 from ..model.clearance_joints.journal_bases import HasJournal
 from ..model.contact.laws import whole_law
@@ -281,8 +281,8 @@ def report(
         suffix, remedy = Path(file).suffix.lower(), "name a PNG or a PDF"
         is_known, expected = suffix in (".png", ".pdf"), "with the suffix .png or .pdf"
         require(is_known, "file", str(file), expected, remedy)
-    kind, remedy = type(solution).__name__, "draw other results by the other functions of plot"
-    require(isinstance(solution, Solution), "solution", kind, "a Solution of simulate()", remedy)
+    remedy = "draw other results by the other functions of plot"
+    require_type("solution", solution, Solution, "a Solution of simulate()", remedy)
     parts = _parts(scene, solution, _record(scene, solution, quantity, unit))
     # Tables have the heights that they need, the title 0.4 inches; figures share the rest.
     width, height = (length - 2.0 * MARGIN for length in PAGE)

@@ -13,7 +13,7 @@ from matplotlib.axis import Axis
 from matplotlib.projections.polar import PolarAxes
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 
-from ..fields.checks import require
+from ..fields.checks import require, require_type
 from ..fields.drawn_text import broken, shown
 from ..fields.types import ArrayLike
 
@@ -62,7 +62,7 @@ def polar_or_new(axes: Axes | None) -> PolarAxes:
         figure = plt.figure(figsize=(4.8, 5.0), layout="constrained")
         axes = figure.add_subplot(projection="polar")
     remedy = 'make them by subplots(subplot_kw={"projection": "polar"})'
-    require(isinstance(axes, PolarAxes), "axes", type(axes).__name__, "polar axes", remedy)
+    require_type("axes", axes, PolarAxes, "polar axes", remedy)
     assert isinstance(axes, PolarAxes)
     axes.grid(True, color="0.85", linewidth=0.8)
     axes.set_axisbelow(True)

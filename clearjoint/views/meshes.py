@@ -228,7 +228,7 @@ def given_mesh(argument: str, value: MeshLike) -> Mesh:
         value = np.asarray(value.vertices), np.asarray(value.faces)
     pair = value if isinstance(value, tuple) else ()
     require(len(pair) == 2, argument, type(value).__name__, "a mesh", remedy)
-    vertices, faces = (np.asarray(part) for part in pair)
+    vertices, faces = map(np.asarray, pair)
     for name, part in (("vertices", vertices), ("faces", faces)):
         is_valid = part.ndim == 2 and part.shape[1] == 3 and len(part) > 0
         require(is_valid, f"{argument} {name}", part.shape, "of shape (n, 3)", remedy)

@@ -11,7 +11,7 @@ from typing import TypeVar
 import jax
 import numpy as np
 
-from ..fields.checks import require, require_count, require_positive
+from ..fields.checks import require, require_count, require_positive, require_type
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..model.survey import survey
@@ -89,18 +89,19 @@ class View:
         if suffix == ".html":
             file.write_text(self.html, encoding="utf-8")
             return file
-        from .filming import Film
+        from .filming import DPI, Film
 
-        frames = [0]
-        if suffix in (".gif", ".mp4"):
-            expected = "a picture, not an animation, of one state"
-            remedy = "pass a solution to view(), or save a picture"
-            require(self.times is not None, "file", str(file), expected, remedy)
-            assert self.times is not None
-            frames = instants_to_show(self.times, 100).tolist()  # 4 s at 25 frames per second
-        elif self.times is not None and time is not None:
-            frames = [int(np.argmin(np.abs(self.times - time)))]
-        Film(self.parts, self._camera, self.legend, self.times).save(file, frames)
+        film = Film(self.parts, self._camera, self.legend, self.times)
+        if suffix not in (".gif", ".mp4"):
+            is_chosen = self.times is not None and time is not None
+            film.show(int(np.argmin(np.abs(self.times - time))) if is_chosen else 0)
+            film.figure.savefig(file, dpi=2 * DPI)
+            return file
+        expected = "a picture, not an animation, of one state"
+        remedy = "pass a solution to view(), or save a picture"
+        require(self.times is not None, "file", str(file), expected, remedy)
+        assert self.times is not None
+        film.save(file, instants_to_show(self.times, 100).tolist())  # 4 s at 25 frames per second
         return file
 
     def _repr_html_(self) -> str:
@@ -266,9 +267,9 @@ def _trajectory(motion: Solution | NonsmoothSolution | Trajectory) -> Trajectory
     """
     if isinstance(motion, Trajectory):
         return motion
-    is_solution = isinstance(motion, Solution | NonsmoothSolution)
     remedy = "pass a State, the result of simulate(), or a Trajectory"
-    require(is_solution, "motion", type(motion).__name__, "a state or a solution", remedy)
+    kinds = Solution | NonsmoothSolution
+    require_type("motion", motion, kinds, "a state or a solution", remedy)
     for saved in (motion.saved, getattr(motion, "steps", None)):
         if saved is not None and len(saved):
             return saved
