@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from inspect import getdoc
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -132,7 +132,7 @@ def check(file: Path, changes: tuple[str, ...], paths: bool, assemble: Path | No
 @PRESET
 @SET
 @OUT
-def run(**given: Any) -> None:
+def run(file: Path, changes: tuple[str, ...], out: Path | None, **options: str | None) -> None:
     """Simulate a scene and write tables, figures and a page.
 
     The folder of the results contains tables in netCDF and CSV files: the motion, forces of
@@ -142,7 +142,7 @@ def run(**given: Any) -> None:
     """
     from .running import run as run_study
 
-    _compute("run", run_study, **given)
+    _compute("run", run_study, file, changes, out, **options)
 
 
 @command(
@@ -155,7 +155,7 @@ def run(**given: Any) -> None:
 @PRESET
 @SET
 @OUT
-def sweep(**given: Any) -> None:
+def sweep(file: Path, changes: tuple[str, ...], out: Path | None, **options: str | None) -> None:
     """Simulate a scene for many values of its numbers.
 
     The section [sweep] of the study names the numbers and their values. The folder of the results
@@ -164,14 +164,14 @@ def sweep(**given: Any) -> None:
     """
     from .sweeping import sweep as sweep_study
 
-    _compute("sweep", sweep_study, **given)
+    _compute("sweep", sweep_study, file, changes, out, **options)
 
 
 @command("fit", "clearjoint fit study.toml", "clearjoint fit study.toml --out results/second")
 @FILE
 @SET
 @OUT
-def fit(**given: Any) -> None:
+def fit(file: Path, changes: tuple[str, ...], out: Path | None) -> None:
     """Estimate numbers of a scene from measurements.
 
     The section [fit] of the study names the CSV file of the measurements, its columns and the
@@ -181,7 +181,7 @@ def fit(**given: Any) -> None:
     """
     from .fitting import fit as fit_study
 
-    _compute("fit", fit_study, **given)
+    _compute("fit", fit_study, file, changes, out)
 
 
 @command(
@@ -193,7 +193,7 @@ def fit(**given: Any) -> None:
 @PRESET
 @SET
 @OUT
-def wear(**given: Any) -> None:
+def wear(file: Path, changes: tuple[str, ...], out: Path | None, **options: str | None) -> None:
     """Compute how joints wear over many cycles of a periodic motion.
 
     The section [wear] of the study names the joints with their wear rates, the duration of a cycle,
@@ -204,7 +204,7 @@ def wear(**given: Any) -> None:
     """
     from .wearing import wear as wear_study
 
-    _compute("wear", wear_study, **given)
+    _compute("wear", wear_study, file, changes, out, **options)
 
 
 @command("report", "clearjoint report results/four_bar/run")

@@ -4,7 +4,9 @@ The accuracy of a parameter refers to its coordinate: its value on its scale, su
 of the value for the scale `Log`, on which a small difference is a relative error.
 """
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
+from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 import xarray as xr
@@ -13,14 +15,43 @@ from matplotlib.axes import Axes
 
 from ..fields.checks import require
 from ..fields.drawn_text import shown
-from ..identification.fit import Fit
 from ..information.analysis import Identifiability
 from ..information.error_growth import DISTURBANCE
 from ..information.horizon import FitHorizon
+from ..measurements.series import Measurements
 from .style import BLUE, DARK, GREY, VERMILLION, axes_or_new, draw_lines, dress, lines, scaled
 
 
-def fitted(fit: Fit, series: list[str] | None = None) -> np.ndarray:
+class FittedModel(Protocol):
+    """The properties of `clearjoint.results.Fit` that figures show."""
+
+    @property
+    def measurements(self) -> Measurements:
+        """Measured series, by name."""
+        ...
+
+    @property
+    def parameters(self) -> Collection[str]:
+        """Names of the parameters, in the order of `correlation`."""
+        ...
+
+    @cached_property
+    def predictions(self) -> dict[str, np.ndarray]:
+        """Values (N,) that the fitted model predicts, by name of the series, in its SI unit."""
+        ...
+
+    @cached_property
+    def residuals(self) -> dict[str, np.ndarray]:
+        """(prediction - measured value) / noise, (N,), by name of the series."""
+        ...
+
+    @property
+    def correlation(self) -> np.ndarray:
+        """Correlation coefficients (p, p) of the errors of the p estimated parameters."""
+        ...
+
+
+def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:
     """Draw each measured series over time with the fitted prediction, and below it the residuals.
 
     **Arguments:**
@@ -63,7 +94,7 @@ def fitted(fit: Fit, series: list[str] | None = None) -> np.ndarray:
     return axes
 
 
-def _draw(fit: Fit, name: str, above: Axes, below: Axes) -> None:
+def _draw(fit: FittedModel, name: str, above: Axes, below: Axes) -> None:
     """Draw the measured series `name` and its prediction into the upper axes, and the residuals
     into the lower ones."""
     series = fit.measurements.series[name]
@@ -81,7 +112,7 @@ def _draw(fit: Fit, name: str, above: Axes, below: Axes) -> None:
     dress(below, times.label, "residual / noise")
 
 
-def correlations(fit: Fit, axes: Axes | None = None) -> Axes:
+def correlations(fit: FittedModel, axes: Axes | None = None) -> Axes:
     """Draw the correlation coefficients of the errors of estimated parameters as a matrix of
     coloured numbers.
 
