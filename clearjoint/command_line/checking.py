@@ -51,13 +51,15 @@ def description(study: Study) -> Iterator[str]:
 def number_paths(study: Study) -> list[str]:
     """Return a line for each number of the scene and the state, with its path, such as
     "joints.pin.clearance", its value and its unit."""
-    numbers = [(keys_of(name), *number) for name, number in parameters(study.scene).items()]
-    in_state = parameters(study.state).items()
-    numbers += [(("state", *keys_of(name)), *number) for name, number in in_state]
-    width = max(len(written(keys)) for keys, _, _ in numbers)
+    numbers = {
+        written((*prefix, *keys_of(name))): number
+        for prefix, tree in (((), study.scene), (("state",), study.state))
+        for name, number in parameters(tree).items()
+    }
+    width = max(map(len, numbers))
     return [
-        f"{written(keys):{width}}  {as_shown(np.asarray(value))} {'' if unit == '1' else unit}"
-        for keys, value, unit in numbers
+        f"{path:{width}}  {as_shown(np.asarray(value))} {'' if unit == '1' else unit}"
+        for path, (value, unit) in numbers.items()
     ]
 
 
@@ -135,7 +137,7 @@ def _sections(study: Study) -> Iterator[str]:
         yield f"fit: {', '.join(fit.parameters)} from {fit.measurements}"
     if (wear := study.parts.wear) is not None:
         check_section(study, wear)
-        cycles = "cycles" if wear.cycles is None else f"{wear.cycles:g} cycles"
+        cycles = "cycles" if wear.cycles == np.inf else f"{wear.cycles:g} cycles"
         end = "" if wear.depth is None else f", to a depth of {_length(wear.depth)}"
         yield f"wear: {', '.join(wear.rates)} over {cycles} of {wear.cycle:g} s{end}"
 

@@ -1,6 +1,5 @@
 """`clearjoint fit`: estimate parameters from measurements."""
 
-import time
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -36,7 +35,7 @@ def fit(study: Study, folder: Path) -> CommandResult:
     **Raises:** `ValueError` for a study without this section, and for wrong entries in it.
     """
     part = study.parts.fit
-    start, location = time.perf_counter(), study.location.at("fit")
+    location = study.location.at("fit")
     if part is None:
         location.refuse(None, "a section [fit]", "add [fit.parameters.<name>]")
     measured = _measured(study, part, location)
@@ -71,7 +70,7 @@ def fit(study: Study, folder: Path) -> CommandResult:
         "degrees_of_freedom": found.degrees_of_freedom,
     }
     # The page shows the summary and the tables, so it is written after them.
-    write_summary(folder, "fit", study, summary, start)
+    write_summary(folder, "fit", study, summary)
     write_fit_report(folder, found)
     if interrupted:
         line = f"interrupted; the best fit so far is in {folder / REPORT}"

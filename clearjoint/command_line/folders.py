@@ -51,13 +51,12 @@ Summary = Mapping[str, str | int | float]
 """Entries of a summary by name."""
 
 
-def write_summary(folder: Path, kind: str, study: Study, results: Summary, start: float) -> None:
+def write_summary(folder: Path, kind: str, study: Study, results: Summary) -> None:
     """Write the file with the summary of the results, for users and for `clearjoint report`.
 
-    **Arguments:** `kind`: "run", "sweep", "fit" or "wear"; `results`: further entries by name;
-    `start`: value of `time.perf_counter` when the command began, s.
+    **Arguments:** `kind`: "run", "sweep", "fit" or "wear"; `results`: further entries by name.
     """
-    seconds = round(time.perf_counter() - start, 2)
+    seconds = round(time.perf_counter() - study.started, 2)
     head = {"kind": kind, "title": study.title, "file": str(study.path)}
     text = json.dumps({**head, **results, "seconds": seconds}, indent=2, ensure_ascii=False)
     (folder / SUMMARY).write_text(text + "\n", encoding="utf-8")

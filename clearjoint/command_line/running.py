@@ -4,7 +4,6 @@ The outputs that a study names are quantities, which are evaluated at the saved 
 reductions, which are updated at every accepted step and give numbers of the whole run.
 """
 
-import time
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -69,7 +68,7 @@ def run(study: Study, folder: Path) -> CommandResult:
     **Raises:** `ValueError` for wrong entries in the section [run], such as an `end` that is
     missing or not after the start, and for a state with which the scene can't run.
     """
-    start, part, settings = time.perf_counter(), study.parts.run, study.settings("run")
+    part, settings = study.parts.run, study.settings("run")
     reductions = reductions_of(part, settings)
     end, code = study.end(), WELL
     contacts = bool(study.scene.contact_joints())  # without contacts, there is no table of impacts
@@ -107,7 +106,7 @@ def run(study: Study, folder: Path) -> CommandResult:
         **dict(solution.settings),
     }
     # The page shows the summary and the tables, so it is written after them.
-    folders.write_summary(folder, "run", study, summary, start)
+    folders.write_summary(folder, "run", study, summary)
     write_run_report(folder)
     reached = f"t = {float(solution.time):.6g} s"
     if code != WELL:

@@ -4,7 +4,6 @@ The store of a sweep keeps the lanes that have ended, so that the same command c
 interrupted sweep.
 """
 
-import time
 from pathlib import Path
 
 import numpy as np
@@ -38,7 +37,7 @@ def sweep(study: Study, folder: Path) -> CommandResult:
     part = study.parts.sweep
     if part is None:
         study.location.at("sweep").refuse(None, "a section [sweep]", "add [sweep.axes.<name>]")
-    axes, start = sweep_axes(study, part), time.perf_counter()
+    axes = sweep_axes(study, part)
     sizes = [axis.values.size for axis in axes.values()]
     # Zipped axes have equal numbers of values, one for each lane; others form a grid of lanes.
     lanes = sizes[0] if part.zipped else int(np.prod(sizes))
@@ -70,7 +69,7 @@ def sweep(study: Study, folder: Path) -> CommandResult:
         dataset, code = open_sweep(folder / STORE), INTERRUPTED
     summary = _summary(dataset, code)
     # The page shows the summary and the table, so it is written after them.
-    write_summary(folder, "sweep", study, summary, start)
+    write_summary(folder, "sweep", study, summary)
     write_sweep_report(folder, dataset.load())
     if code == INTERRUPTED:
         pending = summary["lanes pending"]

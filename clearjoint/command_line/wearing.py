@@ -5,7 +5,6 @@ a Zarr store in the folder of the results. If the computation is interrupted, th
 continues it after the last finished stage.
 """
 
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -44,7 +43,7 @@ def wear(study: Study, folder: Path) -> CommandResult:
     if part is None:
         remedy = "add [wear.rates.<joint>]"
         study.location.at("wear").refuse(None, "a section [wear]", remedy)
-    start, store, code = time.perf_counter(), folder / WEAR_STORE, WELL
+    store, code = folder / WEAR_STORE, WELL
     try:
         with study.location.at("wear").in_errors():
             found = compute_wear(
@@ -52,7 +51,7 @@ def wear(study: Study, folder: Path) -> CommandResult:
                 study.state,
                 part.cycle,
                 part.rates,
-                _cycles(part),
+                part.cycles,
                 study.settings("wear"),
                 settle=part.settle,
                 measured=part.measured,
@@ -72,7 +71,7 @@ def wear(study: Study, folder: Path) -> CommandResult:
     write_scene(folder, study.scene, study.state)
     write_scene(folder, worn(study.scene, found), final_state(found), WORN_SCENE)
     # The page shows the summary and the table, so it is written after them.
-    write_summary(folder, "wear", study, _summary(found, part, code), start)
+    write_summary(folder, "wear", study, _summary(found, part, code))
     write_wear_report(folder, found)
     if code == INTERRUPTED:
         say("interrupted: run the same command to continue")
@@ -93,18 +92,13 @@ def check_section(study: Study, part: WearPart) -> None:
             study.scene,
             part.cycle,
             part.rates,
-            _cycles(part),
+            part.cycles,
             part.settle,
             part.measured,
             part.samples,
             part.stages,
             part.depth,
         )
-
-
-def _cycles(part: WearPart) -> float:
-    """Return the number of cycles to extrapolate to; infinite if only the depth is given."""
-    return np.inf if part.cycles is None else part.cycles
 
 
 def _summary(found: "xr.Dataset", part: WearPart, code: int) -> Summary:

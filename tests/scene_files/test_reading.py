@@ -110,11 +110,7 @@ def test_units_of_components(read):
         ("[state.bodies.arm]\nposition", "[s]\nposition", r"`s`: found .*one of the keys"),
         ("mass = 7.02", "mass = true", r"line 3, `bodies.arm.mass`: found True, expected a number"),
         ("mass = 7.02", f"mass = {'1' * 400}", r"line 3, `bodies.arm.mass`: found .* of 1326 bits"),
-        (
-            "mass = 7.02",
-            f"mass = '{'1' * 400} kg'",
-            r"`bodies.arm.mass`: .*found .1+\.\.\.1+ kg., expected",
-        ),
+        ("mass = 7.02", f"mass = '{'1' * 400} kg'", r"`bodies.arm.mass`: found '1+\.\.\.1+ kg'"),
         ("mass = 7.02", "mass = '1e400 kg'", r"`bodies.arm.mass`: .*expected a number below 1.8e"),
         ("mass = 7.02", f"mass = {'[' * 50}{']' * 50}", r"pin.toml: .*at most 32 levels"),
         ("mass = 7.02", f"mass = {'[' * 9999}{']' * 9999}", r"pin.toml: .*at most 32 levels"),
