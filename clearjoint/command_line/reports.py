@@ -116,12 +116,10 @@ def _mark_peaks(forces: Axes, impacts: Impacts | None, joint: str) -> None:
 def _section(crossings: Crossings) -> Axes:
     """Draw the crossings of a Poincaré section: its second channel over the first one, or a single
     channel over time."""
-    units, values = dict(crossings.units), dict(crossings.values)
-    if len(values) == 1:
-        units, values = {"time": "s"} | units, {"time": crossings.times} | values
-    names = list(values)[:2]
-    columns = [values[name] for name in names]
-    return section_points(crossings.times, columns, names, [units[name] for name in names])
+    channels = [(name, row, crossings.units[name]) for name, row in crossings.values.items()]
+    if len(channels) == 1:
+        channels.insert(0, ("time", crossings.times, "s"))
+    return section_points(crossings.times, channels[:2])
 
 
 def _over_time(output: xr.DataArray) -> Axes:
