@@ -254,9 +254,9 @@ def time_axis(
     **Returns:** mask (N,) of the times to draw, these times (n,) in ms or s, and the axis label.
     """
     factor, unit = time_unit(times, window)
-    scaled_window = None if window is None else (factor * window[0], factor * window[1])
-    mask = show(axes, np.asarray(times) * factor, scaled_window)
-    return mask, np.asarray(times)[mask] * factor, f"time, {unit}"
+    times = factor * np.asarray(times)
+    mask = show(axes, times, None if window is None else (factor * window[0], factor * window[1]))
+    return mask, times[mask], f"time, {unit}"
 
 
 def _prefixed(values: np.ndarray, unit: str) -> tuple[int, str]:
