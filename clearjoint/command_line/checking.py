@@ -142,18 +142,9 @@ def _sections(study: Study) -> Iterator[str]:
         yield f"wear: {', '.join(wear.rates)} over {cycles} of {wear.cycle:g} s{end}"
 
 
-STUDY = Path(__file__).parent / "templates" / "study.toml"
-"""Template of the study files, with placeholders such as ``$joint``."""
-SCENE_HEAD = """\
-# A scene: bodies, joints, forces, gravity and the initial state. Numbers are in the SI units that
-# the comments give. A number in another unit is written as a text: clearance = "0.1 mm".
-#
-#   clearjoint check {scene}            check that the scene can run
-#   clearjoint run {scene} --end 0.1
-#
-# `clearjoint schema` prints the JSON Schema of scene files, with which editors complete them.
-
-"""
+TEMPLATES = [Path(__file__).parent / "templates" / name for name in ("scene.toml", "study.toml")]
+"""Templates of the heads of scene files and of the study files, with placeholders such as
+``$joint``."""
 MECHANISMS: dict[str, Callable[[], tuple[Scene, State]]] = {
     "double_pendulum": double_pendulum,
     "four_bar": lambda: four_bar({"crank pin": 0.1e-3}, speed=30.0),
@@ -182,8 +173,9 @@ def example_texts(mechanism: str, scene: str, study: str) -> tuple[str, str]:
     names = {"scene": scene, "study": study, "title": mechanism.replace("_", " ").capitalize()}
     keys = "joint", "body", "end", "every", "after", "cycle"
     names |= zip(keys, PLACEHOLDERS[mechanism], strict=True)
-    text = Template(STUDY.read_text(encoding="utf-8")).substitute(names)
-    return SCENE_HEAD.format(scene=scene) + saved, text
+    templates = (Template(path.read_text(encoding="utf-8")) for path in TEMPLATES)
+    head, text = (template.substitute(names) for template in templates)
+    return head + saved, text
 
 
 def write_example(mechanism: str, folder: Path) -> tuple[Path, Path]:

@@ -160,18 +160,7 @@ STAGES, PROFILES = "stages.csv", "profiles.csv"
 """Files of the tables of wear: depths before each stage, and around each worn part at the end."""
 VIEW = "view.html"
 """File of the page with the animation of a run."""
-STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; max-width: 70rem; margin: 2rem auto; padding: 0 1rem;
-  color: #1a1a1a; background: #fff; }
-table { border-collapse: collapse; margin: 1rem 0; font-size: 13px; display: block;
-  overflow-x: auto; }
-th, td { border-bottom: 1px solid #ddd; padding: .2rem .7rem; text-align: right;
-  overflow-wrap: anywhere; }
-th { text-align: left; } .summary td { text-align: left; }
-figure { display: inline-block; margin: .5rem; vertical-align: top; }
-figure img { max-width: 100%; height: auto; } figcaption { color: #555; font-size: 13px; }
-pre { background: #f6f6f6; padding: 1rem; overflow-x: auto; font-size: 13px; }
-"""
+STYLE = Path(__file__).parent / "templates" / "page.css"
 """Style sheet of the page."""
 
 
@@ -330,7 +319,8 @@ def write_page(folder: Path, *parts: str) -> None:
     links = "".join(f'<li><a href="{quote(name)}">{escape(name)}</a></li>' for name in names)
     files = f"<h2>Files</h2><ul>{links}</ul>"
     body = "\n".join([f"<h1>{title}</h1>{table}", *texts, *pictures, *parts, files])
-    head = f'<meta charset="utf-8"><title>{title}</title><style>{STYLE}</style>'
+    style = STYLE.read_text(encoding="utf-8")
+    head = f'<meta charset="utf-8"><title>{title}</title><style>\n{style}</style>'
     html = f'<!doctype html><html lang="en"><head>{head}</head><body>{body}</body></html>\n'
     (folder / PAGE).write_text(html, encoding="utf-8")
 

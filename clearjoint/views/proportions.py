@@ -208,16 +208,17 @@ class Camera(NamedTuple):
         return _axes(self.eye - self.target, self.up)
 
 
-def camera(parts: Sequence[DrawnPart], proportions: Proportions, count: int) -> Camera:
+def camera(parts: Sequence[DrawnPart], proportions: Proportions) -> Camera:
     """Return a camera that shows all parts in all frames, with the mechanism in the middle.
 
     **Arguments:** `parts`: drawn solids. Arrows of forces, which are recognised by their colours,
     do not belong to the mechanism: the picture contains them, but its middle is that of the
     mechanism without them.
-    `proportions`: has the directions from which the mechanism is seen; `count`: number of frames.
+    `proportions`: has the directions from which the mechanism is seen.
     """
     # The parts are evaluated in at most 120 frames, between which a motion hardly leaves the
     # picture. Coordinates below are to the right, upwards and to the viewer, m.
+    count = max(len(part.poses) for part in parts)
     instants = np.unique(np.linspace(0, count - 1, min(count, 120)).astype(int)).tolist()
     axes = _axes(_direction(proportions), proportions.up)
     bodies = [part for part in parts if part.colour not in (FORCE, LOAD)]

@@ -208,7 +208,7 @@ def view(
         notes.append(force_arrows.note)
     legend = Legend(title, tuple(entries), (*notes, *_missed(motion, observed)))
     scales = sizes.clearance_scale, sizes.bearing_scale, force_arrows.scale
-    return View(parts, poses.times, legend, *scales, camera(parts, sizes, poses.count), height)
+    return View(parts, poses.times, legend, *scales, camera(parts, sizes), height)
 
 
 def _poses(
