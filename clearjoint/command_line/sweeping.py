@@ -67,7 +67,7 @@ def sweep(study: Study, folder: Path) -> CommandResult:
         if not (folder / STORE).exists():  # nothing is finished that could be reported
             raise
         dataset, code = open_sweep(folder / STORE), INTERRUPTED
-    summary = _summary(dataset, code)
+    summary, line = _summary(dataset, code)
     # The page shows the summary and the table, so it is written after them.
     write_summary(folder, "sweep", study, summary)
     write_sweep_report(folder, dataset.load())
@@ -77,7 +77,7 @@ def sweep(study: Study, folder: Path) -> CommandResult:
     elif not summary["lanes successful"]:
         say(f"error: no lane ran to its end; their result codes are in {folder}")
         code = FAILED
-    return CommandResult(code, _line(dataset, summary))
+    return CommandResult(code, line)
 
 
 def sweep_axes(study: Study, part: SweepPart) -> dict[str, Axis]:
@@ -124,30 +124,25 @@ def _values(part: AxisPart, found: FoundPath, location: FileLocation) -> np.ndar
     return np.geomspace(start, stop, part.count)
 
 
-def _summary(dataset: xr.Dataset, code: int) -> Summary:
-    """Return the numbers of lanes, by how they ended, and the sizes of the axes, by name.
+def _summary(dataset: xr.Dataset, code: int) -> tuple[Summary, str]:
+    """Return the numbers of lanes, by how they ended, and the sizes of the axes, by name; and the
+    result as one line of text, with the largest of all outputs that are forces.
 
     **Arguments:** `code`: exit code of the sweep, which tells whether it was interrupted.
     """
     codes = dataset["result"].values
     counts = {name: int((codes == number).sum()) for name, number in result_numbers().items()}
-    failed = {f"lanes {name}": n for name, n in counts.items() if n and name != "successful"}
-    axes = [str(name) for name in dataset["result"].coords]
-    return {
+    done = counts.pop("successful")
+    pending = int((codes < 0).sum())  # lanes that have not run have the code -1
+    summary = {
         "ended": "interrupted" if code == INTERRUPTED else "all lanes are done",
-        "lanes": int(codes.size),
-        "lanes successful": counts["successful"],
-        "lanes pending": int((codes < 0).sum()),  # lanes that have not run have the code -1
-        **failed,
-        **{f"axis {name}": int(dataset[name].size) for name in axes if name in dataset.coords},
+        "lanes": codes.size,
+        "lanes successful": done,
+        "lanes pending": pending,
+        **{f"lanes {name}": number for name, number in counts.items() if number},
+        **{f"axis {name}": axis.size for name, axis in dataset["result"].coords.items()},
     }
-
-
-def _line(dataset: xr.Dataset, summary: Summary) -> str:
-    """Return the result of a sweep as one line of text: numbers of lanes and steps, and the largest
-    of all outputs that are forces."""
-    lanes, pending = int(summary["lanes"]), int(summary["lanes pending"])
-    failed = lanes - int(summary["lanes successful"]) - pending
+    failed = codes.size - done - pending
     steps = int(dataset["accepted"].clip(min=0).sum())  # lanes that have not run have -1
     forces = [
         float(np.nanmax(output.values))
@@ -155,4 +150,4 @@ def _line(dataset: xr.Dataset, summary: Summary) -> str:
         if output.attrs.get("units") == "N" and np.isfinite(output.values).any()
     ]
     force = f", largest force {max(forces):.4g} N" if forces else ""
-    return f"{lanes} lanes, {failed} failed, {pending} pending, {steps} steps{force}"
+    return summary, f"{codes.size} lanes, {failed} failed, {pending} pending, {steps} steps{force}"
