@@ -57,7 +57,8 @@ def write_summary(folder: Path, kind: str, study: Study, results: Summary) -> No
     **Arguments:** `kind`: "run", "sweep", "fit" or "wear"; `results`: further entries by name.
     """
     seconds = round(time.perf_counter() - study.started, 2)
-    head = {"kind": kind, "title": study.title, "file": str(study.path)}
+    title = study.parts.title or study.path.stem
+    head = {"kind": kind, "title": title, "file": str(study.path)}
     text = json.dumps({**head, **results, "seconds": seconds}, indent=2, ensure_ascii=False)
     (folder / SUMMARY).write_text(text + "\n", encoding="utf-8")
 

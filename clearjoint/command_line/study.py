@@ -430,11 +430,6 @@ class Study:
         """Path of the file."""
         return Path(self.location.file)
 
-    @property
-    def title(self) -> str:
-        """Title of the study, or the name of its file without suffix."""
-        return self.parts.title or self.path.stem
-
     def settings(self, section: str) -> Settings:
         """Return the settings of the integration in a section, "run", "sweep", "fit" or "wear":
         those of its preset with the changes that the section makes.

@@ -381,7 +381,7 @@ def motion_timeline(
             begins, ends = observed.spans(phases == phase).T
             starts = np.clip(times[begins], first, last)
             lengths = np.clip(times[np.minimum(ends, len(times) - 1)], first, last) - starts
-            bars = factor * np.stack([starts, lengths], axis=1)[lengths > 0.0]
+            bars = (factor * np.stack([starts, lengths], axis=1)[lengths > 0.0]).tolist()
             axes.broken_barh(bars, (row - 0.5 * height, height), label=_phase_name(phase), **look)
             durations.append(lengths.sum())
         total = max(sum(durations), np.finfo(float).tiny)  # zero if no interval is in the window

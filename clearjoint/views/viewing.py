@@ -93,8 +93,8 @@ class View:
 
         film = Film(self.parts, self._camera, self.legend, self.times)
         if suffix not in (".gif", ".mp4"):
-            is_chosen = self.times is not None and time is not None
-            film.show(int(np.argmin(np.abs(self.times - time))) if is_chosen else 0)
+            if self.times is not None and time is not None:
+                film.show(int(np.argmin(np.abs(self.times - time))))
             film.figure.savefig(file, dpi=2 * DPI)
             return file
         expected = "a picture, not an animation, of one state"
