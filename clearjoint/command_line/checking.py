@@ -23,7 +23,8 @@ from ..parametrisation.paths import parameters
 from ..scene_files.files import save
 from ..scene_files.locations import FileLocation, keys_of, written
 from ..simulation.run.run_checks import check_start
-from .study import Study, find_path
+from .fitting import fit_parameters
+from .study import Study
 from .sweeping import sweep_axes
 from .wearing import check_section
 
@@ -39,8 +40,7 @@ def description(study: Study) -> Iterator[str]:
     report = constraint_report(scene, state, start)
     # The lines about the scene come first, so that they are printed even if a check below raises an
     # error, whose cause they may show.
-    yield from _elements(scene)
-    yield from _constraints(scene, report)
+    yield from _elements(scene, report)
     yield from _contacts(scene, state)
     _require_satisfied(report)
     check_start(scene, state, start, study.settings("run").coordinates)
@@ -51,17 +51,19 @@ def description(study: Study) -> Iterator[str]:
 def number_paths(study: Study) -> list[str]:
     """Return a line for each number of the scene and the state, with its path, such as
     "joints.pin.clearance", its value and its unit."""
-    numbers = [(keys_of(name), *number) for name, number in parameters(study.scene).items()]
-    in_state = parameters(study.state).items()
-    numbers += [(("state", *keys_of(name)), *number) for name, number in in_state]
-    width = max(len(written(keys)) for keys, _, _ in numbers)
+    numbers = {
+        written((*prefix, *keys_of(name))): number
+        for prefix, tree in (((), study.scene), (("state",), study.state))
+        for name, number in parameters(tree).items()
+    }
+    width = max(map(len, numbers))
     return [
-        f"{written(keys):{width}}  {as_shown(np.asarray(value))} {'' if unit == '1' else unit}"
-        for keys, value, unit in numbers
+        f"{path:{width}}  {as_shown(np.asarray(value))} {'' if unit == '1' else unit}"
+        for path, (value, unit) in numbers.items()
     ]
 
 
-def _elements(scene: Scene) -> Iterator[str]:
+def _elements(scene: Scene, report: ConstraintReport) -> Iterator[str]:
     bodies = ", ".join(f"{n} ({float(np.asarray(b.mass)):g} kg)" for n, b in scene.bodies.items())
     yield f"bodies: {bodies}"
     for title, family in (("joints", scene.joints), ("forces", scene.forces)):
@@ -70,9 +72,6 @@ def _elements(scene: Scene) -> Iterator[str]:
             yield f"{title}: {', '.join(kinds)}"
     gravity = "none" if scene.gravity is None else f"{as_shown(np.asarray(scene.gravity))} m/s^2"
     yield f"gravity: {gravity}"
-
-
-def _constraints(scene: Scene, report: ConstraintReport) -> Iterator[str]:
     independent = len(report.names) - len(report.redundant)
     difference = f"{6 * len(scene.bodies)} of the bodies - {independent} constraints"
     yield f"degrees of freedom: {report.degrees_of_freedom()} ({difference})"
@@ -132,32 +131,20 @@ def _sections(study: Study) -> Iterator[str]:
         lanes = "x".join(str(axis.values.size) for axis in axes.values())
         yield f"sweep: {lanes} lanes over {', '.join(axes)}"
     if fit is not None:
-        for name, parameter in fit.parameters.items():
-            location = study.location.at("fit", "parameters", name)
-            # For its error about an unknown path.
-            find_path(parameter.path, study.scene, study.state, location)
+        fit_parameters(study, fit)  # raises an error for an unknown path
         quantities = {name: column.quantity for name, column in fit.columns.items()}
         study.check_elements(quantities, "fit", "columns")
         yield f"fit: {', '.join(fit.parameters)} from {fit.measurements}"
     if (wear := study.parts.wear) is not None:
         check_section(study, wear)
-        cycles = "cycles" if wear.cycles is None else f"{wear.cycles:g} cycles"
+        cycles = "cycles" if wear.cycles == np.inf else f"{wear.cycles:g} cycles"
         end = "" if wear.depth is None else f", to a depth of {_length(wear.depth)}"
         yield f"wear: {', '.join(wear.rates)} over {cycles} of {wear.cycle:g} s{end}"
 
 
-STUDY = Path(__file__).parent / "templates" / "study.toml"
-"""Template of the study files, with placeholders such as ``$joint``."""
-SCENE_HEAD = """\
-# A scene: bodies, joints, forces, gravity and the initial state. Numbers are in the SI units that
-# the comments give. A number in another unit is written as a text: clearance = "0.1 mm".
-#
-#   clearjoint check {scene}            check that the scene can run
-#   clearjoint run {scene} --end 0.1
-#
-# `clearjoint schema` prints the JSON Schema of scene files, with which editors complete them.
-
-"""
+TEMPLATES = [Path(__file__).parent / "templates" / name for name in ("scene.toml", "study.toml")]
+"""Templates of the heads of scene files and of the study files, with placeholders such as
+``$joint``."""
 MECHANISMS: dict[str, Callable[[], tuple[Scene, State]]] = {
     "double_pendulum": double_pendulum,
     "four_bar": lambda: four_bar({"crank pin": 0.1e-3}, speed=30.0),
@@ -186,8 +173,9 @@ def example_texts(mechanism: str, scene: str, study: str) -> tuple[str, str]:
     names = {"scene": scene, "study": study, "title": mechanism.replace("_", " ").capitalize()}
     keys = "joint", "body", "end", "every", "after", "cycle"
     names |= zip(keys, PLACEHOLDERS[mechanism], strict=True)
-    text = Template(STUDY.read_text(encoding="utf-8")).substitute(names)
-    return SCENE_HEAD.format(scene=scene) + saved, text
+    templates = (Template(path.read_text(encoding="utf-8")) for path in TEMPLATES)
+    head, text = (template.substitute(names) for template in templates)
+    return head + saved, text
 
 
 def write_example(mechanism: str, folder: Path) -> tuple[Path, Path]:

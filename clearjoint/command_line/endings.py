@@ -1,5 +1,6 @@
 """Messages, errors and exit codes of the program."""
 
+import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -27,6 +28,11 @@ class CommandResult(NamedTuple):
 def say(text: str) -> None:
     """Print a message to the error stream, so that the standard output has results only."""
     click.echo(text, err=True)
+
+
+def has_error_stream() -> bool:
+    """Return whether the process has an error stream, to which a progress bar can be written."""
+    return sys.stderr is not None
 
 
 @contextmanager

@@ -1,6 +1,5 @@
 """`clearjoint fit`: estimate parameters from measurements."""
 
-import time
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -36,11 +35,11 @@ def fit(study: Study, folder: Path) -> CommandResult:
     **Raises:** `ValueError` for a study without this section, and for wrong entries in it.
     """
     part = study.parts.fit
-    start, location = time.perf_counter(), study.location.at("fit")
+    location = study.location.at("fit")
     if part is None:
         location.refuse(None, "a section [fit]", "add [fit.parameters.<name>]")
     measured = _measured(study, part, location)
-    parameters, guess = _parameters(study, part, location)
+    parameters, guess = fit_parameters(study, part)
     measured.check(study.scene)  # raises an error for sensors on unknown bodies or joints
     interrupted = False
     try:
@@ -71,7 +70,7 @@ def fit(study: Study, folder: Path) -> CommandResult:
         "degrees_of_freedom": found.degrees_of_freedom,
     }
     # The page shows the summary and the tables, so it is written after them.
-    write_summary(folder, "fit", study, summary, start)
+    write_summary(folder, "fit", study, summary)
     write_fit_report(folder, found)
     if interrupted:
         line = f"interrupted; the best fit so far is in {folder / REPORT}"
@@ -112,20 +111,16 @@ def _measured(study: Study, part: FitPart, location: FileLocation) -> Measuremen
     return Measurements(read)
 
 
-def _parameters(
-    study: Study, part: FitPart, location: FileLocation
-) -> tuple[dict[str, Parameter], dict[str, float]]:
+def fit_parameters(study: Study, part: FitPart) -> tuple[dict[str, Parameter], dict[str, float]]:
     """Return the parameters of the fit, by name, and the first guesses of those for which the study
     has one, by name in SI units.
-
-    **Arguments:** `part`: the section [fit]; `location`: its location in the file, for messages.
 
     **Raises:** `ValueError` for a path that the scene or the state does not have, and for a guess
     that is no number or has a wrong unit.
     """
     parameters, guess = {}, {}
     for name, one in part.parameters.items():
-        part_location = location.at("parameters", name)
+        part_location = study.location.at("fit", "parameters", name)
         found = find_path(one.path, study.scene, study.state, part_location.at("path"))
         make = Parameter.initial if found.in_state else Parameter
         parameters[name] = make(found.path, one.scale, unit=found.unit)

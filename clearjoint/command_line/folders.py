@@ -1,6 +1,7 @@
 """Write and read the files in a folder of results."""
 
 import json
+import re
 import time
 from collections.abc import Mapping
 from contextlib import suppress
@@ -27,7 +28,7 @@ from ..simulation.results.solution import (
     Trajectory,
     contact_label,
 )
-from .study import Study
+from .study import CLASSES, Study
 
 SUMMARY = "summary.json"
 """File of the summary: kind, title and ending of the results."""
@@ -50,14 +51,14 @@ Summary = Mapping[str, str | int | float]
 """Entries of a summary by name."""
 
 
-def write_summary(folder: Path, kind: str, study: Study, results: Summary, start: float) -> None:
+def write_summary(folder: Path, kind: str, study: Study, results: Summary) -> None:
     """Write the file with the summary of the results, for users and for `clearjoint report`.
 
-    **Arguments:** `kind`: "run", "sweep", "fit" or "wear"; `results`: further entries by name;
-    `start`: value of `time.perf_counter` when the command began, s.
+    **Arguments:** `kind`: "run", "sweep", "fit" or "wear"; `results`: further entries by name.
     """
-    seconds = round(time.perf_counter() - start, 2)
-    head = {"kind": kind, "title": study.title, "file": str(study.path)}
+    seconds = round(time.perf_counter() - study.started, 2)
+    title = study.parts.title or study.path.stem
+    head = {"kind": kind, "title": title, "file": str(study.path)}
     text = json.dumps({**head, **results, "seconds": seconds}, indent=2, ensure_ascii=False)
     (folder / SUMMARY).write_text(text + "\n", encoding="utf-8")
 
@@ -127,8 +128,7 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
         saved_count=motion.sizes["time"],
         steps=None,
         impacts=None if impacts is None else _impacts(impacts),
-        # The table does not have the stabilisation, so that the default one is taken.
-        formulation=Formulation(redundant=bool(names)),
+        formulation=formulation_of(motion.attrs, bool(names)),
         redundant_constraints=names,
         sections=_sections(folder),
         settings=tuple(
@@ -138,6 +138,24 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
         ),
     )
     return scene, solution
+
+
+def formulation_of(notes: Mapping[str, object], redundant: bool) -> Formulation:
+    """Return the formulation whose coordinates, stabilisation and ledger are described in the notes
+    of the settings of a run, see `setting_notes`; those that are missing have their defaults.
+
+    **Arguments:** `redundant`: whether some constraints depend on others.
+    """
+    chosen = {}
+    for name in ("coordinates", "stabilisation"):
+        # A text such as "Baumgarte(alpha=5.0, beta=5.0)".
+        kind, _, arguments = str(notes.get(f"setting_{name}", "")).partition("(")
+        if kind:
+            numbers = re.findall(r"(\w+)=([^,)]+)", arguments)
+            make = next(one for one in CLASSES if one.__name__ == kind)
+            chosen[name] = make(**{key: float(number) for key, number in numbers})
+    ledger = notes.get("setting_ledger") == "True"
+    return Formulation(**chosen, redundant=redundant, ledger=ledger)
 
 
 def _state(scene: Scene, table: xr.Dataset, prefix: str = "") -> State:
@@ -167,13 +185,11 @@ def _by_contact(
     along the contacts, whose labels are those of `contact_label`.
     """
     by_joint: dict[str, dict[str, np.ndarray]] = {}
-    if table is not None:
-        for joint, family in scene.laws().items():
-            for contact in family:
-                label = contact_label(joint, contact)
-                if label in table[dim].values:
-                    values = table.sel({dim: label}).values
-                    by_joint.setdefault(joint, {})[contact] = values
+    for joint, family in ({} if table is None else scene.laws()).items():
+        for contact in family:
+            if (label := contact_label(joint, contact)) in table[dim].values:  # pyright: ignore
+                values = table.sel({dim: label}).values  # pyright: ignore
+                by_joint.setdefault(joint, {})[contact] = values
     return by_joint
 
 

@@ -3,7 +3,6 @@
 Commands import the modules that compute when they run, so that help is fast.
 """
 
-import sys
 from collections.abc import Callable, Mapping
 from inspect import getdoc
 from pathlib import Path
@@ -141,11 +140,9 @@ def run(file: Path, changes: tuple[str, ...], out: Path | None, **options: str |
     also contains figures, the page index.html with all results, and reached.toml, the scene with
     its final state, from which the run can be continued.
     """
-    study = _study(file, changes, "run", options)
     from .running import run as run_study
 
-    folder = out or _default_folder(file, "run")
-    _finish(run_study(study, folder, _shows_progress()), folder)
+    _compute("run", run_study, file, changes, out, **options)
 
 
 @command(
@@ -165,11 +162,9 @@ def sweep(file: Path, changes: tuple[str, ...], out: Path | None, **options: str
     contains sweep.zarr, sweep.csv with a row for each run, figures, and the page index.html. The
     same command continues an interrupted sweep.
     """
-    study = _study(file, changes, "sweep", options)
     from .sweeping import sweep as sweep_study
 
-    folder = out or _default_folder(file, "sweep")
-    _finish(sweep_study(study, folder, _shows_progress()), folder)
+    _compute("sweep", sweep_study, file, changes, out, **options)
 
 
 @command("fit", "clearjoint fit study.toml", "clearjoint fit study.toml --out results/second")
@@ -184,11 +179,9 @@ def fit(file: Path, changes: tuple[str, ...], out: Path | None) -> None:
     correlations, the fitted series, figures, the page index.html, and fitted.toml, the scene with
     the estimates.
     """
-    study = _study(file, changes)
     from .fitting import fit as fit_study
 
-    folder = out or _default_folder(file, "fit")
-    _finish(fit_study(study, folder), folder)
+    _compute("fit", fit_study, file, changes, out)
 
 
 @command(
@@ -209,11 +202,9 @@ def wear(file: Path, changes: tuple[str, ...], out: Path | None, **options: str 
     with the worn profiles, figures, worn.toml, the scene with the worn profiles, and the page
     index.html. The same command continues an interrupted computation.
     """
-    study = _study(file, changes, "wear", options)
     from .wearing import wear as wear_study
 
-    folder = out or _default_folder(file, "wear")
-    _finish(wear_study(study, folder, _shows_progress()), folder)
+    _compute("wear", wear_study, file, changes, out, **options)
 
 
 @command("report", "clearjoint report results/four_bar/run")
@@ -274,10 +265,12 @@ def main() -> None:
 
 
 def _prepare() -> None:
-    """Configure JAX, unless it is configured already, as in a process that calls several
-    commands."""
+    """Configure matplotlib, and JAX unless it is configured already, as in a process that calls
+    several commands."""
     import jax
+    import matplotlib
 
+    matplotlib.use("agg")  # draws files without a screen
     if not jax.config.jax_enable_x64:  # pyright: ignore
         runtime.configure()
 
@@ -301,20 +294,25 @@ def _study(
     return read_study(file, (*changes, *given))
 
 
-def _default_folder(file: Path, command: str) -> Path:
-    """Return the folder of the results of a command if the option --out does not name it."""
-    return Path("results") / file.stem / command
+def _compute(
+    command: str,
+    function: Callable[["Study", Path], CommandResult],
+    file: Path,
+    changes: tuple[str, ...],
+    out: Path | None,
+    **options: str | None,
+) -> None:
+    """Do what a command computes, print the result in a line that ends with the path of the page,
+    and exit with its code.
 
-
-def _shows_progress() -> bool:
-    """Return whether the process has an error stream, to which a progress bar can be written."""
-    return sys.stderr is not None
-
-
-def _finish(result: CommandResult, folder: Path) -> None:
-    """Print the result in a line that ends with the path of the page, and exit with its code."""
+    **Arguments:** `command`: name of the command and of its section in a study; `function`:
+    computes, given the study and the folder of the results; `out`: this folder, by default
+    results/<name of the file>/<command>; `changes`, `options`: see `_study`.
+    """
     from .folders import PAGE
 
+    folder = out or Path("results") / file.stem / command
+    result = function(_study(file, changes, command, options), folder)
     page = folder / PAGE
     click.echo(f"{result.line}: {page if page.exists() else 'nothing was written'}")
     raise click.exceptions.Exit(result.code)

@@ -7,7 +7,6 @@ from pathlib import Path
 from urllib.parse import quote
 from zlib import crc32
 
-import matplotlib
 import numpy as np
 import pandas as pd
 import xarray as xr
@@ -25,7 +24,7 @@ from ..plot.report_page import IMPACT_COLUMNS, impact_rows
 from ..plot.sections import section_points
 from ..plot.style import fitting_unit, scaled
 from ..simulation.results.impact_table import Impacts
-from ..simulation.results.observe import Observation, observe
+from ..simulation.results.observe import observe
 from ..simulation.results.solution import Solution
 from ..simulation.run.sections import Crossings
 from ..sweeps.store.store import open_sweep
@@ -45,14 +44,13 @@ from .folders import (
 )
 
 
-def draw_run(folder: Path, scene: Scene, solution: Solution, observed: Observation) -> None:
+def _draw_run(folder: Path, scene: Scene, solution: Solution) -> None:
     """Draw the figures of a run: path of the journal (orbit) and forces of each clearance joint,
     energies, outputs, Poincaré sections, and the report on one page.
 
-    **Arguments:** `folder`: folder of the results, which has the table of outputs already;
-    `solution`: the run; `observed`: contacts, forces and energies at its saved states.
+    **Arguments:** `folder`: folder of the results, which has the table of outputs already.
     """
-    matplotlib.use("agg")  # draws files without a screen
+    observed = observe(scene, solution)
     for name, joint in scene.contact_joints().items():
         if isinstance(joint, HasJournal):
             clearance = float(np.asarray(joint.clearance))
@@ -69,79 +67,6 @@ def draw_run(folder: Path, scene: Scene, solution: Solution, observed: Observati
             _save(folder, f"section {name}", _section(crossings))
     title = str(read_summary(folder)["title"])
     plot.report(scene, solution, folder / "report.pdf", title=title)
-
-
-def draw_sweep(folder: Path, dataset: xr.Dataset) -> None:
-    """Draw the figures of a sweep: outputs over the axes, and bifurcation diagrams.
-
-    An output is drawn over the first axis. For two axes there is a curve for each value of the
-    second axis or, if these are more than six, a map of colours over both. The channels of Poincaré
-    sections are drawn if there is one axis only.
-    """
-    matplotlib.use("agg")
-    lanes = dataset["result"]
-    axes = [str(dim) for dim in lanes.dims]
-    if axes == ["lane"]:  # zipped axes, of which the first is drawn
-        axes = [str(name) for name in lanes.coords if lanes[name].dims == ("lane",)][:1]
-    for name, variable in dataset.items():
-        # The dataset has these four numbers of each lane besides the outputs. Outputs with more
-        # dimensions than the lanes, such as saved motions, have no figure.
-        is_output = name not in ("result", "attempts", "accepted", "time_reached")
-        if variable.dims == lanes.dims and is_output and variable.dtype.kind == "f":
-            _draw_output(folder, dataset, str(name), axes)
-    # A section "onset" has the variable "onset_count", the dimension "onset_number", and variables
-    # along this dimension, such as "onset_speed" for its channel "speed".
-    for name in {str(v).removesuffix("_count") for v in dataset if str(v).endswith("_count")}:
-        for variable in (str(v) for v, rows in dataset.items() if f"{name}_number" in rows.dims):
-            channel = variable.removeprefix(f"{name}_")
-            if len(axes) == 1 and channel != "time" and dataset[variable].ndim == 2:
-                _save(folder, f"{name} {channel}", plot.bifurcation(dataset, name, channel))
-
-
-def draw_fit(folder: Path, found: Fit) -> None:
-    """Draw the figures of a fit: measured series with predictions, and the correlations of the
-    estimated parameters."""
-    matplotlib.use("agg")
-    _save(folder, "fitted", plot.fitted(found)[0, 0])
-    if len(found.parameters) > 1:
-        _save(folder, "correlations", plot.correlations(found))
-
-
-def draw_wear(folder: Path, found: xr.Dataset) -> None:
-    """Draw the figures of a result of `clearjoint.wear`: the depth around each part that has worn,
-    and over the cycles the largest depths, the worn volumes and the largest forces."""
-    matplotlib.use("agg")
-    parts = worn_parts(found)
-    if not parts:
-        return
-    deepest, volumes = {}, {}
-    for joint, part in parts:
-        _save(folder, f"{part} of {joint}", plot.worn_profile(found, joint, part))
-        of_joint, name = found.sel(joint=joint), f"{part} of {joint}"
-        deepest[name] = of_joint[f"{part}_depth"].max("angle").values
-        volumes[name] = 1e9 * of_joint[f"{part}_volume"].values
-    forces = {str(joint): found["force"].sel(joint=joint).values for joint in found["joint"].values}
-    _draw_stages(folder, "depths", found, deepest, "largest depth", "m")
-    _draw_stages(folder, "volumes", found, volumes, "worn volume", "mm^3")
-    _draw_stages(folder, "forces", found, forces, "largest force", "N")
-
-
-def _draw_stages(
-    folder: Path,
-    figure: str,
-    found: xr.Dataset,
-    curves: dict[str, np.ndarray],
-    quantity: str,
-    unit: str,
-) -> None:
-    """Draw values (stages,) over the cycles before the stages, as one curve for each name."""
-    factor, shown = fitting_unit(np.array(list(curves.values())), unit)
-    axes, cycles = plot.style.axes_or_new(None), found["cycles"].values
-    lines = [(name, cycles, factor * values) for name, values in curves.items()]
-    plot.style.draw_lines(axes, lines)
-    plot.style.dress(axes, "cycles", f"{quantity}, {shown}")
-    plot.style.legend_above(axes, min(len(curves), 2))
-    _save(folder, figure, axes)
 
 
 def worn_parts(found: xr.Dataset) -> list[tuple[str, Part]]:
@@ -191,12 +116,10 @@ def _mark_peaks(forces: Axes, impacts: Impacts | None, joint: str) -> None:
 def _section(crossings: Crossings) -> Axes:
     """Draw the crossings of a Poincaré section: its second channel over the first one, or a single
     channel over time."""
-    units, values = dict(crossings.units), dict(crossings.values)
-    if len(values) == 1:
-        units, values = {"time": "s"} | units, {"time": crossings.times} | values
-    names = list(values)[:2]
-    columns, units = [values[name] for name in names], [units[name] for name in names]
-    return section_points(crossings.times, columns, names, units, None, None, None)
+    channels = [(name, row, crossings.units[name]) for name, row in crossings.values.items()]
+    if len(channels) == 1:
+        channels.insert(0, ("time", crossings.times, "s"))
+    return section_points(crossings.times, channels[:2])
 
 
 def _over_time(output: xr.DataArray) -> Axes:
@@ -237,18 +160,7 @@ STAGES, PROFILES = "stages.csv", "profiles.csv"
 """Files of the tables of wear: depths before each stage, and around each worn part at the end."""
 VIEW = "view.html"
 """File of the page with the animation of a run."""
-STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; max-width: 70rem; margin: 2rem auto; padding: 0 1rem;
-  color: #1a1a1a; background: #fff; }
-table { border-collapse: collapse; margin: 1rem 0; font-size: 13px; display: block;
-  overflow-x: auto; }
-th, td { border-bottom: 1px solid #ddd; padding: .2rem .7rem; text-align: right;
-  overflow-wrap: anywhere; }
-th { text-align: left; } .summary td { text-align: left; }
-figure { display: inline-block; margin: .5rem; vertical-align: top; }
-figure img { max-width: 100%; height: auto; } figcaption { color: #555; font-size: 13px; }
-pre { background: #f6f6f6; padding: 1rem; overflow-x: auto; font-size: 13px; }
-"""
+STYLE = Path(__file__).parent / "templates" / "page.css"
 """Style sheet of the page."""
 
 
@@ -283,7 +195,7 @@ def write_run_report(folder: Path) -> None:
         parts.append(_table("Outputs", numbers, len(numbers)))
     if (folder / f"{MOTION}.nc").exists():
         scene, solution = read_run(folder)
-        draw_run(folder, scene, solution, observe(scene, solution))
+        _draw_run(folder, scene, solution)
         _write_view(folder, scene, solution)
         if solution.impacts is not None and len(solution.impacts):
             rows = impact_rows(solution.impacts, len(solution.impacts))
@@ -293,31 +205,75 @@ def write_run_report(folder: Path) -> None:
 
 
 def write_sweep_report(folder: Path, dataset: xr.Dataset) -> None:
-    """Draw the figures of a sweep, and write its page and a CSV table with a row for each lane."""
+    """Draw the figures of a sweep, outputs over the axes and bifurcation diagrams, and write its
+    page and a CSV table with a row for each lane.
+
+    An output is drawn over the first axis. For two axes there is a curve for each value of the
+    second axis or, if these are more than six, a map of colours over both. The channels of Poincaré
+    sections are drawn if there is one axis only.
+    """
     frame = lane_table(dataset)
     frame.to_csv(folder / "sweep.csv", index=False)
-    draw_sweep(folder, dataset)
+    lanes = dataset["result"]
+    axes = [str(dim) for dim in lanes.dims]
+    if axes == ["lane"]:  # zipped axes, of which the first is drawn
+        axes = [str(name) for name in lanes.coords if lanes[name].dims == ("lane",)][:1]
+    for name, variable in dataset.items():
+        # The dataset has these four numbers of each lane besides the outputs. Outputs with more
+        # dimensions than the lanes, such as saved motions, have no figure.
+        is_output = name not in ("result", "attempts", "accepted", "time_reached")
+        if variable.dims == lanes.dims and is_output and variable.dtype.kind == "f":
+            _draw_output(folder, dataset, str(name), axes)
+    # A section "onset" has the variable "onset_count", the dimension "onset_number", and variables
+    # along this dimension, such as "onset_speed" for its channel "speed".
+    for name in {str(v).removesuffix("_count") for v in dataset if str(v).endswith("_count")}:
+        for variable in (str(v) for v, rows in dataset.items() if f"{name}_number" in rows.dims):
+            channel = variable.removeprefix(f"{name}_")
+            if len(axes) == 1 and channel != "time" and dataset[variable].ndim == 2:
+                _save(folder, f"{name} {channel}", plot.bifurcation(dataset, name, channel))
     write_page(folder, _table("Lanes", frame, ROWS))
 
 
 def write_fit_report(folder: Path, found: Fit) -> None:
-    """Draw the figures of a fit and write its page."""
-    draw_fit(folder, found)
+    """Draw the figures of a fit, measured series with predictions and the correlations of the
+    estimated parameters, and write its page."""
+    _save(folder, "fitted", plot.fitted(found)[0, 0])
+    if len(found.parameters) > 1:
+        _save(folder, "correlations", plot.correlations(found))
     write_page(folder)
 
 
 def write_wear_report(folder: Path, found: xr.Dataset) -> None:
-    """Draw the figures of a result of `clearjoint.wear`, and write its page and CSV tables of the
-    stages and of the worn profiles."""
+    """Write CSV tables of the stages and of the worn profiles of a result of `clearjoint.wear`, its
+    figures and its page.
+
+    The figures show the depth around each part that has worn, and over the cycles the largest
+    depths, the worn volumes and the largest forces.
+    """
     frame = stage_table(found)
     frame.to_csv(folder / STAGES, index=False)
-    last = found.isel(stage=-1)
-    profiles = {"angle [rad]": found["angle"].values} | {
-        f"{part} of {joint} [m]": last[f"{part}_depth"].sel(joint=joint).values
-        for joint, part in worn_parts(found)
-    }
+    profiles, depths, volumes = {"angle [rad]": found["angle"].values}, {}, {}
+    for joint, part in worn_parts(found):
+        name = f"{part} of {joint}"
+        profiles[f"{name} [m]"] = found[f"{part}_depth"].sel(joint=joint).isel(stage=-1).values
+        depths[name] = frame[f"{name}, largest [m]"]
+        volumes[name] = 1e9 * frame[f"{name}, volume [m^3]"]
+        _save(folder, name, plot.worn_profile(found, joint, part))
     pd.DataFrame(profiles).to_csv(folder / PROFILES, index=False)
-    draw_wear(folder, found)
+    forces = {str(joint): frame[f"force in {joint} [N]"] for joint in found["joint"].values}
+    figures = (
+        ("depths", "largest depth", "m", depths),
+        ("volumes", "worn volume", "mm^3", volumes),
+        ("forces", "largest force", "N", forces),
+    )
+    for figure, quantity, unit, curves in figures if depths else ():
+        factor, shown = fitting_unit(np.array(list(curves.values())), unit)
+        axes = plot.style.axes_or_new(None)
+        lines = ((name, frame["cycles"], factor * values) for name, values in curves.items())
+        plot.style.draw_lines(axes, lines)
+        plot.style.dress(axes, "cycles", f"{quantity}, {shown}")
+        plot.style.legend_above(axes, min(len(curves), 2))
+        _save(folder, figure, axes)
     write_page(folder, _table("Stages", frame, len(frame)))
 
 
@@ -332,9 +288,8 @@ def stage_table(found: xr.Dataset) -> pd.DataFrame:
         depths = found[f"{part}_depth"].sel(joint=joint).transpose("stage", "angle").values
         columns[f"{part} of {joint}, largest [m]"] = depths.max(axis=1)
         columns[f"{part} of {joint}, mean [m]"] = depths.mean(axis=1)
-        columns[f"{part} of {joint}, volume [m^3]"] = (
-            found[f"{part}_volume"].sel(joint=joint).values
-        )
+        volumes = found[f"{part}_volume"].sel(joint=joint).values
+        columns[f"{part} of {joint}, volume [m^3]"] = volumes
     return pd.DataFrame(columns)
 
 
@@ -364,7 +319,8 @@ def write_page(folder: Path, *parts: str) -> None:
     links = "".join(f'<li><a href="{quote(name)}">{escape(name)}</a></li>' for name in names)
     files = f"<h2>Files</h2><ul>{links}</ul>"
     body = "\n".join([f"<h1>{title}</h1>{table}", *texts, *pictures, *parts, files])
-    head = f'<meta charset="utf-8"><title>{title}</title><style>{STYLE}</style>'
+    style = STYLE.read_text(encoding="utf-8")
+    head = f'<meta charset="utf-8"><title>{title}</title><style>\n{style}</style>'
     html = f'<!doctype html><html lang="en"><head>{head}</head><body>{body}</body></html>\n'
     (folder / PAGE).write_text(html, encoding="utf-8")
 

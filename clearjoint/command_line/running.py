@@ -4,7 +4,6 @@ The outputs that a study names are quantities, which are evaluated at the saved 
 reductions, which are updated at every accepted step and give numbers of the whole run.
 """
 
-import time
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -30,7 +29,7 @@ from ..simulation.step.dense_output import require_dense
 from ..simulation.step.method import Scheme
 from ..simulation.step.settings import Settings
 from . import folders
-from .endings import FAILED, INTERRUPTED, WELL, CommandResult, say
+from .endings import FAILED, INTERRUPTED, WELL, CommandResult, has_error_stream, say
 from .reports import write_run_report
 from .study import RunPart, Study
 
@@ -59,18 +58,17 @@ class Negative(AbstractQuantity):
         self.quantity.check(scene)
 
 
-def run(study: Study, folder: Path, progress: bool) -> CommandResult:
+def run(study: Study, folder: Path) -> CommandResult:
     """Run a study's scene, and write tables, figures and a page.
 
     The results up to the end of a run that fails, or that Ctrl-C interrupts, are written, too.
 
-    **Arguments:** `folder`: folder of the results, which is made if it does not exist; `progress`:
-    whether to show a progress bar.
+    **Arguments:** `folder`: folder of the results, which is made if it does not exist.
 
     **Raises:** `ValueError` for wrong entries in the section [run], such as an `end` that is
     missing or not after the start, and for a state with which the scene can't run.
     """
-    start, part, settings = time.perf_counter(), study.parts.run, study.settings("run")
+    part, settings = study.parts.run, study.settings("run")
     reductions = reductions_of(part, settings)
     end, code = study.end(), WELL
     contacts = bool(study.scene.contact_joints())  # without contacts, there is no table of impacts
@@ -84,7 +82,7 @@ def run(study: Study, folder: Path, progress: bool) -> CommandResult:
             Saving(times, impacts=contacts, sections=sections, outputs=reductions),
             start_time=part.start,
             throw=False,
-            progress=progress,
+            progress=has_error_stream(),
         )
         if solution.result != RESULTS.successful:
             code = FAILED
@@ -108,7 +106,7 @@ def run(study: Study, folder: Path, progress: bool) -> CommandResult:
         **dict(solution.settings),
     }
     # The page shows the summary and the tables, so it is written after them.
-    folders.write_summary(folder, "run", study, summary, start)
+    folders.write_summary(folder, "run", study, summary)
     write_run_report(folder)
     reached = f"t = {float(solution.time):.6g} s"
     if code != WELL:
@@ -221,34 +219,28 @@ def _outputs(
     variables = {}
     for name, quantity in quantities.items():
         values, extremes = values_along(scene, solution, quantity, saved), {}
-        # A reduction of the quantity `Negative` gives the negative of the smallest value.
         if name + LARGEST in found:
+            # A reduction of the quantity `Negative` gives the negative of the smallest value.
+            largest, smallest = found[name + LARGEST], -found[name + SMALLEST]
             extremes = {
-                "largest": found[name + LARGEST],
+                "largest": largest,
                 "largest_time": found[f"{name}{LARGEST}_time"],
-                "smallest": -found[name + SMALLEST],
+                "smallest": smallest,
                 "smallest_time": found[f"{name}{SMALLEST}_time"],
             }
-            _note_missed_extremes(name, values, extremes, quantity.unit)
+            low, high = values.min(), values.max()
+            # The user should know if the samples miss more than a fiftieth of the range.
+            if max(largest - high, low - smallest) > 0.02 * (largest - smallest):
+                say(
+                    f"note: the saved samples of {name} are between {low:.4g} and {high:.4g} "
+                    f"{quantity.unit}, the run between {smallest:.4g} and {largest:.4g} "
+                    f"{quantity.unit}: {folders.NUMBERS} has these extremes; a smaller save_every "
+                    "gives more samples"
+                )
         title = type(quantity).__name__
         variables[name] = Labelled(rows, values, quantity.unit, title, extremes)
     times = {"time": Labelled(rows, saved.times, "s", "time")}
     return labelled_dataset("outputs of a run", variables, times)
-
-
-def _note_missed_extremes(
-    name: str, values: np.ndarray, extremes: Mapping[str, float], unit: str | None
-) -> None:
-    """Print a note if the saved samples of an output, `values` (N,), miss its `extremes`, which
-    reductions have found, by more than a fiftieth of the output's range."""
-    largest, smallest = extremes["largest"], extremes["smallest"]
-    missed = max(largest - values.max(), values.min() - smallest)
-    if missed > 0.02 * (largest - smallest):
-        say(
-            f"note: the saved samples of {name} are between {values.min():.4g} and "
-            f"{values.max():.4g} {unit}, the run between {smallest:.4g} and {largest:.4g} {unit}: "
-            f"{folders.NUMBERS} has these extremes; a smaller save_every gives more samples"
-        )
 
 
 def _write_numbers(

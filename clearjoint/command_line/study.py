@@ -5,6 +5,7 @@ the unit of a number, which may be written as a text with another unit, such as 
 """
 
 import inspect
+import time
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -227,8 +228,8 @@ class WearPart:
 
     - `rates`: wear rates of the joints that wear, by name of the joint.
     - `cycle`: duration of a cycle, s.
-    - `cycles`: number of cycles to extrapolate to; `depth`: worn depth, m, at which the computation
-      ends. At least one of them must be given.
+    - `cycles`: number of cycles to extrapolate to, infinite if it is not given; `depth`: worn
+      depth, m, at which the computation ends. At least one of them must be given.
     - `settle`, `measured`, `tolerance`, `largest_change`, `samples`, `stages`: further arguments of
       `clearjoint.wear`.
     - `start`: time at which runs begin, s; `preset`, `settings`: as in [run].
@@ -238,7 +239,7 @@ class WearPart:
 
     rates: Mapping[str, WearRates]
     cycle: Annotated[float, "s"]
-    cycles: float | None = None
+    cycles: float = np.inf
     depth: Annotated[float | None, "m"] = None
     settle: int = 1
     measured: int = 2
@@ -251,9 +252,9 @@ class WearPart:
     settings: Settings | None = None
 
     def __post_init__(self) -> None:
-        given = (self.cycles, self.depth) != (None, None)
+        given = self.cycles < np.inf or self.depth is not None
         remedy = 'write cycles = 1e6 or depth = "20 um"'
-        require(given, "cycles", None, "a number, unless `depth` is given", remedy)
+        require(given, "cycles", self.cycles, "a number, unless `depth` is given", remedy)
 
 
 @dataclass(frozen=True)
@@ -280,20 +281,15 @@ CLASSES: tuple[type, ...] = (
     *_concrete(joints, AbstractReduction),
     *(AbsoluteCoordinates, JointCoordinates, Baumgarte, Projection, Unstabilised),
     *(diffrax.Tsit5, diffrax.Dopri5, diffrax.Dopri8, diffrax.Bosh3, diffrax.Heun, diffrax.Euler),
-    *(Linear, Log, Bounded, Starts, Screening, ImpactTable, WearRates),
+    *(Linear, Log, Bounded),
 )
-"""Classes that study files may name: quantities, reductions, coordinates, stabilisations, solvers,
-scales, further starts of fits, tables of impacts, and wear rates."""
-TABLES = (
-    *(AxisPart, ColumnPart, FitPart, ParameterPart, RunPart, SectionPart, Settings, SweepPart),
-    WearPart,
-)
-"""Classes of the tables of study files. Files do not name them, since their keys tell the class."""
+"""Classes that study files may name, besides those of which an argument must be an object:
+quantities, reductions, coordinates, stabilisations, solvers and scales."""
 
 
 def study_schema() -> Schema:
     """Return the JSON Schema (2020-12) of study files as a dictionary for `json.dump`."""
-    catalogue = Catalogue((*CLASSES, *TABLES))
+    catalogue = Catalogue(CLASSES)
     scene = {"type": "object", "properties": scene_properties(catalogue), "required": ["bodies"]}
     properties = {"scene": {"anyOf": [{"type": "string"}, scene]}}
     properties |= catalogue.properties(StudyParts)
@@ -419,6 +415,7 @@ class Study:
     - `parts`: the sections of the study file.
     - `location`: the file, for messages.
     - `document`: tables of the file, as parsed, without the scene.
+    - `started`: value of `time.perf_counter` when the file was read, s.
     """
 
     scene: Scene
@@ -426,16 +423,12 @@ class Study:
     parts: StudyParts
     location: FileLocation
     document: Mapping[str, object]
+    started: float = field(default_factory=time.perf_counter)
 
     @property
     def path(self) -> Path:
         """Path of the file."""
         return Path(self.location.file)
-
-    @property
-    def title(self) -> str:
-        """Title of the study, or the name of its file without suffix."""
-        return self.parts.title or self.path.stem
 
     def settings(self, section: str) -> Settings:
         """Return the settings of the integration in a section, "run", "sweep", "fit" or "wear":

@@ -4,7 +4,6 @@ The store of a sweep keeps the lanes that have ended, so that the same command c
 interrupted sweep.
 """
 
-import time
 from pathlib import Path
 
 import numpy as np
@@ -17,21 +16,20 @@ from ..sweeps.axes import Axis
 from ..sweeps.layout import check_outputs
 from ..sweeps.store.store import open_sweep
 from ..sweeps.sweep import sweep as run_sweep
-from .endings import FAILED, INTERRUPTED, WELL, CommandResult, say
+from .endings import FAILED, INTERRUPTED, WELL, CommandResult, has_error_stream, say
 from .folders import STORE, Summary, write_scene, write_summary
 from .reports import write_sweep_report
 from .study import AxisPart, FoundPath, Study, SweepPart, find_path
 
 
-def sweep(study: Study, folder: Path, progress: bool) -> CommandResult:
+def sweep(study: Study, folder: Path) -> CommandResult:
     """Run the sweep of a study's section [sweep], or continue it, and write its store, tables,
     figures and page.
 
     The sweep counts as failed only if no lane ran to its end, since a sweep often includes values
     with which a mechanism can't run. After Ctrl-C, results so far are written.
 
-    **Arguments:** `folder`: folder of the results, which is made if it does not exist; `progress`:
-    whether to show a progress bar.
+    **Arguments:** `folder`: folder of the results, which is made if it does not exist.
 
     **Raises:** `ValueError` for a study without this section, and for wrong entries in it.
     `KeyboardInterrupt` if Ctrl-C interrupts the sweep before its store exists.
@@ -39,7 +37,7 @@ def sweep(study: Study, folder: Path, progress: bool) -> CommandResult:
     part = study.parts.sweep
     if part is None:
         study.location.at("sweep").refuse(None, "a section [sweep]", "add [sweep.axes.<name>]")
-    axes, start = sweep_axes(study, part), time.perf_counter()
+    axes = sweep_axes(study, part)
     sizes = [axis.values.size for axis in axes.values()]
     # Zipped axes have equal numbers of values, one for each lane; others form a grid of lanes.
     lanes = sizes[0] if part.zipped else int(np.prod(sizes))
@@ -63,15 +61,15 @@ def sweep(study: Study, folder: Path, progress: bool) -> CommandResult:
             path=folder / STORE,
             chunk=chunk,
             start_time=study.parts.run.start,
-            progress=progress,
+            progress=has_error_stream(),
         )
     except KeyboardInterrupt:
         if not (folder / STORE).exists():  # nothing is finished that could be reported
             raise
         dataset, code = open_sweep(folder / STORE), INTERRUPTED
-    summary = _summary(dataset, code)
+    summary, line = _summary(dataset, code)
     # The page shows the summary and the table, so it is written after them.
-    write_summary(folder, "sweep", study, summary, start)
+    write_summary(folder, "sweep", study, summary)
     write_sweep_report(folder, dataset.load())
     if code == INTERRUPTED:
         pending = summary["lanes pending"]
@@ -79,7 +77,7 @@ def sweep(study: Study, folder: Path, progress: bool) -> CommandResult:
     elif not summary["lanes successful"]:
         say(f"error: no lane ran to its end; their result codes are in {folder}")
         code = FAILED
-    return CommandResult(code, _line(dataset, summary))
+    return CommandResult(code, line)
 
 
 def sweep_axes(study: Study, part: SweepPart) -> dict[str, Axis]:
@@ -126,30 +124,25 @@ def _values(part: AxisPart, found: FoundPath, location: FileLocation) -> np.ndar
     return np.geomspace(start, stop, part.count)
 
 
-def _summary(dataset: xr.Dataset, code: int) -> Summary:
-    """Return the numbers of lanes, by how they ended, and the sizes of the axes, by name.
+def _summary(dataset: xr.Dataset, code: int) -> tuple[Summary, str]:
+    """Return the numbers of lanes, by how they ended, and the sizes of the axes, by name; and the
+    result as one line of text, with the largest of all outputs that are forces.
 
     **Arguments:** `code`: exit code of the sweep, which tells whether it was interrupted.
     """
     codes = dataset["result"].values
     counts = {name: int((codes == number).sum()) for name, number in result_numbers().items()}
-    failed = {f"lanes {name}": n for name, n in counts.items() if n and name != "successful"}
-    axes = [str(name) for name in dataset["result"].coords]
-    return {
+    done = counts.pop("successful")
+    pending = int((codes < 0).sum())  # lanes that have not run have the code -1
+    summary = {
         "ended": "interrupted" if code == INTERRUPTED else "all lanes are done",
-        "lanes": int(codes.size),
-        "lanes successful": counts["successful"],
-        "lanes pending": int((codes < 0).sum()),  # lanes that have not run have the code -1
-        **failed,
-        **{f"axis {name}": int(dataset[name].size) for name in axes if name in dataset.coords},
+        "lanes": codes.size,
+        "lanes successful": done,
+        "lanes pending": pending,
+        **{f"lanes {name}": number for name, number in counts.items() if number},
+        **{f"axis {name}": axis.size for name, axis in dataset["result"].coords.items()},
     }
-
-
-def _line(dataset: xr.Dataset, summary: Summary) -> str:
-    """Return the result of a sweep as one line of text: numbers of lanes and steps, and the largest
-    of all outputs that are forces."""
-    lanes, pending = int(summary["lanes"]), int(summary["lanes pending"])
-    failed = lanes - int(summary["lanes successful"]) - pending
+    failed = codes.size - done - pending
     steps = int(dataset["accepted"].clip(min=0).sum())  # lanes that have not run have -1
     forces = [
         float(np.nanmax(output.values))
@@ -157,4 +150,4 @@ def _line(dataset: xr.Dataset, summary: Summary) -> str:
         if output.attrs.get("units") == "N" and np.isfinite(output.values).any()
     ]
     force = f", largest force {max(forces):.4g} N" if forces else ""
-    return f"{lanes} lanes, {failed} failed, {pending} pending, {steps} steps{force}"
+    return summary, f"{codes.size} lanes, {failed} failed, {pending} pending, {steps} steps{force}"

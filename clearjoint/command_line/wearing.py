@@ -5,8 +5,6 @@ a Zarr store in the folder of the results. If the computation is interrupted, th
 continues it after the last finished stage.
 """
 
-import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +12,7 @@ import numpy as np
 
 from ..durability.wear import check_wear, cycles_to_depth, final_state, open_wear, worn
 from ..durability.wear import wear as compute_wear
-from .endings import FAILED, INTERRUPTED, WELL, CommandResult, say
+from .endings import FAILED, INTERRUPTED, WELL, CommandResult, has_error_stream, say
 from .folders import WEAR_STORE, Summary, write_scene, write_summary
 from .reports import stage_table, worn_parts, write_wear_report
 from .study import Study, WearPart
@@ -26,14 +24,13 @@ WORN_SCENE = "worn.toml"
 """File of the scene with the worn profiles and the state after the last run."""
 
 
-def wear(study: Study, folder: Path, progress: bool) -> CommandResult:
+def wear(study: Study, folder: Path) -> CommandResult:
     """Compute the wear that a study's section [wear] describes, or continue it, and write its
     store, tables, figures, the worn scene and an HTML page of all these.
 
     After Ctrl-C, results so far are written.
 
-    **Arguments:** `folder`: folder of the results, which is made if it does not exist; `progress`:
-    whether to show a progress bar.
+    **Arguments:** `folder`: folder of the results, which is made if it does not exist.
 
     **Returns:** the exit code of the command, for wear that reached its end, failed or was
     interrupted, and the table of stages as text.
@@ -45,8 +42,7 @@ def wear(study: Study, folder: Path, progress: bool) -> CommandResult:
     if part is None:
         remedy = "add [wear.rates.<joint>]"
         study.location.at("wear").refuse(None, "a section [wear]", remedy)
-    start, store, code = time.perf_counter(), folder / WEAR_STORE, WELL
-    check_section(study, part)
+    store, code = folder / WEAR_STORE, WELL
     try:
         with study.location.at("wear").in_errors():
             found = compute_wear(
@@ -54,7 +50,7 @@ def wear(study: Study, folder: Path, progress: bool) -> CommandResult:
                 study.state,
                 part.cycle,
                 part.rates,
-                _cycles(part),
+                part.cycles,
                 study.settings("wear"),
                 settle=part.settle,
                 measured=part.measured,
@@ -65,7 +61,7 @@ def wear(study: Study, folder: Path, progress: bool) -> CommandResult:
                 depth=part.depth,
                 start_time=part.start,
                 path=store,
-                progress=progress,
+                progress=has_error_stream(),
             )
     except KeyboardInterrupt:
         if not store.exists():  # no stage is finished that could be reported
@@ -74,7 +70,8 @@ def wear(study: Study, folder: Path, progress: bool) -> CommandResult:
     write_scene(folder, study.scene, study.state)
     write_scene(folder, worn(study.scene, found), final_state(found), WORN_SCENE)
     # The page shows the summary and the table, so it is written after them.
-    write_summary(folder, "wear", study, _summary(found, part, code), start)
+    summary, line = _summary(found, part, code)
+    write_summary(folder, "wear", study, summary)
     write_wear_report(folder, found)
     if code == INTERRUPTED:
         say("interrupted: run the same command to continue")
@@ -82,7 +79,7 @@ def wear(study: Study, folder: Path, progress: bool) -> CommandResult:
         say(f"error: the computation ended early: {found.attrs['failure']}")
         code = FAILED
     table = stage_table(found).to_string(index=False, float_format="{:.4g}".format)
-    return CommandResult(code, f"{table}\n{_line(found, part)}")
+    return CommandResult(code, f"{table}\n{line}")
 
 
 def check_section(study: Study, part: WearPart) -> None:
@@ -95,7 +92,7 @@ def check_section(study: Study, part: WearPart) -> None:
             study.scene,
             part.cycle,
             part.rates,
-            _cycles(part),
+            part.cycles,
             part.settle,
             part.measured,
             part.samples,
@@ -104,45 +101,22 @@ def check_section(study: Study, part: WearPart) -> None:
         )
 
 
-def _cycles(part: WearPart) -> float:
-    """Return the number of cycles to extrapolate to; infinite if only the depth is given."""
-    return np.inf if part.cycles is None else part.cycles
-
-
-def _summary(found: "xr.Dataset", part: WearPart, code: int) -> Summary:
-    """Return how the computation ended, and the depth and the life of each part that wears."""
-    summary: dict[str, str | int | float] = {
-        "ended": "interrupted" if code == INTERRUPTED else found.attrs["ending"],
-        "stages": found.sizes["stage"],
-        "cycles": float(found["cycles"][-1]),
-    }
-    for name, deepest, life in _depths_and_lives(found, part.depth):
+def _summary(found: "xr.Dataset", part: WearPart, code: int) -> tuple[Summary, str]:
+    """Return how the computation ended, and the depth and the life of each part that has worn, as
+    entries of the summary and as a line of text."""
+    stages, cycles = found.sizes["stage"], float(found["cycles"][-1])
+    ended = "interrupted" if code == INTERRUPTED else found.attrs["ending"]
+    summary: dict[str, str | int | float] = {"ended": ended, "stages": stages, "cycles": cycles}
+    texts = [f"{stages} stages, {cycles:.4g} cycles"]
+    for joint, worn_part in worn_parts(found):
+        name = f"{worn_part} of {joint}"
+        deepest = float(found[f"{worn_part}_depth"].sel(joint=joint).isel(stage=-1).max())
         summary[f"{name}, depth [m]"] = deepest
-        if part.depth is not None:
-            # JSON has no infinite numbers.
-            summary[f"{name}, cycles to {part.depth:g} m"] = (
-                life if np.isfinite(life) else "not reached"
-            )
-    return summary
-
-
-def _depths_and_lives(
-    found: "xr.Dataset", depth: float | None
-) -> Iterator[tuple[str, float, float]]:
-    """Yield the name of each part that has worn, its largest depth, m, and its life: the number of
-    cycles to a depth, m, infinite if it was not reached or is not given."""
-    for joint, part in worn_parts(found):
-        deepest = found[f"{part}_depth"].sel(joint=joint).isel(stage=-1).max()
-        life = np.inf if depth is None else cycles_to_depth(found, depth, joint, part)
-        yield f"{part} of {joint}", float(deepest), life
-
-
-def _line(found: "xr.Dataset", part: WearPart) -> str:
-    """Return the result as one line of text: numbers of stages and cycles, and the depth and the
-    life of each part that wears."""
-    texts = [f"{found.sizes['stage']} stages, {float(found['cycles'][-1]):.4g} cycles"]
-    for name, deepest, life in _depths_and_lives(found, part.depth):
         texts.append(f"{name} {1e6 * deepest:.4g} µm deep")
-        if part.depth is not None and np.isfinite(life):
-            texts[-1] += f" ({1e6 * part.depth:g} µm after {life:.4g} cycles)"
-    return ", ".join(texts)
+        if part.depth is not None:
+            life = cycles_to_depth(found, part.depth, joint, worn_part)
+            is_reached = np.isfinite(life)  # JSON has no infinite numbers
+            summary[f"{name}, cycles to {part.depth:g} m"] = life if is_reached else "not reached"
+            if is_reached:
+                texts[-1] += f" ({1e6 * part.depth:g} µm after {life:.4g} cycles)"
+    return summary, ", ".join(texts)

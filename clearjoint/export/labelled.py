@@ -15,6 +15,10 @@ import numpy as np
 from ..fields.checks import require
 from ..fields.types import ArrayLike
 
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
 LONGEST = 200
 """Largest number of characters by which an array is described."""
 Notes = tuple[tuple[str, str | int | float], ...]
@@ -70,9 +74,6 @@ def versions() -> dict[str, str]:
     """Return the versions of clearjoint, JAX and diffrax as texts, under "version of <name>"."""
     return {f"version of {name}": version(name) for name in ("clearjoint", "jax", "diffrax")}
 
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 COMPONENT = "component"
 """Name of the dimension along the components of a vector."""
@@ -134,10 +135,6 @@ def _variable(one: Labelled) -> tuple[tuple[str, ...], np.ndarray, dict[str, obj
     attributes = {name: value for name, value in given.items() if value is not None}
     return one.dims, np.asarray(one.values), attributes
 
-
-if TYPE_CHECKING:
-    import pandas as pd
-    import xarray as xr
 
 IN_FRONT = ("body", "contact", "bristle_contact", "joint", "journal", "reaction", "rigid_contact")
 """Dimensions whose labels precede the name of the variable in the name of a column, as the body

@@ -375,19 +375,17 @@ def motion_timeline(
     first, last = (times[0], times[-1]) if window is None else window
     factor, unit = time_unit(times, window)
     for row, name in enumerate(names):
-        phases = contact_phases(observation, name)
-        # Intervals of constant phase: their first indices, and starts and lengths in the window, s.
-        begins = np.flatnonzero(np.diff(phases, prepend=-1))
-        starts = np.clip(times[begins], first, last)
-        lengths = np.clip(np.append(times[begins[1:]], times[-1]), first, last) - starts
-        kinds = phases[begins]
+        phases, durations = contact_phases(observation, name), []
         for phase, (height, look) in BAR_STYLES.items():
-            of_phase = (kinds == phase) & (lengths > 0.0)
-            bars = [*zip(factor * starts[of_phase], factor * lengths[of_phase], strict=True)]
+            # An interval ends where one of another phase begins; both are in the window, s.
+            begins, ends = observed.spans(phases == phase).T
+            starts = np.clip(times[begins], first, last)
+            lengths = np.clip(times[np.minimum(ends, len(times) - 1)], first, last) - starts
+            bars = (factor * np.stack([starts, lengths], axis=1)[lengths > 0.0]).tolist()
             axes.broken_barh(bars, (row - 0.5 * height, height), label=_phase_name(phase), **look)
-        total = max(lengths.sum(), np.finfo(float).tiny)  # zero if no interval is in the window
-        shares = [100.0 * lengths[kinds == phase].sum() / total for phase in BAR_STYLES]
-        text = " / ".join(f"{share:.0f}" for share in shares) + " %"
+            durations.append(lengths.sum())
+        total = max(sum(durations), np.finfo(float).tiny)  # zero if no interval is in the window
+        text = " / ".join(f"{100.0 * part / total:.0f}" for part in durations) + " %"
         # To the right of the axes: x is a fraction of their width, y is the row.
         look = {"transform": axes.get_yaxis_transform(), "va": "center", "fontsize": "small"}
         axes.text(1.01, row, text, **look)

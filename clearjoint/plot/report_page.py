@@ -18,7 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.transforms import ScaledTranslation
 
-from ..fields.checks import require
+from ..fields.checks import require, require_type
 from ..fields.drawn_text import literal, shown
 from ..model.clearance_joints.journal_bases import HasJournal
 from ..model.contact.laws import whole_law
@@ -47,16 +47,17 @@ JOINT_COLUMNS = {
     "normal law": 0.585,
     "friction": 0.81,
 }
-IMPACT_COLUMNS = {
-    "joint": 0.0,
-    "contact": 0.16,
-    "onset, ms": 0.26,
-    "duration, µs": 0.36,
-    "entry speed, m/s": 0.48,
-    "exit speed, m/s": 0.615,
-    "peak force, N": 0.745,
-    "penetration, µm": 0.86,
-}
+IMPACT_NUMBERS = (
+    ("onset, ms", 0.26, "onset", 1e3, ".4f"),
+    ("duration, µs", 0.36, "duration", 1e6, ".1f"),
+    ("entry speed, m/s", 0.48, "entry_speed", 1.0, ".4g"),
+    ("exit speed, m/s", 0.615, "exit_speed", 1.0, ".4g"),
+    ("peak force, N", 0.745, "peak_force", 1.0, ".1f"),
+    ("penetration, µm", 0.86, "largest_penetration", 1e6, ".4g"),
+)
+"""Columns of numbers in the table of impacts: title, left end, name in `Impacts`, factor from the
+SI unit, and format."""
+IMPACT_COLUMNS = {"joint": 0.0, "contact": 0.16} | {row[0]: row[1] for row in IMPACT_NUMBERS}
 """Titles of the columns of the tables of joints and impacts, and the columns' left ends as
 fractions of the width of the page."""
 
@@ -181,20 +182,12 @@ def impact_rows(impacts: Impacts, most: int) -> list[Cells]:
     motion, share a row.
     """
     groups = _alike(impacts)
-    order = sorted(groups, key=lambda k: -impacts.peak_force[k])[:most]
-    # Factor from the SI unit to that of the column, and format, for each column with a number.
-    columns = {
-        "onset": (1e3, ".4f"),
-        "duration": (1e6, ".1f"),
-        "entry_speed": (1.0, ".4g"),
-        "exit_speed": (1.0, ".4g"),
-        "peak_force": (1.0, ".1f"),
-        "largest_penetration": (1e6, ".4g"),
-    }
     rows = []
-    for k in order:
-        numbers = ((getattr(impacts, name)[k], *form) for name, form in columns.items())
-        texts = [f"{factor * number:{digits}}" for number, factor, digits in numbers]
+    for k in sorted(groups, key=lambda k: -impacts.peak_force[k])[:most]:
+        texts = [
+            f"{factor * getattr(impacts, name)[k]:{digits}}"
+            for _, _, name, factor, digits in IMPACT_NUMBERS
+        ]
         rows.append([str(impacts.joint[k]), " and ".join(sorted(groups[k])), *texts])
     return rows
 
@@ -281,8 +274,8 @@ def report(
         suffix, remedy = Path(file).suffix.lower(), "name a PNG or a PDF"
         is_known, expected = suffix in (".png", ".pdf"), "with the suffix .png or .pdf"
         require(is_known, "file", str(file), expected, remedy)
-    kind, remedy = type(solution).__name__, "draw other results by the other functions of plot"
-    require(isinstance(solution, Solution), "solution", kind, "a Solution of simulate()", remedy)
+    remedy = "draw other results by the other functions of plot"
+    require_type("solution", solution, Solution, "a Solution of simulate()", remedy)
     parts = _parts(scene, solution, _record(scene, solution, quantity, unit))
     # Tables have the heights that they need, the title 0.4 inches; figures share the rest.
     width, height = (length - 2.0 * MARGIN for length in PAGE)

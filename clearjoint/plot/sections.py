@@ -107,9 +107,8 @@ def poincare_section(
     is_valid = len(chosen) == 2 and set(chosen) <= set(known)
     remedy = "record two channels and name them"
     require(is_valid, "channels", chosen, f"two of those of the section, {known}", remedy)
-    units = [section.channels[name][1] for name in chosen]
-    values = [crossings.values[name] for name in chosen]
-    return section_points(crossings.times, values, chosen, units, after, clearance, axes)
+    drawn = [(name, crossings.values[name], section.channels[name][1]) for name in chosen]
+    return section_points(crossings.times, drawn, after, clearance, axes)
 
 
 def poincare_section_of_lane(
@@ -152,38 +151,40 @@ def poincare_section_of_lane(
     require(count.ndim == 0, "lane", count.dims, "a single lane", "select one: dataset.isel(...)")
     # The arrays of a lane may have space for more crossings than it has.
     recorded = slice(int(count))
-    units = [lane[name].attrs.get("units", "1") for name in names]
-    times, *values = (lane[name].values[recorded] for name in (f"{section}_time", *names))
-    return section_points(times, values, channels, units, after, clearance, axes)
+    drawn = [
+        (channel, lane[name].values[recorded], lane[name].attrs.get("units", "1"))
+        for channel, name in zip(channels, names, strict=True)
+    ]
+    times = lane[f"{section}_time"].values[recorded]
+    return section_points(times, drawn, after, clearance, axes)
 
 
 def section_points(
     times: np.ndarray,
-    values: Sequence[np.ndarray],
-    channels: Sequence[str],
-    units: Sequence[str],
-    after: float | None,
-    clearance: float | None,
-    axes: Axes | None,
+    channels: Sequence[tuple[str, np.ndarray, str]],
+    after: float | None = None,
+    clearance: float | None = None,
+    axes: Axes | None = None,
 ) -> Axes:
     """Draw two channels of section crossings as points.
 
     **Arguments:**
 
-    - `times`: (N,) s, of the crossings. `values`: two arrays (N,) in SI units.
-    - `channels`, `units`: names and SI units of the two channels.
+    - `times`: (N,) s, of the crossings.
+    - `channels`: name, values (N,) and SI unit of each of the two channels.
     - `after`, `clearance`, `axes`: see `poincare_section`.
 
     **Raises:** `ValueError` for a `clearance` with channels that are not lengths, and if all
     crossings are earlier than `after`.
     """
-    times, lengths = np.asarray(times), set(units) == {"m"}
+    times, units = np.asarray(times), [unit for *_, unit in channels]
     kept = np.full(len(times), True) if after is None else times >= after
     last = f"at most that of the last crossing, {times.max(initial=0.0):.6g} s"
     require(bool(kept.any()) or after is None, "after", after, last, "give an earlier time")
+    is_drawable = clearance is None or set(units) == {"m"}
     expected = f"None for channels in {units}"
-    require(clearance is None or lengths, "clearance", clearance, expected, "leave it out")
-    rows = [np.asarray(row)[kept] for row in values]
+    require(is_drawable, "clearance", clearance, expected, "leave it out")
+    rows = [np.asarray(values)[kept] for _, values, _ in channels]
     sizes = [np.abs(row[np.isfinite(row)]).max(initial=0.0) for row in rows]
     # Channels of the same unit and a similar size get the same prefix and the same scale, as both
     # components of a vector should; if one is 20 times the other, the points would lie on a line.
@@ -192,7 +193,7 @@ def section_points(
     similar = units[0] == units[1] and largest <= 20.0 * min(sizes)
     same = similar or clearance is not None
     columns = []
-    for row, size, channel, unit in zip(rows, sizes, channels, units, strict=True):
+    for (channel, _, unit), row, size in zip(channels, rows, sizes, strict=True):
         factor, text = fitting_unit(np.array([largest if same else size]), unit)
         suffix = "" if text == "1" else f", {text}"
         columns.append((row * factor, f"{shown(channel.replace('_', ' '))}{suffix}", factor))

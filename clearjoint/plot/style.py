@@ -13,7 +13,7 @@ from matplotlib.axis import Axis
 from matplotlib.projections.polar import PolarAxes
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 
-from ..fields.checks import require
+from ..fields.checks import require, require_type
 from ..fields.drawn_text import broken, shown
 from ..fields.types import ArrayLike
 
@@ -62,7 +62,7 @@ def polar_or_new(axes: Axes | None) -> PolarAxes:
         figure = plt.figure(figsize=(4.8, 5.0), layout="constrained")
         axes = figure.add_subplot(projection="polar")
     remedy = 'make them by subplots(subplot_kw={"projection": "polar"})'
-    require(isinstance(axes, PolarAxes), "axes", type(axes).__name__, "polar axes", remedy)
+    require_type("axes", axes, PolarAxes, "polar axes", remedy)
     assert isinstance(axes, PolarAxes)
     axes.grid(True, color="0.85", linewidth=0.8)
     axes.set_axisbelow(True)
@@ -183,32 +183,20 @@ def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
     **Raises:** `ValueError` if the label's unit is not that of the data with some prefix.
     """
     values = np.asarray(data.values, dtype=float)
-    si = data.attrs.get("units", "1")
-    exponent, unit = _prefixed(values, si)
+    exponent, unit = _prefixed(values, data.attrs.get("units", "1"))
     name = shown(str(data.name).replace("_", " "))
     if present:  # both data have one axis, and thus one prefix
-        names, exponent, unit = _present_unit(present.replace("\n", " "), si)
+        names = present.replace("\n", " ")
+        if unit != "1":
+            base = unit.removeprefix(PREFIXES[exponent])
+            exponents = {prefix + base: power for power, prefix in PREFIXES.items()}
+            names, _, unit = names.rpartition(", ")
+            expected = f"of an axis with the unit of {present!r}"
+            require(unit in exponents, "axes", base, expected, "draw it into new axes")
+            exponent = exponents[unit]
         name = names if name in names.split(", ") else f"{names}, {name}"
     factor = 10.0**-exponent
     return ScaledValues(values * factor, name if unit == "1" else f"{name}, {unit}", factor)
-
-
-def _present_unit(label: str, unit: str) -> tuple[str, int, str]:
-    """Split an axis label such as "force, kN" into names ("force"), power of ten of the prefix (3)
-    and unit with prefix ("kN").
-
-    **Arguments:** `unit`: SI unit of the data that are added to the axis, without prefix.
-
-    **Raises:** `ValueError` for a label with another unit.
-    """
-    text = unit.replace("^2", "²").replace("^3", "³")
-    if text == "1":
-        return label, 0, text
-    names, _, prefixed = label.rpartition(", ")
-    exponents = {PREFIXES[exponent] + text: exponent for exponent in PREFIXES}
-    expected, remedy = f"of an axis with the unit of {label!r}", "draw it into new axes"
-    require(prefixed in exponents, "axes", unit, expected, remedy)
-    return names, exponents[prefixed], prefixed
 
 
 def legend_label(dataset: xr.Dataset, variable: str, axis: str) -> str:
@@ -266,9 +254,9 @@ def time_axis(
     **Returns:** mask (N,) of the times to draw, these times (n,) in ms or s, and the axis label.
     """
     factor, unit = time_unit(times, window)
-    scaled_window = None if window is None else (factor * window[0], factor * window[1])
-    mask = show(axes, np.asarray(times) * factor, scaled_window)
-    return mask, np.asarray(times)[mask] * factor, f"time, {unit}"
+    times = factor * np.asarray(times)
+    mask = show(axes, times, None if window is None else (factor * window[0], factor * window[1]))
+    return mask, times[mask], f"time, {unit}"
 
 
 def _prefixed(values: np.ndarray, unit: str) -> tuple[int, str]:

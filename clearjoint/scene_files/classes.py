@@ -93,7 +93,9 @@ def makers(families: tuple[type, ...], given: Classes) -> dict[str, Maker]:
     """Return the makers that a file may name as `kind`, by their names, such as "Body" and
     "Body.rod".
 
-    A user-defined class has two names, with and without its module.
+    They are the readable classes of this package, the `families` themselves unless they are
+    abstract, and the classes in `given`, of which a user-defined class has two names, with and
+    without its module.
 
     **Arguments:** `families`: base classes of the objects, or none for any object; `given`:
     user-defined classes that the caller passes.
@@ -103,7 +105,7 @@ def makers(families: tuple[type, ...], given: Classes) -> dict[str, Maker]:
     is_valid = not isinstance(given, type) and all(isinstance(one, type) for one in given)
     remedy = "pass for example classes=[MyLaw]"
     require(is_valid, "classes", given, "a list of classes", remedy)
-    included = filter(is_from_package, _subclasses(AbstractReadable))
+    included = filter(is_from_package, (*families, *_subclasses(AbstractReadable)))
     # For equal names, the class of this package has priority.
     named = {kind.__name__: kind for kind in (*given, *included)}
     named |= {class_name(kind): kind for kind in given}

@@ -5,11 +5,14 @@ The limits on sizes and depths stop files that would exhaust time or memory.
 
 import json
 import re
+import reprlib
 import tomllib
 from bisect import bisect_left
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import reduce
+from itertools import count, islice
 from operator import getitem
 from pathlib import Path
 from typing import NoReturn, TypeAlias
@@ -23,8 +26,11 @@ Keys: TypeAlias = tuple[str | int, ...]
 KEY = re.compile(r"""\[?(?:'([^']*)'|"([^"]*)"|([^.\[\]'"]+))\]?\.?""")
 """One key of a written path, without or with quotation marks, which may be in brackets. A written
 path names a location by a text such as "joints.pin.clearance"."""
-LONGEST = 60
-"""Largest number of characters of a value that an error message shows."""
+SHORT = reprlib.Repr()
+"""Makes the texts of values in error messages, without the middle of long texts and the end of long
+lists."""
+SHORT.maxlist = SHORT.maxtuple = 12
+SHORT.maxstring = SHORT.maxother = 60
 
 
 def split(text: str) -> tuple[str, ...]:
@@ -116,9 +122,9 @@ class Source:
         def valid_lines(limit: int) -> tuple[int, object]:
             """Return the largest number of lines, at most `limit`, that are valid TOML if parsed
             alone, and their tables."""
-            for count in range(limit, 0, -1):
+            for size in range(limit, 0, -1):
                 try:
-                    return count, tomllib.loads("\n".join(lines[:count]) + "\n")
+                    return size, tomllib.loads("\n".join(lines[:size]) + "\n")
                 except tomllib.TOMLDecodeError:
                     continue
             return 0, {}
@@ -172,20 +178,10 @@ class FileLocation:
 
 
 def _shown(value: object) -> str:
-    """Return the text of a value for a message. Long lists are cut between entries, other values
-    after `LONGEST` characters; of a table only the keys are shown."""
+    """Return the text of a value for a message; of a table only the keys are shown."""
     if isinstance(value, Mapping):
-        return f"a table with {_shown(list(value))}" if value else "an empty table"
-    if isinstance(value, list | tuple) and value:
-        texts = []
-        for item in value:
-            texts.append(_shown(item))
-            if sum(map(len, texts)) > LONGEST and len(texts) < len(value):
-                texts.append(f"... ({len(value)} entries)")
-                break
-        return f"[{', '.join(texts)}]"
-    text = repr(value)
-    return text if len(text) <= LONGEST else f"{text[:LONGEST]}... ({len(text)} characters)"
+        return f"a table with {SHORT.repr(list(value))}" if value else "an empty table"
+    return SHORT.repr(value)
 
 
 def listed(names: Iterable[str]) -> str:
@@ -206,6 +202,10 @@ DEEPEST = 32
 DEEP_KEY = re.compile(rf"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){{{DEEPEST}}}""")
 """A dotted key with at least `DEEPEST` dots. It is refused before tomllib reads the text, since
 tomllib's time grows with the square of the key's length."""
+
+
+JSON_END = re.compile(r'"(?:[^"\\]|\\.)*"|\}')
+"""A string of a JSON text, in which braces are letters, or the end of an object."""
 
 
 def suffix_of(path: Path) -> str:
@@ -257,16 +257,17 @@ def parse(text: str, suffix: str, file: str) -> Document:
     try:
         is_deep = suffix == ".toml" and DEEP_KEY.search(text) is not None
         if suffix == ".json":
-            content = json.loads(text, object_pairs_hook=_without_repetition)
+            content = _parsed_json(text)
         else:
             content = {} if is_deep else tomllib.loads(text)
-    except RecursionError:  # the parsers follow nested content by recursion
+        is_deep = is_deep or _depth(content) > DEEPEST + 1  # the file itself is a table
+    except RecursionError:  # of a parser or of `_depth`
         content, is_deep = {}, True
     except ValueError as error:
         # Python's message about a number with too many digits ends with advice for programmers.
         reason = str(error).split("; use sys.", maxsplit=1)[0]
         raise ValueError(f"{file}: {reason}; correct the {suffix[1:].upper()}.") from error
-    if is_deep or (isinstance(content, dict | list) and _is_deep(content)):
+    if is_deep:
         expected = f"at most {DEEPEST} levels"
         FileLocation(file).refuse("deeper tables or lists", expected, "nest them less deeply")
     if not isinstance(content, dict):
@@ -274,30 +275,33 @@ def parse(text: str, suffix: str, file: str) -> Document:
     return {key: item for key, item in content.items() if key != SCHEMA}
 
 
-def _is_deep(content: dict | list) -> bool:
-    """Return whether more than `DEEPEST` tables and lists are nested."""
-    # By level instead of recursion, whose depth Python limits.
-    level = [content]
-    for _ in range(DEEPEST + 1):
-        entries = [node.values() if isinstance(node, dict) else node for node in level]
-        level = [item for items in entries for item in items if isinstance(item, dict | list)]
-        if not level:
-            return False
-    return True
+def _depth(content: object) -> int:
+    """Return the number of nested tables and lists, zero for another value."""
+    if not isinstance(content, dict | list):
+        return 0
+    entries = content.values() if isinstance(content, dict) else content
+    return 1 + max(map(_depth, entries), default=0)
 
 
-def _without_repetition(pairs: list[tuple[str, object]]) -> Document:
-    """Return the table of an object in a JSON file, given as pairs of a key and a value.
+def _parsed_json(text: str) -> object:
+    """Return the content of a JSON text.
 
-    **Raises:** `ValueError` for a key that occurs twice, of which `json` would silently take the
-    last value; TOML forbids it.
+    **Raises:** `ValueError` with line and column for text that is not valid, and for a key that
+    occurs twice in an object, of which `json` would silently take the last value; TOML forbids it.
     """
-    table: Document = {}
-    for name, value in pairs:
-        if name in table:
-            raise ValueError(f"the key {name!r} occurs twice in one object")
-        table[name] = value
-    return table
+    numbers = count()
+
+    def table(pairs: list[tuple[str, object]]) -> Document:
+        number, content = next(numbers), dict(pairs)
+        if len(content) < len(pairs):
+            repeated, _ = Counter(name for name, _ in pairs).most_common(1)[0]
+            # The parser makes the tables in the order in which their objects end.
+            ends = (match.start() for match in JSON_END.finditer(text) if match[0] == "}")
+            message = f"the key {repeated!r} occurs twice in the object that ends here"
+            raise json.JSONDecodeError(message, text, next(islice(ends, number, None)))
+        return content
+
+    return json.loads(text, object_pairs_hook=table)
 
 
 def format_document(document: Document, suffix: str, units: Units, schema: str | None) -> str:

@@ -115,11 +115,10 @@ class Catalogue:
                 self.definitions[known[-1]] = {}  # the definition may refer to itself
                 properties = {KIND: {"enum": sorted(known)}} | self.properties(make)
                 needed = [] if make is implied else [KIND]
-                for name, expected in arguments(make).items():
-                    # The unit of a reduction may be omitted: it is that of its quantity.
-                    is_implied = name == "unit" and "quantity" in properties
-                    if expected.default is REQUIRED and not is_implied:
-                        needed.append(name)
+                # The unit of a reduction may be omitted: it is that of its quantity.
+                omitted = "unit" if "quantity" in properties else None
+                given = {name: one for name, one in arguments(make).items() if name != omitted}
+                needed += [name for name, one in given.items() if one.default is REQUIRED]
                 summary = (make.__doc__ or "").strip().split("\n")[0]
                 definition = _table(properties, needed) | {"description": summary}
                 self.definitions[known[-1]] = definition

@@ -74,20 +74,18 @@ def arrows(
     parts = []
     for family, colour, at_tip in ((contact_forces, FORCE, True), (pen.loads, LOAD, False)):
         for name, (points, forces) in family.items():
-            if np.any(forces):
-                norms = np.linalg.norm(forces, axis=1, keepdims=True)
-                # Both are the same for the largest force.
-                lengths = scale * (np.sqrt(norms * largest) if root else norms)
-                directions = forces / np.maximum(norms, 1e-300)  # zero for no force, not NaN
-                vectors = directions * np.minimum(lengths, longest)
-                starts = points - vectors if at_tip else points
-                poses = between(starts, starts + vectors, 1.1 * sizes.bar)
-                # Arrows shorter than 1e-9 m, as in frames without force, shrink to a point in all
-                # directions: a disc would be seen otherwise.
-                hidden = np.linalg.norm(poses[:, :3, 2], axis=1) < 1e-9
-                poses = poses.copy()
-                poses[hidden, :3, :3] = 1e-9 * np.eye(3)
-                parts.append(DrawnPart(name, meshes.arrow(), poses, colour))
+            if not np.any(forces):
+                continue
+            norms = np.linalg.norm(forces, axis=1, keepdims=True)
+            # Both are the same for the largest force.
+            lengths = np.minimum(scale * (np.sqrt(norms * largest) if root else norms), longest)
+            vectors = forces / np.maximum(norms, 1e-300) * lengths  # zero for no force, not NaN
+            starts = points - vectors if at_tip else points
+            poses = between(starts, starts + vectors, 1.1 * sizes.bar).copy()
+            # Arrows shorter than 1e-9 m, as in frames without force, shrink to a point in all
+            # directions: a disc would be seen otherwise.
+            poses[np.linalg.norm(poses[:, :3, 2], axis=1) < 1e-9, :3, :3] = 1e-9 * np.eye(3)
+            parts.append(DrawnPart(name, meshes.arrow(), poses, colour))
     if not parts:
         return Arrows(parts, scale, "")
     # The legend states the force of an arrow as long as a tenth of the mechanism or, if lengths are

@@ -114,18 +114,10 @@ class Film:
             self._time_text.set_text(_time(self._times[k], self._times[-1] - self._times[0]))
 
     def save(self, file: Path, frames: Sequence[int]) -> None:
-        """Write an animation if the file is a GIF or an MP4, otherwise a still picture.
-
-        **Arguments:** `file`: path of the file, whose suffix selects the format; `frames`: indices
-        of the frames to show. A picture shows the first of these frames.
+        """Write an animation of the frames with the indices `frames` to a GIF or an MP4.
 
         **Raises:** `ValueError` for an MP4 without ffmpeg.
         """
-        if file.suffix.lower() not in (".gif", ".mp4"):
-            self.show(frames[0])
-            # A picture has twice the resolution of an animation.
-            self.figure.savefig(file, dpi=2 * DPI)
-            return
         writer = PillowWriter(FRAMES_PER_SECOND)
         if file.suffix.lower() == ".mp4":
             has_ffmpeg = shutil.which("ffmpeg") is not None

@@ -15,7 +15,7 @@ from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..fields.checks import require
+from ..fields.checks import require, require_finite
 from ..fields.types import ArrayLike
 
 ROUND = 32
@@ -228,14 +228,13 @@ def given_mesh(argument: str, value: MeshLike) -> Mesh:
         value = np.asarray(value.vertices), np.asarray(value.faces)
     pair = value if isinstance(value, tuple) else ()
     require(len(pair) == 2, argument, type(value).__name__, "a mesh", remedy)
-    vertices, faces = (np.asarray(part) for part in pair)
+    vertices, faces = map(np.asarray, pair)
     for name, part in (("vertices", vertices), ("faces", faces)):
         is_valid = part.ndim == 2 and part.shape[1] == 3 and len(part) > 0
         require(is_valid, f"{argument} {name}", part.shape, "of shape (n, 3)", remedy)
     in_range = faces.min() >= 0 and faces.max() < len(vertices)
     require(bool(in_range), argument, int(faces.max()), "with faces of known vertices", remedy)
-    finite = bool(np.isfinite(vertices).all())
-    require(finite, argument, "vertices with NaN", "finite", "replace NaN and infinity")
+    require_finite(f"{argument} vertices", vertices)
     return Mesh(vertices.astype(float), faces.astype(int))
 
 

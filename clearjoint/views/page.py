@@ -66,10 +66,7 @@ def page(
             plot += _drawable(part, k3d)
         plot.camera = [*camera.eye.tolist(), *camera.target.tolist(), *camera.up.tolist()]
         # Seven digits of a time suffice for the page to show, and keep the file small.
-        content = {
-            "title": legend.title,
-            "entries": legend.entries,
-            "notes": legend.notes,
+        content = vars(legend) | {
             "times": None if times is None else [float(f"{time:.7g}") for time in times],
             "duration": 8.0,  # s, in which the page plays the whole motion by default
         }

@@ -23,11 +23,6 @@ class BodyPoses:
     times: Float[np.ndarray, " N"] | None
     poses: Mapping[str, Float[np.ndarray, "N 4 4"]]
 
-    @property
-    def count(self) -> int:
-        """Number of frames, N."""
-        return len(self.poses[GROUND])
-
     def point(self, body: str, local: np.ndarray) -> Float[np.ndarray, "N 3"]:
         """Return the global positions (N, 3), m, of a point of a body, `local` (3,) m in body
         axes."""

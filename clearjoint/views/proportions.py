@@ -146,11 +146,8 @@ def _front(poses: BodyPoses, noted: SurveyingPen) -> tuple[np.ndarray, bool]:
     """Return the main direction of the joint axes in the first frame, (3,) unit vector in global
     axes, and whether the mechanism is planar. Without joint axes these are the global Z axis and
     False. The arguments are those of `proportions`."""
-    axes = [
-        poses.direction(marker.body, marker.axis)[0]
-        for marker in noted.markers
-        if marker.axis is not None
-    ]
+    turning = [marker for marker in noted.markers if marker.axis is not None]
+    axes = [poses.direction(marker.body, marker.along())[0] for marker in turning]
     if not axes:
         return np.array([0.0, 0.0, 1.0]), False
     # The eigenvector of the largest eigenvalue has the largest sum of squared components of all
@@ -169,12 +166,13 @@ def _up(scene: Scene, front: np.ndarray, planar: bool) -> np.ndarray:
     directions within 60 degrees of the line of sight `front` are passed over, because the viewer
     could not see them as upward.
     """
-    candidates = [] if scene.gravity is None else [-np.asarray(scene.gravity, dtype=float)]
-    for candidate in (*candidates, np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])):
+    against = np.zeros(3) if scene.gravity is None else -np.asarray(scene.gravity, dtype=float)
+    x, y, z = np.eye(3)
+    for candidate in (against, y, z):
         size = np.linalg.norm(candidate)
         if size > 0.0 and (not planar or abs(candidate @ front) < 0.5 * size):  # cos 60° = 0.5
             return candidate / size
-    return np.array([1.0, 0.0, 0.0])
+    return x
 
 
 def _rounded(number: float) -> float:
@@ -207,20 +205,20 @@ class Camera(NamedTuple):
     def axes(self) -> np.ndarray:
         """Return a matrix (3, 3) whose rows are the unit vectors to the right, upwards and to the
         viewer, in global axes."""
-        towards = self.eye - self.target
-        return _axes(towards / np.linalg.norm(towards), self.up)
+        return _axes(self.eye - self.target, self.up)
 
 
-def camera(parts: Sequence[DrawnPart], proportions: Proportions, count: int) -> Camera:
+def camera(parts: Sequence[DrawnPart], proportions: Proportions) -> Camera:
     """Return a camera that shows all parts in all frames, with the mechanism in the middle.
 
     **Arguments:** `parts`: drawn solids. Arrows of forces, which are recognised by their colours,
     do not belong to the mechanism: the picture contains them, but its middle is that of the
     mechanism without them.
-    `proportions`: has the directions from which the mechanism is seen; `count`: number of frames.
+    `proportions`: has the directions from which the mechanism is seen.
     """
     # The parts are evaluated in at most 120 frames, between which a motion hardly leaves the
     # picture. Coordinates below are to the right, upwards and to the viewer, m.
+    count = max(len(part.poses) for part in parts)
     instants = np.unique(np.linspace(0, count - 1, min(count, 120)).astype(int)).tolist()
     axes = _axes(_direction(proportions), proportions.up)
     bodies = [part for part in parts if part.colour not in (FORCE, LOAD)]
@@ -258,7 +256,7 @@ def in_perspective(
 
 
 def _direction(proportions: Proportions) -> np.ndarray:
-    """Return the unit vector from the mechanism to the viewer, (3,) in global axes."""
+    """Return the direction from the mechanism to the viewer, (3,) in global axes."""
     up = proportions.up
     front = proportions.front - up * (proportions.front @ up)
     # Positions of the viewer relative to the distance in front of the mechanism.
@@ -269,13 +267,11 @@ def _direction(proportions: Proportions) -> np.ndarray:
         front = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
         rightwards, upwards = 0.5, 1.2
     front = front / np.linalg.norm(front)
-    towards = front + rightwards * np.cross(up, front) + upwards * up
-    return towards / np.linalg.norm(towards)
+    return front + rightwards * np.cross(up, front) + upwards * up
 
 
 def _axes(towards: np.ndarray, up: np.ndarray) -> np.ndarray:
     """Return a matrix (3, 3) whose rows are the unit vectors to the right, upwards and to the
-    viewer, from the last one, `towards`, and a direction `up` that need not be perpendicular."""
-    right = np.cross(up, towards)
-    right /= np.linalg.norm(right)
-    return np.stack([right, np.cross(towards, right), towards])
+    viewer, from the direction `towards` the viewer and a direction `up`, which need be neither
+    perpendicular nor of unit length."""
+    return frame_about(towards, np.cross(up, towards)).T

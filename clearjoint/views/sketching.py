@@ -220,12 +220,10 @@ class SketchingPen(AbstractPen):
         bearing, m, None if unknown; `clearance`: radial clearance, m; `length`: of the journal, m;
         `profiles`: of the bearing and of the journal, None for a circle.
         """
-        sizes = self._sizes
-        bore = sizes.bore(None if radius is None else float(radius))
-        outer, wide = bore * (1.0 + WALL), float(length) * sizes.bearing_scale
-        inner = bore - float(clearance) * sizes.clearance_scale
+        wide, scale = float(length) * self._sizes.bearing_scale, self._sizes.clearance_scale
+        bore = self._sizes.bore(None if radius is None else float(radius))
+        inner, outer = bore - float(clearance) * scale, bore * (1.0 + WALL)
         wall, shaft = profiles
-        drawn = self._drawn_journal(bearing, journal, inner, float(length), shaft)
         if wall is None:
             self._fix(bearing, meshes.tube(bore, outer, wide))
         else:
@@ -236,14 +234,32 @@ class SketchingPen(AbstractPen):
             frame = _transverse_frame(bearing.along())
             tube = meshes.ring(edge, around, wide).moved(pose_at(bearing.point, frame))
             self._add(bearing.body, tube)
+        # The positions of the journal's ends across the bearing's axis are the true ones times the
+        # scale of clearances. Along the axis, their distance is the drawn length.
+        axis = self._poses.direction(bearing.body, bearing.along())
+        journal_axis = self._poses.direction(journal.body, journal.along())
+        centre = self._poses.point(bearing.body, bearing.point)
+        reach = self._poses.point(journal.body, journal.point) - centre
+        # The journal's axis may point along the bearing's axis or against it.
+        sense = np.where(np.sum(journal_axis * axis, axis=1, keepdims=True) < 0.0, -1.0, 1.0)
+        ends = []
+        for side in SIDES:
+            offset = reach + journal_axis * (0.5 * side * float(length))
+            across = offset - axis * np.sum(offset * axis, axis=1, keepdims=True)
+            along = np.sum(reach * axis, axis=1, keepdims=True) + 0.5 * side * sense * wide
+            ends.append(centre + axis * along + across * scale)
+        drawn_axis = ends[1] - ends[0]
+        drawn_axis /= np.linalg.norm(drawn_axis, axis=1, keepdims=True)
+        # The direction across the axis from which the angles of a journal's profile are measured.
+        local = _transverse_frame(journal.along())[:, 0]
+        poses = frames(drawn_axis, self._poses.direction(journal.body, local))
+        poses[:, :3, 3] = 0.5 * (ends[0] + ends[1])
         visible = 1.3 * wide  # longer than the bearing
-        pin = (
-            meshes.cylinder(inner, visible)
-            if shaft is None
-            else meshes.plate(self._edge(inner, shaft), visible)
-        )
-        self._moving.append(DrawnPart(self.element, pin, drawn.poses, METAL, is_journal=True))
-        self.journals[self.element] = drawn
+        pin = meshes.cylinder(inner, visible)
+        if shaft is not None:
+            pin = meshes.plate(self._edge(inner, shaft), visible)
+        self._moving.append(DrawnPart(self.element, pin, poses, METAL, is_journal=True))
+        self.journals[self.element] = DrawnJournal(np.array(ends), poses, inner, shaft, scale)
         # The bar of the journal's body passes behind the bearing, and the bar of the bearing's body
         # ends at its wall, so that neither hides the journal.
         self._hold(self._moved_back(journal, 0.5 * wide + 1.2 * self._bar))
@@ -399,45 +415,6 @@ class SketchingPen(AbstractPen):
         rotation = None if marker.axis is None else frame_about(marker.along())
         self._add(marker.body, mesh.moved(pose_at(marker.point, rotation)), colour, opacity)
 
-    def _drawn_journal(
-        self,
-        bearing: Marker,
-        journal: Marker,
-        radius: float,
-        length: float,
-        profile: AbstractProfile | None,
-    ) -> DrawnJournal:
-        """Return a journal as it is drawn, with enlarged eccentricity.
-
-        The positions of its ends across the bearing's axis are the true ones times the scale of
-        clearances. Along the axis, their distance is the true length times the scale of bearings.
-
-        **Arguments:** `bearing`, `journal`: centre and axis of each on its body; `radius`: drawn
-        radius of the journal, m; `length`: true length of the journal, m; `profile`: deviation from
-        a circle, None for a circle.
-        """
-        axis = self._poses.direction(bearing.body, bearing.along())
-        journal_axis = self._poses.direction(journal.body, journal.along())
-        centre = self._poses.point(bearing.body, bearing.point)
-        reach = self._poses.point(journal.body, journal.point) - centre
-        # The journal's axis may point along the bearing's axis or against it.
-        sense = np.where(np.sum(journal_axis * axis, axis=1, keepdims=True) < 0.0, -1.0, 1.0)
-        ends = []
-        for side in SIDES:
-            offset = reach + journal_axis * (0.5 * side * length)
-            across = offset - axis * np.sum(offset * axis, axis=1, keepdims=True)
-            along = np.sum(reach * axis, axis=1, keepdims=True)
-            along = along + 0.5 * side * sense * length * self._sizes.bearing_scale
-            ends.append(centre + axis * along + across * self._sizes.clearance_scale)
-        drawn_axis = ends[1] - ends[0]
-        drawn_axis /= np.linalg.norm(drawn_axis, axis=1, keepdims=True)
-        # The direction across the axis from which the angles of a journal's profile are measured.
-        local = _transverse_frame(journal.along())[:, 0]
-        drawn = frames(drawn_axis, self._poses.direction(journal.body, local))
-        drawn[:, :3, 3] = 0.5 * (ends[0] + ends[1])
-        scale = self._sizes.clearance_scale
-        return DrawnJournal(np.array(ends), drawn, radius, profile, scale)
-
     def _ends(self, first: Marker, second: Marker) -> tuple[np.ndarray, np.ndarray]:
         """Return the positions of both markers, (N, 3) m each in global axes, after the hulls of
         their bodies are extended to them."""
@@ -459,30 +436,18 @@ class SketchingPen(AbstractPen):
         self.drawn.add(self.element)
         for marker in markers:
             point = np.asarray(marker.point, dtype=float)
-            if around:
-                point = point + self._to_wall(marker, around)
+            # The bar of the body leads to its centre of mass, or downwards from the ground.
+            on_ground = marker.body == GROUND
+            inwards = -self._sizes.up if on_ground else -point
+            if marker.axis is not None:
+                axis = marker.along()
+                inwards = inwards - axis * (inwards @ axis)
+            size = np.linalg.norm(inwards)
+            # There is no bar if the centre of mass lies inside the bearing. The ground has none:
+            # its bar has any length, unless the axis is vertical.
+            if around and size > (1e-6 if on_ground else around):
+                point = point + inwards * (around / size)
             self._corners[marker.body].append(point)
-
-    def _to_wall(self, marker: Marker, distance: float) -> np.ndarray:
-        """Return the vector (3,), m in body axes, from a bearing's centre to the outside of its
-        wall, where the bar of its body ends.
-
-        The vector points to the body's centre of mass, or downwards for the ground. It is zero if
-        the centre of mass lies inside the bearing.
-
-        **Arguments:** `marker`: centre and axis of the bearing, without axis for a socket;
-        `distance`: outer radius of the wall, m.
-        """
-        point = np.asarray(marker.point, dtype=float)
-        on_ground = marker.body == GROUND
-        inwards = -self._sizes.up if on_ground else -point
-        if marker.axis is not None:
-            axis = marker.along()
-            inwards = inwards - axis * (inwards @ axis)
-        size = np.linalg.norm(inwards)
-        # The ground has no centre of mass: its bar has any length, unless the axis is vertical.
-        has_bar = size > (1e-6 if on_ground else distance)
-        return inwards * (distance / size) if has_bar else np.zeros(3)
 
     def _moved_back(self, marker: Marker, distance: float) -> Marker:
         """Return a marker that is moved along its axis by a distance, m, away from the viewer in

@@ -11,14 +11,14 @@ from typing import TypeVar
 import jax
 import numpy as np
 
-from ..fields.checks import require, require_count, require_positive
+from ..fields.checks import require, require_count, require_positive, require_type
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..model.survey import survey
 from ..simulation.results.nonsmooth_solution import NonsmoothSolution
-from ..simulation.results.observe import MotionMode, Observation, observe
+from ..simulation.results.observe import Observation, observe
 from ..simulation.results.solution import Solution, Trajectory
-from .arrows import MODE_NAMES, Arrows, arrows, coloured_by_mode, newtons
+from .arrows import MODE_NAMES, arrows, coloured_by_mode, newtons
 from .meshes import FORCE, LOAD, MODES, DrawnPart, Mesh, MeshLike, given_mesh
 from .page import Legend, page
 from .poses import BodyPoses, body_poses, initial_state, instants_to_show, require_bodies
@@ -89,18 +89,19 @@ class View:
         if suffix == ".html":
             file.write_text(self.html, encoding="utf-8")
             return file
-        from .filming import Film
+        from .filming import DPI, Film
 
-        frames = [0]
-        if suffix in (".gif", ".mp4"):
-            expected = "a picture, not an animation, of one state"
-            remedy = "pass a solution to view(), or save a picture"
-            require(self.times is not None, "file", str(file), expected, remedy)
-            assert self.times is not None
-            frames = instants_to_show(self.times, 100).tolist()  # 4 s at 25 frames per second
-        elif self.times is not None and time is not None:
-            frames = [int(np.argmin(np.abs(self.times - time)))]
-        Film(self.parts, self._camera, self.legend, self.times).save(file, frames)
+        film = Film(self.parts, self._camera, self.legend, self.times)
+        if suffix not in (".gif", ".mp4"):
+            if self.times is not None and time is not None:
+                film.show(int(np.argmin(np.abs(self.times - time))))
+            film.figure.savefig(file, dpi=2 * DPI)
+            return file
+        expected = "a picture, not an animation, of one state"
+        remedy = "pass a solution to view(), or save a picture"
+        require(self.times is not None, "file", str(file), expected, remedy)
+        assert self.times is not None
+        film.save(file, instants_to_show(self.times, 100).tolist())  # 4 s at 25 frames per second
         return file
 
     def _repr_html_(self) -> str:
@@ -185,7 +186,7 @@ def view(
     require_count("frames", frames, "give a number of frames")
     if force_scale is not None:
         require_positive("force_scale", force_scale, "give the length of arrows in m/N")
-    poses, observed, note = _poses(scene, motion, observation, forces, frames)
+    poses, observed, notes = _poses(scene, motion, observation, forces, frames)
     noted = survey(scene)  # points, axes and clearances of all elements
     sizes = proportions(scene, poses, noted, bearing_scale, clearance_scale)
     given = _given(scene, meshes, sizes)
@@ -195,10 +196,19 @@ def view(
     if observed is not None:
         parts, modes = coloured_by_mode(parts, observed)
     parts += force_arrows.parts
-    notes = [*note, *_notes(bool(noted.bores), sizes, force_arrows), *_missed(motion, observed)]
-    legend = Legend(title, tuple(_entries(scene, modes, force_arrows)), tuple(notes))
+    entries = [(colour, name) for name, colour in colours(scene.bodies).items()]
+    entries += [(MODES[int(mode)], f"journal: {MODE_NAMES[mode]}") for mode in modes]
+    shown = {part.colour for part in force_arrows.parts}
+    entries += [(c, n) for c, n in ((FORCE, "contact force"), (LOAD, "load")) if c in shown]
+    if noted.bores:  # scales of clearances and bearings
+        notes.append(f"clearances enlarged {sizes.clearance_scale:g} ×")
+        if sizes.bearing_scale != 1.0:
+            notes.append(f"bearings enlarged {sizes.bearing_scale:g} ×")
+    if force_arrows.parts:
+        notes.append(force_arrows.note)
+    legend = Legend(title, tuple(entries), (*notes, *_missed(motion, observed)))
     scales = sizes.clearance_scale, sizes.bearing_scale, force_arrows.scale
-    return View(parts, poses.times, legend, *scales, camera(parts, sizes, poses.count), height)
+    return View(parts, poses.times, legend, *scales, camera(parts, sizes), height)
 
 
 def _poses(
@@ -257,9 +267,9 @@ def _trajectory(motion: Solution | NonsmoothSolution | Trajectory) -> Trajectory
     """
     if isinstance(motion, Trajectory):
         return motion
-    is_solution = isinstance(motion, Solution | NonsmoothSolution)
     remedy = "pass a State, the result of simulate(), or a Trajectory"
-    require(is_solution, "motion", type(motion).__name__, "a state or a solution", remedy)
+    kinds = Solution | NonsmoothSolution
+    require_type("motion", motion, kinds, "a state or a solution", remedy)
     for saved in (motion.saved, getattr(motion, "steps", None)):
         if saved is not None and len(saved):
             return saved
@@ -289,29 +299,6 @@ def _given(scene: Scene, meshes: Mapping[str, MeshLike], sizes: Proportions) -> 
         require(is_usual, f"meshes[{name!r}]", f"{size:.3g} m large", expected, remedy)
         checked[name] = mesh
     return checked
-
-
-def _entries(scene: Scene, modes: list[MotionMode], force_arrows: Arrows) -> list[tuple[str, str]]:
-    """Return the colours of the legend and their meanings: bodies, motion modes, and arrows."""
-    entries = [(colour, name) for name, colour in colours(scene.bodies).items()]
-    entries += [(MODES[int(mode)], f"journal: {MODE_NAMES[mode]}") for mode in modes]
-    shown = {part.colour for part in force_arrows.parts}
-    entries += [(c, n) for c, n in ((FORCE, "contact force"), (LOAD, "load")) if c in shown]
-    return entries
-
-
-def _notes(has_clearance: bool, sizes: Proportions, force_arrows: Arrows) -> list[str]:
-    """Return the lines of the legend that state the scales of clearances, bearings and arrows.
-
-    **Arguments:** `has_clearance`: whether the scene has bearings, without which their scales are
-    not stated.
-    """
-    notes = []
-    if has_clearance:
-        notes.append(f"clearances enlarged {sizes.clearance_scale:g} ×")
-        if sizes.bearing_scale != 1.0:
-            notes.append(f"bearings enlarged {sizes.bearing_scale:g} ×")
-    return [*notes, *([force_arrows.note] if force_arrows.parts else [])]
 
 
 def _missed(motion: Viewable | None, observed: Observation | None) -> list[str]:

@@ -16,11 +16,13 @@ from click.testing import CliRunner
 import clearjoint as cj
 from clearjoint.command_line import fitting, reports, running, wearing
 from clearjoint.command_line.endings import understandable
-from clearjoint.command_line.folders import read_run
+from clearjoint.command_line.folders import formulation_of, read_run
 from clearjoint.command_line.program import clearjoint
 from clearjoint.command_line.reports import lane_table
 from clearjoint.command_line.study import find_path, read_study, study_schema
 from clearjoint.command_line.sweeping import sweep_axes
+from clearjoint.dynamics.formulation import Formulation
+from clearjoint.export.labelled import describe, setting_notes
 from clearjoint.scene_files.locations import FileLocation, keys_of, written
 from clearjoint.simulation.run import host_run, progress_bars
 from tests.support.dropped_rod import dropped_rod
@@ -656,3 +658,15 @@ def test_an_interrupted_fit_writes_the_best_so_far(folder, monkeypatch):
     assert "interrupted; the best fit so far is in stopped" in outcome.output
     assert json.loads(Path("stopped/summary.json").read_text())["ended"] == "interrupted"
     assert "it was interrupted" in Path("stopped/report.txt").read_text()
+
+
+def test_the_formulation_of_a_run_is_read_from_its_settings():
+    """`clearjoint report` observes a run again, whose reactions depend on the stabilisation."""
+    for stabilisation in (cj.Baumgarte(alpha=3.0, beta=7.0), cj.Projection(), cj.Unstabilised()):
+        settings = cj.Settings(
+            coordinates=cj.AbsoluteCoordinates(), stabilisation=stabilisation, ledger=True
+        )
+        read = formulation_of(dict(setting_notes(settings)), redundant=True)
+        written = Formulation(cj.AbsoluteCoordinates(), stabilisation, redundant=True, ledger=True)
+        assert describe(read) == describe(written)
+    assert describe(formulation_of({}, redundant=False)) == describe(Formulation())

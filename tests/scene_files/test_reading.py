@@ -110,7 +110,7 @@ def test_units_of_components(read):
         ("[state.bodies.arm]\nposition", "[s]\nposition", r"`s`: found .*one of the keys"),
         ("mass = 7.02", "mass = true", r"line 3, `bodies.arm.mass`: found True, expected a number"),
         ("mass = 7.02", f"mass = {'1' * 400}", r"line 3, `bodies.arm.mass`: found .* of 1326 bits"),
-        ("mass = 7.02", f"mass = '{'1' * 400} kg'", r"`bodies.arm.mass`: .*\(405 characters\)"),
+        ("mass = 7.02", f"mass = '{'1' * 400} kg'", r"`bodies.arm.mass`: found '1+\.\.\.1+ kg'"),
         ("mass = 7.02", "mass = '1e400 kg'", r"`bodies.arm.mass`: .*expected a number below 1.8e"),
         ("mass = 7.02", f"mass = {'[' * 50}{']' * 50}", r"pin.toml: .*at most 32 levels"),
         ("mass = 7.02", f"mass = {'[' * 9999}{']' * 9999}", r"pin.toml: .*at most 32 levels"),
@@ -149,6 +149,9 @@ def test_many_bodies_need_states_and_long_tables_are_read(read):
 def test_mistakes_in_json_and_suffixes(read):
     with pytest.raises(ValueError, match=r"'bodies' occurs twice"):
         read('{"bodies": {}, "bodies": {}}', name="a.json")
+    text = '{"bodies": {"}": {}, "a": {},\n "a": {}},\n "joints": {}}'
+    with pytest.raises(ValueError, match=r"'a' occurs twice .*: line 2 column 9"):
+        read(text, name="a.json")
     with pytest.raises(ValueError, match=r"found \[1\], expected an object"):
         read("[1]", name="a.json")
     with pytest.raises(ValueError, match=r"the suffix .toml or .json"):
