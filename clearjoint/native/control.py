@@ -13,6 +13,7 @@ its results, and writes to memory only where its own condition holds.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from jax.extend import core
@@ -79,15 +80,23 @@ def _selected(lower: Lowering, condition: Value, yes: list[Array], no: list[Arra
     **Raises:** `UnsupportedPrimitiveError` for arrays in different cells of memory, which would
     have to be copied in each lane.
     """
-    for new, old in zip(yes, no, strict=True):
-        if isinstance(new, InMemory) and isinstance(old, InMemory) and new.start != old.start:
-            raise UnsupportedPrimitiveError("branches that give different arrays, in lanes")
+    if _moved(yes, no):
+        raise UnsupportedPrimitiveError("branches that give different arrays, in lanes")
     ops, selected = lower.ops, []
     for a, b in zip(lower.flatten(yes), lower.flatten(no), strict=True):
         kind = ops.kinds[a]
         is_yes = ops.emit("splat", "bp", condition) if kind.endswith("p") else condition
         selected.append(ops.emit("select", kind, is_yes, a, b))
     return lower.unflatten(selected, yes)
+
+
+def _moved(new: Sequence[Array], old: Sequence[Array]) -> list[tuple[InMemory, InMemory]]:
+    """Return the pairs of arrays in memory that are in different cells."""
+    return [
+        (a, b)
+        for a, b in zip(new, old, strict=True)
+        if isinstance(a, InMemory) and isinstance(b, InMemory) and a.start != b.start
+    ]
 
 
 def _if_any(
@@ -137,26 +146,18 @@ def _branch(
     """
     first_results: list[Array] = []
 
-    def build(branch: core.ClosedJaxpr) -> Callable[[], list[Value]]:
-        def compute() -> list[Value]:
-            results = lower.inline(branch, arguments)
-            if not first_results:
-                first_results[:] = results
-                return lower.flatten(results)
-            # Later operations read the same cells whichever branch was executed, so the second
-            # branch must leave its arrays in the cells of the first one.
-            for new, old in zip(results, first_results, strict=True):
-                if isinstance(new, InMemory) and isinstance(old, InMemory):
-                    if new.start == old.start:
-                        continue
-                    if not old.owned:
-                        raise UnsupportedPrimitiveError("branches that give different arrays")
-                    lower.write(new, old.start)
-            return lower.flatten(results)
+    def compute(branch: core.ClosedJaxpr) -> list[Value]:
+        results = lower.inline(branch, arguments)
+        first_results[:] = first_results or results
+        # Later operations read the same cells whichever branch was executed, so the second branch
+        # must leave its arrays in the cells of the first one.
+        for new, old in _moved(results, first_results):
+            if not old.owned:
+                raise UnsupportedPrimitiveError("branches that give different arrays")
+            lower.write(new, old.start)
+        return lower.flatten(results)
 
-        return compute
-
-    outs = lower.ops.branch(condition, build(yes), build(no))
+    outs = lower.ops.branch(condition, partial(compute, yes), partial(compute, no))
     return lower.unflatten(outs, first_results)
 
 
@@ -246,15 +247,11 @@ def loop(
 
 def _move_back(lower: Lowering, carries: Sequence[Array], results: Sequence[Array]) -> None:
     """Add copies of arrays in memory to the cells in which the next iteration reads them."""
-    moves = [
-        (new, old)
-        for new, old in zip(results, carries, strict=True)
-        if isinstance(new, InMemory) and isinstance(old, InMemory) and new.start != old.start
-    ]
     # Carries may exchange their cells. They are copied to new cells first, so that none is
     # overwritten before it is read.
     taken = {old.start for old in carries if isinstance(old, InMemory)}
-    moves = [(lower.copied(new) if new.start in taken else new, old) for new, old in moves]
+    moved = _moved(results, carries)
+    moves = [(lower.copied(new) if new.start in taken else new, old) for new, old in moved]
     for new, old in moves:
         lower.write(new, old.start)
 

@@ -78,7 +78,7 @@ class NativeProgram:
         self._small = [(ks, _indices(small[k].cells for k in ks)) for ks in (floats, integers)]
         self._large = {k: r for k, r in enumerate(self.inputs) if r is not None and k not in small}
 
-    def _memory(self, leaves: Sequence[ArrayLike]) -> Memory:
+    def memory(self, leaves: Sequence[ArrayLike]) -> Memory:
         """Return new memory with the arguments `leaves` of the jaxpr."""
         memory = self.code.memory()
         by_type = zip((memory.floats, memory.integers), self._small, strict=True)
@@ -92,50 +92,9 @@ class NativeProgram:
     def __call__(self, leaves: Sequence[ArrayLike]) -> list[np.ndarray]:
         """Return the results of the jaxpr for the arguments `leaves`."""
         # The results are views of the memory, so each call has its own.
-        memory = self._memory(leaves)
+        memory = self.memory(leaves)
         self.code.run(memory)
         return [memory.read(region) for region in self.outputs]
-
-    def results(self, result: "Result") -> Cells:
-        """Return the conversion between PyTrees of results and rows (n, cells), as the function of
-        `bound` returns them.
-
-        **Arguments:** `result`: structure of the PyTree, which makes it from a list of its arrays.
-        """
-        return Cells(result([np.zeros(region.shape, region.dtype) for region in self.outputs]))
-
-    def bound(
-        self, leaves: Sequence[ArrayLike], varied: Sequence[int]
-    ) -> Callable[[np.ndarray], np.ndarray]:
-        """Return the program as a function of some of its arguments; the others keep their values.
-
-        The function makes n calls. It takes an array (n, a): row i has the elements of the varied
-        arguments for call i, one argument after the other, in the order of `varied` and with the
-        layout of `Cells`. It returns an array (n, b): row i has the elements of all results, one
-        result after the other. Only one thread may call the function at a time, because all calls
-        use the same memory.
-
-        **Arguments:** `leaves`: all arguments of the jaxpr; `varied`: indices of those that the
-        rows replace.
-        """
-        memory = self._memory(leaves)
-        # Cells of the arguments that the program uses: in a row, and in memory. All other arguments
-        # are written to memory once, here.
-        starts = np.cumsum([0, *(np.size(leaves[k]) for k in varied)]).tolist()
-        regions = zip(map(slice, starts, starts[1:]), (self.inputs[k] for k in varied), strict=True)
-        used = [(row, region.cells) for row, region in regions if region is not None]
-        source, target = (_indices(pair[k] for pair in used) for k in (0, 1))
-        out = _indices(region.cells for region in self.outputs)
-
-        def call(rows: np.ndarray) -> np.ndarray:
-            results, numbers = np.empty((len(rows), len(out))), memory.floats[:, 0]
-            for row, result in zip(rows[:, source], results, strict=True):
-                numbers[target] = row
-                self.code.run(memory)
-                result[:] = numbers[out]
-            return results
-
-        return call
 
 
 def _indices(cells: Iterable[slice]) -> np.ndarray:
@@ -144,30 +103,43 @@ def _indices(cells: Iterable[slice]) -> np.ndarray:
 
 
 class BoundFunction:
-    """A native function whose first argument is fixed, for many calls that differ in the others.
+    """A native function of some of its arguments, for many calls; the others keep their values.
 
-    Only one thread may call it at a time.
+    Only one thread may call it at a time, because all calls use the same memory.
 
-    - `results`: conversion between results and rows of numbers.
+    - `results`: conversion between PyTrees of results and rows of numbers.
 
-    **Arguments:** `function`: the native function; `shared`: its first argument; `examples`:
-    PyTrees with the structure, shapes and dtypes of the other arguments.
+    **Arguments:** `function`: the native function; `flat`: all of its arguments; `varied`: indices
+    of the arrays among them that the rows of a call replace.
     """
 
-    def __init__(self, function: "NativeFunction", shared: PyTree, *examples: PyTree):
-        flat = FlatArguments.of((shared, *examples))
+    def __init__(self, function: "NativeFunction", flat: "FlatArguments", varied: Sequence[int]):
         program, result = function.program(flat)
-        fixed = len(FlatArguments.of((shared,)).arrays)
-        self._call = program.bound(flat.arrays, range(fixed, len(flat.arrays)))
-        self.results = program.results(result)
+        outputs = program.outputs
+        self.results = Cells(result([np.zeros(region.shape, region.dtype) for region in outputs]))
+        # Arguments that are not varied are written to memory once, here.
+        self._code, self._memory = program.code, program.memory(flat.arrays)
+        # Cells of the varied arguments that the program uses: in a row, and in memory.
+        starts = np.cumsum([0, *(np.size(flat.arrays[k]) for k in varied)]).tolist()
+        regions = zip(
+            map(slice, starts, starts[1:]), (program.inputs[k] for k in varied), strict=True
+        )
+        used = [(row, region.cells) for row, region in regions if region is not None]
+        self._source, self._target = (_indices(pair[k] for pair in used) for k in (0, 1))
+        self._out = _indices(region.cells for region in outputs)
 
     def __call__(self, rows: np.ndarray) -> np.ndarray:
         """Call the function n times, and return the numbers of its results, (n, results.size).
 
-        **Arguments:** `rows`: (n, cells), for each call the numbers of its arguments after the
-        first, one array after the other.
+        **Arguments:** `rows`: (n, cells), for each call the numbers of its varied arguments, one
+        array after the other, with the layout of `Cells`.
         """
-        return self._call(rows)
+        results, numbers = np.empty((len(rows), len(self._out))), self._memory.floats[:, 0]
+        for row, result in zip(rows[:, self._source], results, strict=True):
+            numbers[self._target] = row
+            self._code.run(self._memory)
+            result[:] = numbers[self._out]
+        return results
 
 
 def evaluated(
@@ -264,12 +236,19 @@ class NativeFunction:
         n values, (n, ...), or ``None`` if it is the same in all calls.
         """
         flat = FlatArguments.of(arguments)
-        program, result = self.program(flat)
         pairs = [pair for pair in zip(flat.leaves, columns, strict=True) if eqx.is_array(pair[0])]
         varied = [k for k, (_, column) in enumerate(pairs) if column is not None]
         examples, values = ([pairs[k][part] for k in varied] for part in (0, 1))
-        results = program.bound(flat.arrays, varied)(Cells(examples).rows(values))
-        return program.results(result).trees(results)
+        bound = BoundFunction(self, flat, varied)
+        return bound.results.trees(bound(Cells(examples).rows(values)))
+
+    def bound(self, shared: PyTree, *examples: PyTree) -> BoundFunction:
+        """Return the function of all arguments but the first, which is `shared`.
+
+        **Arguments:** `examples`: PyTrees with the structure, shapes and dtypes of the others.
+        """
+        flat, fixed = FlatArguments.of((shared, *examples)), len(FlatArguments.of((shared,)).arrays)
+        return BoundFunction(self, flat, range(fixed, len(flat.arrays)))
 
     def program(self, flat: FlatArguments) -> tuple[NativeProgram, "Result"]:
         """Return the program for flattened arguments, and the structure of its result.

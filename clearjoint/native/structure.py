@@ -126,19 +126,17 @@ def _pad(lower: Lowering, equation: Equation, array: Array, padding: Array) -> l
     aval, out = aval_of(equation.invars[0]), aval_of(equation.outvars[0])
     if out.size > LARGEST_UNROLLED:
         raise UnsupportedPrimitiveError("pad of large arrays")
+    # For each place of the result, whether it has an element of the array, and which one.
+    inside, indices = np.ones(out.shape, bool), np.zeros(out.shape, int)
+    rows = zip(equation.params["padding_config"], np.indices(out.shape), aval.shape, strict=True)
+    for (low, _, between), place, length in rows:
+        index, rest = np.divmod(place - low, between + 1)
+        inside &= (rest == 0) & (index >= 0) & (index < length)
+        indices = indices * length + index
     # The padding is numbered as the element after the last one of the array.
-    indices = np.full(out.shape, aval.size)
-    targets, sources = [], []
-    rows = zip(equation.params["padding_config"], aval.shape, out.shape, strict=True)
-    for (low, _, between), length, padded in rows:
-        target = low + np.arange(length) * (between + 1)
-        # Negative padding cuts elements off.
-        source = np.flatnonzero((target >= 0) & (target < padded))
-        targets.append(target[source])
-        sources.append(source)
-    indices[np.ix_(*targets)] = element_indices(aval)[np.ix_(*sources)]
     values = [*lower.values(array), *lower.values(padding)]
-    return [lower.array([values[k] for k in indices.ravel()], indices.shape)]
+    indices = np.where(inside, indices, aval.size)
+    return [lower.array([values[k] for k in indices.ravel()], tuple(out.shape))]
 
 
 def _iota(lower: Lowering, equation: Equation) -> list[Array]:

@@ -243,7 +243,7 @@ class _Programs:
         # Functions from the cells of lanes to those of results.
         def bound(function: Native, shared: PyTree, *examples: PyTree) -> Callable[[], OnCells]:
             if native:
-                return partial(BoundFunction, function.native, shared, *examples)
+                return partial(function.native.bound, shared, *examples)
             return partial(XlaFunction, function.__wrapped__, shared, *examples)
 
         self.begin = bound(_begun, common, task)
