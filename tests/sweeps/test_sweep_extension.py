@@ -135,9 +135,12 @@ def test_killed_while_it_is_extended_the_store_reads_as_before_or_after(path, st
         try:
             opened(path, layout(**wanted))
         except KeyboardInterrupt:
-            identical(open_sweep(path), before)
+            pass
+    found = open_sweep(path)
     assert list(path.parent.iterdir()) == [path]
     store = opened(path, layout(**wanted))
+    # The grid is written last: an extension that is killed there counts as complete.
+    identical(found, before if found.sizes == before.sizes else open_sweep(path))
     assert sum(map(len, store.missing().values())) == 20
     assert opened(path, layout(**wanted)).layout.lanes == 20
 
