@@ -239,7 +239,9 @@ class Run:
         **Returns:** the solution, whether the user interrupted the run by Ctrl-C, and whether a
         journal has slid out of its bearing at the end.
         """
-        program, start, end = (self.scheme, self.folded_scene), float(now.step.t), float(self.end)
+        program, start = (self.scheme, self.folded_scene), float(now.step.t)
+        # In the precision of the run: 0.02 s is less in float32, and a run would never reach it.
+        end = float(np.asarray(self.end, now.step.t.dtype))
         saved_states: list[State] = []
         saved_count, wanted = 0, 0 if save_at is None else len(save_at)
         steps: list[TimedState] = []
