@@ -114,15 +114,18 @@ def depths(joint: cj.ClearanceJoint, at: Poses) -> dict[str, Any]:
     axis = bearing.rotation @ _unit(joint.bearing_axis)
     centre = bearing.point(np.asarray(joint.bearing_point, LONG))
     half = _unit(joint.journal_axis) * LONG(joint.journal_length) / 2
-    found = {}
+    found, heights = {}, []
     for base, sign in BASES.items():
         offset = journal.point(np.asarray(joint.journal_point, LONG) + sign * half) - centre
         height = offset @ axis
         found[base] = np.sqrt(np.sum((offset - axis * height) ** 2)) - LONG(joint.clearance)
-        if isinstance(joint.axial, cj.EndPlay):
-            shoulder = {"V": "lower shoulder", "W": "upper shoulder"}[base]
-            reach = LONG(joint.journal_length) / 2 + LONG(joint.axial.play) / 2
-            found[shoulder] = sign * height - reach
+        heights.append(height)
+    if isinstance(joint.axial, cj.EndPlay):
+        # A journal that has turned over, as very short ones do, faces each shoulder with the other
+        # base. So the base that is closest to a shoulder counts.
+        reach = LONG(joint.journal_length) / 2 + LONG(joint.axial.play) / 2
+        found["lower shoulder"] = max(-height for height in heights) - reach
+        found["upper shoulder"] = max(heights) - reach
     return found
 
 

@@ -1,5 +1,7 @@
 """Stores that are extended by lanes and variables: only missing results are computed."""
 
+from contextlib import suppress
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -132,10 +134,8 @@ def test_killed_while_it_is_extended_the_store_reads_as_before_or_after(path, st
     wanted = {**FURTHER["in both, in any order"], **ENERGY}
     with monkeypatch.context() as patched:
         patched.setattr(metadata, "move", move)
-        try:
+        with suppress(KeyboardInterrupt):
             opened(path, layout(**wanted))
-        except KeyboardInterrupt:
-            pass
     found = open_sweep(path)
     assert list(path.parent.iterdir()) == [path]
     store = opened(path, layout(**wanted))
