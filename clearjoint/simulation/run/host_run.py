@@ -241,7 +241,7 @@ class Run:
         """
         program, start = (self.scheme, self.folded_scene), float(now.step.t)
         # In the precision of the run: 0.02 s is less in float32, and a run would never reach it.
-        end = float(np.asarray(self.end, now.step.t.dtype))
+        end = float(np.asarray(self.end, jnp.result_type(now.step.t)))
         saved_states: list[State] = []
         saved_count, wanted = 0, 0 if save_at is None else len(save_at)
         steps: list[TimedState] = []
