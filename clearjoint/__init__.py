@@ -197,13 +197,13 @@ from .simulation.reductions.quantities import Statistics as Statistics
 from .simulation.results.impact_table import beyond_law_ranges as beyond_law_ranges
 from .simulation.results.observe import observe as observe
 from .simulation.results.solution import SimulationError as SimulationError
-from .simulation.run.progress_bars import RunInterrupted as RunInterrupted
 from .simulation.run.saving import Saving as Saving
 from .simulation.run.sections import Section as Section
 from .simulation.run.sensitivities import sensitivities as sensitivities
 from .simulation.run.settle import Settling as Settling
 from .simulation.run.settle import settle as settle
 from .simulation.run.simulate import simulate as simulate
+from .simulation.run.terminal import RunInterrupted as RunInterrupted
 from .simulation.run.wall_impact import free_impact as free_impact
 from .simulation.step.settings import Settings as Settings
 from .statistics.derivatives import statistics_derivatives as statistics_derivatives
@@ -213,8 +213,8 @@ from .statistics.uncertain import Uncertain as Uncertain
 from .statistics.uncertain import design as design
 from .sweeps.axes import Axis as Axis
 from .sweeps.executors import ChunkError as ChunkError
-from .sweeps.layout import ImpactTable as ImpactTable
-from .sweeps.layout import Saved as Saved
+from .sweeps.outputs import ImpactTable as ImpactTable
+from .sweeps.outputs import Saved as Saved
 from .sweeps.store.store import open_sweep as open_sweep
 from .sweeps.sweep import sweep as sweep
 from .views.viewing import View as View

@@ -20,8 +20,8 @@ from ..model.mechanisms.four_bars import four_bar
 from ..model.mechanisms.slider_cranks import slider_crank
 from ..model.scene import Scene
 from ..parametrisation.paths import parameters
+from ..scene_files.documents import FileLocation, keys_of, written
 from ..scene_files.files import save
-from ..scene_files.locations import FileLocation, keys_of, written
 from ..simulation.run.run_checks import check_start
 from .fitting import fit_parameters
 from .study import Study

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from ..export.labelled import Labelled, labelled_dataset
+from ..export.datasets import Labelled, labelled_dataset
 from ..identification.fit import Fit
 from ..identification.identify import FitInterrupted, identify
 from ..identification.levenberg_marquardt import Ending, Iteration
 from ..measurements.readers import Channel, read_csv
 from ..measurements.series import Measurements, Series
 from ..parametrisation.parameter import Parameter
-from ..scene_files.locations import FileLocation
+from ..scene_files.documents import FileLocation
 from ..scene_files.reading import number_of_text
 from .endings import FAILED, INTERRUPTED, WELL, CommandResult, say
 from .folders import write_scene, write_summary, write_table

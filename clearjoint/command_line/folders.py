@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from ..dynamics.formulation import Formulation
-from ..export.labelled import to_frame, write_netcdf
+from ..export.datasets import to_frame, write_netcdf
 from ..fields.cautions import quiet
 from ..model.bodies import BodyState, State
 from ..model.scene import Scene

@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from .. import plot
 from ..durability.wear import open_wear
 from ..durability.wear_derivatives import PARTS, Part
-from ..export.labelled import to_frame
+from ..export.datasets import to_frame
 from ..identification.fit import Fit
 from ..model.clearance_joints.journal_bases import HasJournal
 from ..model.scene import Scene

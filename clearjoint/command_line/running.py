@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from ..export.labelled import Labelled, labelled_dataset
+from ..export.datasets import Labelled, labelled_dataset
 from ..fields.checks import require, require_positive
 from ..math.vectors import Scalar
 from ..model.scene import Scene
@@ -22,9 +22,9 @@ from ..simulation.reductions.base import AbstractReduction
 from ..simulation.reductions.quantities import Peak
 from ..simulation.results.observe import Observation, observe, values_along
 from ..simulation.results.solution import Solution, contact_label
-from ..simulation.run.progress_bars import RunInterrupted
 from ..simulation.run.saving import Saving
 from ..simulation.run.simulate import simulate
+from ..simulation.run.terminal import RunInterrupted
 from ..simulation.step.dense_output import require_dense
 from ..simulation.step.method import Scheme
 from ..simulation.step.settings import Settings

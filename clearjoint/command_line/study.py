@@ -33,8 +33,7 @@ from ..model.scene import Scene
 from ..parametrisation.parameter import AbstractScale, Bounded, Linear, Log
 from ..parametrisation.paths import parameters
 from ..quantities.base import AbstractQuantity
-from ..scene_files.files import scene_of_document
-from ..scene_files.locations import (
+from ..scene_files.documents import (
     Document,
     FileLocation,
     Keys,
@@ -44,6 +43,7 @@ from ..scene_files.locations import (
     read_document,
     written,
 )
+from ..scene_files.files import scene_of_document
 from ..scene_files.reading import Reader, number_of_text
 from ..scene_files.schema import Catalogue, Schema, scene_properties
 from ..simulation.reductions import joints
@@ -52,7 +52,7 @@ from ..simulation.reductions.base import AbstractReduction
 from ..simulation.run.sections import Section
 from ..simulation.step import presets
 from ..simulation.step.settings import Settings
-from ..sweeps.layout import ImpactTable
+from ..sweeps.outputs import ImpactTable
 
 Preset = Literal["preview", "default", "accurate", "reference", "derivatives", "identification"]
 """Names of the settings in `clearjoint.presets`."""

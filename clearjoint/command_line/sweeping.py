@@ -10,10 +10,10 @@ import numpy as np
 import xarray as xr
 
 from ..result_codes import result_numbers
-from ..scene_files.locations import FileLocation
+from ..scene_files.documents import FileLocation
 from ..simulation.run.saving import Saving
 from ..sweeps.axes import Axis
-from ..sweeps.layout import check_outputs
+from ..sweeps.outputs import check_outputs
 from ..sweeps.store.store import open_sweep
 from ..sweeps.sweep import sweep as run_sweep
 from .endings import FAILED, INTERRUPTED, WELL, CommandResult, has_error_stream, say

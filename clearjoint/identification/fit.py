@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from ..export.labelled import AbstractTabular, Labelled, labelled_dataset, texts
+from ..export.datasets import AbstractTabular, Labelled, labelled_dataset, texts
 from ..information import fisher_information as information
 from ..information.fisher_information import aligned
 from ..information.horizon import FitHorizon

@@ -15,7 +15,7 @@ from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter, step_limits, values_at
 from ..result_codes import RESULTS
-from ..simulation.run.progress_bars import ProgressBar, telling_of_compiling
+from ..simulation.run.terminal import ProgressBar, telling_of_compiling
 from ..simulation.step import presets
 from ..simulation.step.settings import Settings, settings_or
 from .checking import check

@@ -22,7 +22,7 @@ from ..fields.checks import nearest, require
 from ..fields.objects import AbstractReadable
 from ..model.bodies import BodyState, body_state
 from ..quantities.base import AbstractQuantity, Quantity
-from .locations import FileLocation, listed
+from .documents import FileLocation, listed
 
 REQUIRED = inspect.Parameter.empty
 """Default of an argument that has no default."""

@@ -29,7 +29,7 @@ from .classes import (
     is_from_package,
     makers,
 )
-from .locations import (
+from .documents import (
     Document,
     FileLocation,
     Keys,

@@ -30,7 +30,7 @@ from .classes import (
     find_maker,
     is_abstract,
 )
-from .locations import FileLocation, existing, listed, split
+from .documents import FileLocation, existing, listed, split
 
 KIND = "kind"
 """The key under which a table names its class."""

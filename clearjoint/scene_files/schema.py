@@ -10,7 +10,7 @@ from typing import TypeAlias
 from ..model.bodies import State
 from ..model.scene import Scene
 from .classes import REQUIRED, Classes, Expectation, Maker, arguments, is_abstract, makers
-from .locations import SCHEMA
+from .documents import SCHEMA
 from .reading import EULER_PARAMETERS, KIND, axis_and_angle
 
 Schema: TypeAlias = dict[str, object]

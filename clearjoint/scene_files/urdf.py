@@ -29,8 +29,8 @@ from ..model.joints.base import AbstractConstraint, AbstractContactJoint
 from ..model.joints.ideal import FixedJoint, PrismaticJoint, RevoluteJoint
 from ..model.scene import Scene
 from .classes import Expectation, arguments
+from .documents import FileLocation, listed, read_bytes
 from .files import FilePath
-from .locations import FileLocation, listed, read_bytes
 from .reading import Reader
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float
 from typing_extensions import Unpack
 
 from ..dynamics.constraint_report import constraint_report
-from ..export.labelled import Labelled
+from ..export.datasets import Labelled
 from ..fields.checks import require, require_count, require_positive, require_types
 from ..fields.objects import with_arrays
 from ..information import error_growth as growth
@@ -24,7 +24,7 @@ from ..simulation.run.sensitivities import sensitivities
 from ..simulation.step import presets
 from ..simulation.step.settings import Settings
 from ..sweeps.axes import Axis
-from ..sweeps.layout import Output
+from ..sweeps.outputs import Output
 from ..sweeps.sweep import SweepOptions, sweep
 
 PARTS = ("velocity", "spin")

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from typing_extensions import Unpack
 
-from ..export.labelled import Labelled, labelled_dataset, texts
+from ..export.datasets import Labelled, labelled_dataset, texts
 from ..fields.checks import require, require_count
 from ..fields.objects import with_arrays
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..simulation.step.settings import Settings
-from ..sweeps.layout import Output
+from ..sweeps.outputs import Output
 from ..sweeps.sweep import SweepOptions, sweep
 from .ensemble import number_failed, scalar_outputs
 from .uncertain import Uncertain, axes_at, check_confidence, check_uncertain, unit_cube

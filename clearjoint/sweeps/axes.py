@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, PyTree
 
 from ..dynamics.assembly import check_names
-from ..export.labelled import describe
+from ..export.datasets import describe
 from ..fields.cautions import quiet
 from ..fields.checks import (
     as_number,

@@ -11,9 +11,9 @@ import numpy as np
 from tqdm import tqdm
 
 from ..simulation.lanes.scheduler import Running
-from ..simulation.run.progress_bars import ProgressBar, telling_of_compiling
+from ..simulation.run.terminal import ProgressBar, telling_of_compiling
 from .executors import AbstractSubmitter, run_chunks
-from .layout import PENDING, RESULT, LaneArrays
+from .outputs import PENDING, RESULT, LaneArrays
 from .store.store import SweepMemory, SweepStore
 from .work import Chunks, Work, concatenated
 

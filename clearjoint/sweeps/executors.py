@@ -44,7 +44,7 @@ import equinox as eqx
 
 from ..fields.checks import require
 from ..runtime import adopt, in_force
-from .layout import LaneArrays
+from .outputs import LaneArrays
 
 
 class _Pickler(cloudpickle.Pickler):

@@ -16,7 +16,7 @@ from ..dynamics.assembly import ACCEPTED_VIOLATION, require_certain, require_fre
 from ..dynamics.constraint_report import dependent, start_rows_of_lanes
 from ..dynamics.coordinates import AbstractCoordinates
 from ..dynamics.journals import HOLD_IT, slid_out
-from ..export.labelled import describe, described, versions
+from ..export.datasets import describe, described, versions
 from ..fields.cautions import LeftBearingWarning, caution
 from ..fields.checks import require, require_array_names, require_count, require_types
 from ..fields.objects import with_arrays
@@ -41,7 +41,7 @@ from ..simulation.step.settings import Settings, check_span, checked_times, sett
 from .axes import Axis, Lanes, lanes_of, variable_leaves
 from .computing import compute_missing
 from .executors import AbstractSubmitter
-from .layout import (
+from .outputs import (
     PENDING,
     RESULT,
     AnySaved,

@@ -9,7 +9,7 @@ from ..result_codes import RESULTS, result_number
 from ..simulation.lanes.lane import Common, Task
 from ..simulation.lanes.scheduler import Batch, Ended, Running
 from ..simulation.results.solution import STATE_PARTS
-from .layout import RESULT, LaneArrays, Variable
+from .outputs import RESULT, LaneArrays, Variable
 
 CONTACT = "contact"
 """End of the name of an impact table's dimension of contacts, such as "hits_contact"."""

@@ -22,9 +22,9 @@ from clearjoint.command_line.reports import lane_table
 from clearjoint.command_line.study import find_path, read_study, study_schema
 from clearjoint.command_line.sweeping import sweep_axes
 from clearjoint.dynamics.formulation import Formulation
-from clearjoint.export.labelled import describe, setting_notes
-from clearjoint.scene_files.locations import FileLocation, keys_of, written
-from clearjoint.simulation.run import host_run, progress_bars
+from clearjoint.export.datasets import describe, setting_notes
+from clearjoint.scene_files.documents import FileLocation, keys_of, written
+from clearjoint.simulation.run import host_run, terminal
 from tests.support.dropped_rod import dropped_rod
 
 STUDY = """
@@ -392,7 +392,7 @@ def read_times(**options):
 def test_the_first_interruption_waits_and_the_second_does_not():
     import signal
 
-    with progress_bars.interruptions_deferred() as stopped:
+    with terminal.interruptions_deferred() as stopped:
         assert not stopped()
         signal.raise_signal(signal.SIGINT)
         assert stopped()

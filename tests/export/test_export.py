@@ -9,7 +9,7 @@ import xarray as xr
 
 import clearjoint as cj
 from clearjoint.dynamics.formulation import Formulation
-from clearjoint.export.labelled import setting_notes
+from clearjoint.export.datasets import setting_notes
 from clearjoint.simulation.results.nonsmooth_solution import ContactTotals
 from clearjoint.simulation.results.observe import AccelerationSeries, ContactObservation, Load
 

@@ -19,8 +19,8 @@ from jaxtyping import Float
 import clearjoint as cj
 from clearjoint.model.contact.laws import AbstractElasticity
 from clearjoint.scene_files.classes import REQUIRED, Expectation, arguments, is_abstract
+from clearjoint.scene_files.documents import FileLocation
 from clearjoint.scene_files.files import first_difference
-from clearjoint.scene_files.locations import FileLocation
 
 pytestmark = pytest.mark.filterwarnings("ignore::clearjoint.UnusualValueWarning")
 BODIES = {"a": cj.Body(1.0, (1.0, 1.1, 1.2)), "b": cj.Body(2.0, np.diag([1.0, 1.1, 1.2]))}

@@ -10,8 +10,8 @@ from tqdm.std import TqdmDefaultWriteLock
 import clearjoint as cj
 from clearjoint.compilation import Compiled, seconds_of_compiling
 from clearjoint.simulation.lanes.scheduler import Running
-from clearjoint.simulation.run import host_run, progress_bars, sampling
-from clearjoint.simulation.run.progress_bars import compiling_bar
+from clearjoint.simulation.run import host_run, sampling, terminal
+from clearjoint.simulation.run.terminal import compiling_bar
 from clearjoint.sweeps.computing import lane_progress, show_running
 
 LONG, TICK = 0.25, 0.02
@@ -20,15 +20,15 @@ LONG, TICK = 0.25, 0.02
 @pytest.fixture(autouse=True)
 def short_ticks(monkeypatch):
     """In a terminal; and no thread is left behind, whatever happens."""
-    monkeypatch.setattr(progress_bars, "TICK", TICK)
-    monkeypatch.setattr(progress_bars, "is_live", lambda stream: True)
+    monkeypatch.setattr(terminal, "TICK", TICK)
+    monkeypatch.setattr(terminal, "is_live", lambda stream: True)
     yield
     assert watches() == []
 
 
 def watches():
     """The threads beside bars; tqdm has one of its own, which stays."""
-    return [thread for thread in threading.enumerate() if thread.name == progress_bars.WATCH]
+    return [thread for thread in threading.enumerate() if thread.name == terminal.WATCH]
 
 
 def slow(seconds=LONG, then=None):
@@ -111,8 +111,8 @@ def slowly(function):
 
 @pytest.mark.parametrize("progress", [True, False])
 def test_runs_show_it_unless_progress_is_off(progress, capsys, monkeypatch):
-    monkeypatch.setattr(progress_bars, "TICK", 1e-4)
-    monkeypatch.setattr(progress_bars, "seconds_of_compiling", lambda: 12.3)
+    monkeypatch.setattr(terminal, "TICK", 1e-4)
+    monkeypatch.setattr(terminal, "seconds_of_compiling", lambda: 12.3)
     origin = (0.0, 0.0, 0.0)
     spring = cj.SpringDamper("ground", "mass", origin, origin, 50.0, 0.5)
     scene = cj.Scene({"mass": cj.Body(2.0, (1.0, 1.0, 1.0))}, forces={"spring": spring})
@@ -134,7 +134,7 @@ def test_a_log_file_gets_a_line_now_and_then(capsys, monkeypatch):
         bar.update(20)
         bar.refresh()
     assert capsys.readouterr().err == ""
-    monkeypatch.setattr(progress_bars, "LINE_PERIOD", 0.0)
+    monkeypatch.setattr(terminal, "LINE_PERIOD", 0.0)
     running = Running(lanes=7, earliest=0.25, latest=1.0, seconds_left=90.0)
     with lane_progress(100, 40, True) as bar:
         bar.update(20)
@@ -149,4 +149,4 @@ def test_a_log_file_gets_a_line_now_and_then(capsys, monkeypatch):
 
 def test_bars_make_no_semaphores():
     """Those of processes that are killed are left behind, which Python then warns of."""
-    assert not isinstance(progress_bars.ProgressBar.get_lock(), TqdmDefaultWriteLock)
+    assert not isinstance(terminal.ProgressBar.get_lock(), TqdmDefaultWriteLock)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from clearjoint.sweeps.layout import Coordinate, Layout, Variable
+from clearjoint.sweeps.outputs import Coordinate, Layout, Variable
 from clearjoint.sweeps.store.program import RUN, Identity, row_digests
 from clearjoint.sweeps.store.store import SweepMemory, SweepStore
 

@@ -29,7 +29,7 @@ from clearjoint.runtime import threads_of_sweeps
 from clearjoint.sweeps import computing, executors
 from clearjoint.sweeps.computing import lane_progress
 from clearjoint.sweeps.executors import QUEUED, RETRIES, ChunkError, run_chunks
-from clearjoint.sweeps.layout import Coordinate
+from clearjoint.sweeps.outputs import Coordinate
 from clearjoint.sweeps.store.store import SweepMemory, open_sweep
 from tests.support.fake_sweep import complete, layout, opened, results
 

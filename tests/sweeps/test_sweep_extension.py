@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from clearjoint.sweeps.layout import Coordinate, Variable
+from clearjoint.sweeps.outputs import Coordinate, Variable
 from clearjoint.sweeps.store import metadata
 from clearjoint.sweeps.store.program import RUN
 from clearjoint.sweeps.store.store import open_sweep

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from clearjoint.sweeps.layout import Coordinate, Layout
+from clearjoint.sweeps.outputs import Coordinate, Layout
 from clearjoint.sweeps.store import chunks, metadata
 from clearjoint.sweeps.store import store as store_module
 from clearjoint.sweeps.store.metadata import contents_of, create

@@ -14,7 +14,7 @@ from ...measurements.series import Measurements
 from ...model.bodies import State
 from ...model.scene import Scene
 from ...parametrisation.parameter import Parameter, check_parameters
-from ...simulation.run.progress_bars import ProgressBar, telling_of_compiling
+from ...simulation.run.terminal import ProgressBar, telling_of_compiling
 from ...simulation.step import presets
 from ...simulation.step.settings import Settings, settings_or
 from ..residuals import UNREACHED, check_start, experiment, samples

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...export.labelled import AbstractTabular, Labelled, labelled_dataset, texts
+from ...export.datasets import AbstractTabular, Labelled, labelled_dataset, texts
 from ...parametrisation.parameter import Parameter
 from ..report import estimates_table
 

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...fields.checks import require, require_count
-from ...simulation.run.progress_bars import ProgressBar, telling_of_compiling
+from ...simulation.run.terminal import ProgressBar, telling_of_compiling
 from .. import goodness_of_fit as statistics
 from ..levenberg_marquardt import Search, best_search
 from ..starts import half_widths

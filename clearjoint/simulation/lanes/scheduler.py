@@ -35,7 +35,7 @@ from ...native.lanes import LaneLoop
 from ...native.machine_code import load_or_make
 from ...runtime import threads_of_sweeps
 from ..run.impact_recorder import ImpactRow
-from ..run.progress_bars import interruptions_deferred
+from ..run.terminal import interruptions_deferred
 from ..step.dense_output import Snapshot
 from ..step.types import Numbers
 from .lane import (

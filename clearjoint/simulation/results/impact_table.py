@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...export.labelled import AbstractTabular, Labelled, labelled_dataset, texts
+from ...export.datasets import AbstractTabular, Labelled, labelled_dataset, texts
 from ...model.contact.laws import exceeded
 from ...model.scene import Scene
 

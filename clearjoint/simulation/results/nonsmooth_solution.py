@@ -6,7 +6,7 @@ import equinox as eqx
 import numpy as np
 
 from ...dynamics.formulation import Formulation
-from ...export.labelled import AbstractTabular
+from ...export.datasets import AbstractTabular
 from ...fields.checks import require
 from ...fields.objects import AbstractReadable
 from ...model.bodies import State

@@ -23,7 +23,7 @@ from ...dynamics.equations_of_motion import Dynamics
 from ...dynamics.formulation import Formulation
 from ...dynamics.multipliers import row_rate
 from ...dynamics.system import System
-from ...export.labelled import (
+from ...export.datasets import (
     COMPONENT,
     COMPONENTS,
     AbstractTabular,

@@ -14,7 +14,7 @@ from jax.core import Tracer
 from jaxtyping import Float, Int, PyTree
 
 from ...dynamics.formulation import Formulation
-from ...export.labelled import (
+from ...export.datasets import (
     COMPONENT,
     COMPONENTS,
     AbstractTabular,

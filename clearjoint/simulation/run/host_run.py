@@ -22,7 +22,7 @@ import numpy as np
 from jaxtyping import PyTree
 
 from ...dynamics.journals import any_slid_out
-from ...export.labelled import Notes
+from ...export.datasets import Notes
 from ...math.vectors import Condition, ConstantFolded, Scalar, pack, unpack
 from ...model.bodies import State
 from ...native import Native
@@ -35,7 +35,6 @@ from ..step.method import Scheme
 from ..step.step_state import Step
 from ..step.types import Numbers
 from .impact_recorder import ImpactRecorder, impact_rows_of
-from .progress_bars import ProgressBar, interruptions_deferred, telling_of_compiling
 from .recorders import ROWS, LatestAttempt, ReductionRecorder, RowBuffer, StepRecorder, TimedState
 from .run_loop import (
     Progress,
@@ -49,6 +48,7 @@ from .run_loop import (
 )
 from .saving import Saving
 from .sections import Section, crossings_of
+from .terminal import ProgressBar, interruptions_deferred, telling_of_compiling
 
 STEP_ROWS, IMPACT_ROWS = 4096, ROWS
 """Rows of the buffer of accepted steps, and of the buffer of each contact's impacts. When a buffer

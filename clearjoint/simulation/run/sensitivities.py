@@ -16,7 +16,7 @@ import jax
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...export.labelled import (
+from ...export.datasets import (
     AbstractTabular,
     Labelled,
     Notes,
@@ -38,11 +38,11 @@ from ..results.solution import Crossings, Trajectory, raise_failure
 from ..step import presets
 from ..step.settings import Settings, check_span, checked_times, settings_or
 from .impact_recorder import impact_rows_of
-from .progress_bars import compiling_bar
 from .run_checks import derivative_scheme
 from .sampling import padded, recorded_run
 from .saving import Saving, saving_or_nothing
 from .sections import crossings_of
+from .terminal import compiling_bar
 
 if TYPE_CHECKING:
     import xarray as xr

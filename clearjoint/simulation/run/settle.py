@@ -19,10 +19,10 @@ from ...result_codes import RESULTS
 from ..results.solution import Solution
 from ..step import presets
 from ..step.settings import Settings, settings_or
-from .progress_bars import ProgressBar, RunInterrupted
 from .saving import Saving
 from .sections import Section
 from .simulate import simulate
+from .terminal import ProgressBar, RunInterrupted
 
 BLOCK = 10
 """Number of periods of one run. After each run the motion so far is assessed. A larger number would

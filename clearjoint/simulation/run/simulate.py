@@ -7,7 +7,7 @@ import equinox as eqx
 import numpy as np
 
 from ...dynamics.journals import warn_of_journals_outside
-from ...export.labelled import setting_notes
+from ...export.datasets import setting_notes
 from ...fields.cautions import LawRangeWarning, caution
 from ...fields.checks import require
 from ...fields.objects import on_device, with_arrays
@@ -25,9 +25,9 @@ from ..step.method import Scheme
 from ..step.settings import Settings, check_span, settings_or
 from ..step.types import Numbers
 from .host_run import Run, begin, recorders_of
-from .progress_bars import RunInterrupted
 from .run_checks import check_numbers, check_precision, check_start, in_domain, is_traced
 from .saving import EXCEPT_TIMES, Saving, saving_or_nothing
+from .terminal import RunInterrupted
 
 LEAVE_OUT = "leave it out, or call simulate() outside of the transformation"
 """Remedy in the error message for results that a traced run cannot keep."""

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ...fields.checks import require
-from ..layout import BY_LANE, LANE, RESULT, Coordinate, Layout, Variable, dataset
+from ..outputs import BY_LANE, LANE, RESULT, Coordinate, Layout, Variable, dataset
 from .chunks import checked_files, chunk_file, opened, opened_group, read
 from .program import Identity, digest
 

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..layout import BY_LANE, PENDING, RESULT, LaneArrays, Layout, Variable, dataset
+from ..outputs import BY_LANE, PENDING, RESULT, LaneArrays, Layout, Variable, dataset
 from .chunks import DAMAGED, MISSING, chunk_file, locked, opened, opened_group, read
 from .metadata import (
     ADDED,
