@@ -1,4 +1,8 @@
-"""Ready mechanisms, each as a scene with its initial state."""
+"""Functions that return ready mechanisms, each as a scene with its initial state.
+
+`STEEL` is a contact stiffness for their joints, and `CRANK_LENGTH` and `ROD_LENGTH` are lengths of
+`slider_crank`, m.
+"""
 
 from .model.mechanisms.benchmarks import andrews_squeezer as andrews_squeezer
 from .model.mechanisms.benchmarks import bricard as bricard

@@ -1,4 +1,5 @@
-"""`clearjoint new` and `clearjoint check`: write examples; describe and check a scene."""
+"""`clearjoint new` and `clearjoint check`: write an example of a scene file and of a study file;
+describe and check a scene and the sections of a study."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -104,8 +105,11 @@ def _length(value: object) -> str:
 def _require_satisfied(report: ConstraintReport) -> None:
     """Check that the state satisfies the constraints.
 
+    **Arguments:** `report`: values of the constraints, m or rad, and their rates, m/s or rad/s.
+
     **Raises:** `ValueError` if the value of a constraint, or its rate, exceeds
-    `ACCEPTED_VIOLATION`. It names the violated constraints, at most the three worst.
+    `ACCEPTED_VIOLATION`, 1e-6, beyond which no run may start. It names the violated constraints, at
+    most the three worst.
     """
     sizes = np.maximum(np.abs(report.values), np.abs(report.rates)).reshape(-1)
     worst = [k for k in np.argsort(-sizes)[:3] if sizes[k] > ACCEPTED_VIOLATION]

@@ -43,7 +43,8 @@ def understandable() -> Iterator[None]:
     Each warning is printed as one line, and an error as one sentence, after which the program ends:
     with the exit code 2 for wrong input (`ValueError`, `OSError`, `ImportError`), with 1 for a
     `RuntimeError`, and with 130 after Ctrl-C. Errors of other types, which are mistakes in this
-    package, keep their tracebacks.
+    package, keep their tracebacks. `BrokenPipeError`, which means that nobody reads the output any
+    more, is left to click.
     """
     with warnings.catch_warnings():
         warnings.showwarning = _say_warning

@@ -28,9 +28,12 @@ def fit(study: Study, folder: Path) -> CommandResult:
     """Fit the parameters of a study's section [fit] to its measurements, and write the estimates,
     the fitted series, a report and a page.
 
-    After Ctrl-C, the best fit so far is written.
+    After Ctrl-C, the best fit so far is written; nothing is written if no run had ended.
 
     **Arguments:** `folder`: folder of the results, which is made if it does not exist.
+
+    **Returns:** the exit code, 0 if the fit converged, 130 after Ctrl-C and 1 otherwise, and a line
+    with the ending, chi squared and the estimates.
 
     **Raises:** `ValueError` for a study without this section, and for wrong entries in it.
     """
@@ -59,7 +62,8 @@ def fit(study: Study, folder: Path) -> CommandResult:
     except FitInterrupted as stopped:
         if not stopped.fits:
             return CommandResult(INTERRUPTED, "interrupted before the first run ended")
-        # The last of these fits is the best result of the interrupted one.
+        # Finished fits come first, if there are several. The last entry is the best result so far
+        # of the fit that was interrupted.
         interrupted, found = True, stopped.fits[-1]
     folder.mkdir(parents=True, exist_ok=True)
     _write(found, folder)

@@ -54,6 +54,9 @@ Summary = Mapping[str, str | int | float]
 def write_summary(folder: Path, kind: str, study: Study, results: Summary) -> None:
     """Write the file with the summary of the results, for users and for `clearjoint report`.
 
+    The summary has the kind and the title of the results, the path of the study's file, `results`,
+    and the time, s, since that file was read.
+
     **Arguments:** `kind`: "run", "sweep", "fit" or "wear"; `results`: further entries by name.
     """
     seconds = round(time.perf_counter() - study.started, 2)
@@ -101,9 +104,10 @@ def read_table(folder: Path, name: str) -> xr.Dataset | None:
 
 def read_run(folder: Path) -> tuple[Scene, Solution]:
     """Return the scene and the solution of a run in a folder, from which its figures are drawn
-    again. The solution has no accepted steps, since these are not stored.
+    again. The solution has no accepted steps, since these are not stored. A run that ended with a
+    message which this version of the package does not know has the code `max_steps_reached`.
 
-    **Raises:** `ValueError` for a folder without saved states.
+    **Raises:** `ValueError` for a folder without saved states or without the file of the scene.
     """
     motion = read_table(folder, MOTION)
     if motion is None or not (folder / SCENE).exists():
@@ -141,10 +145,12 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
 
 
 def formulation_of(notes: Mapping[str, object], redundant: bool) -> Formulation:
-    """Return the formulation whose coordinates, stabilisation and ledger are described in the notes
-    of the settings of a run, see `setting_notes`; those that are missing have their defaults.
+    """Return the formulation of a run: its coordinates, stabilisation and ledger.
 
-    **Arguments:** `redundant`: whether some constraints depend on others.
+    **Arguments:** `notes`: attributes of a table of the run, of which those such as
+    "setting_stabilisation", with the text "Baumgarte(alpha=5.0, beta=5.0)", describe its settings;
+    without such an attribute the default is taken; `redundant`: whether some constraints depend on
+    others.
     """
     chosen = {}
     for name in ("coordinates", "stabilisation"):

@@ -1,6 +1,6 @@
 """The program `clearjoint` and its commands.
 
-Commands import the modules that compute when they run, so that help is fast.
+Each command imports the modules with which it computes only when it runs, so that help is fast.
 """
 
 from collections.abc import Callable, Mapping
@@ -302,8 +302,8 @@ def _compute(
     out: Path | None,
     **options: str | None,
 ) -> None:
-    """Do what a command computes, print the result in a line that ends with the path of the page,
-    and exit with its code.
+    """Call the function that computes a command, print the result in a line, and exit with its
+    code. The line ends with the path of the page, or tells that nothing was written.
 
     **Arguments:** `command`: name of the command and of its section in a study; `function`:
     computes, given the study and the folder of the results; `out`: this folder, by default

@@ -209,8 +209,11 @@ def write_sweep_report(folder: Path, dataset: xr.Dataset) -> None:
     page and a CSV table with a row for each lane.
 
     An output is drawn over the first axis. For two axes there is a curve for each value of the
-    second axis or, if these are more than six, a map of colours over both. The channels of Poincaré
-    sections are drawn if there is one axis only.
+    second axis or, if these are more than six, a map of colours over both; for more axes there is a
+    note instead of a figure. If the axes are zipped, so that they vary together, outputs are drawn
+    over the first one only. The channels of Poincaré sections are drawn if there is one axis only.
+
+    **Arguments:** `folder`: folder of the results; `dataset`: result of the sweep.
     """
     frame = lane_table(dataset)
     frame.to_csv(folder / "sweep.csv", index=False)
@@ -225,7 +228,8 @@ def write_sweep_report(folder: Path, dataset: xr.Dataset) -> None:
         if variable.dims == lanes.dims and is_output and variable.dtype.kind == "f":
             _draw_output(folder, dataset, str(name), axes)
     # A section "onset" has the variable "onset_count", the dimension "onset_number", and variables
-    # along this dimension, such as "onset_speed" for its channel "speed".
+    # along this dimension, such as "onset_speed" for its channel "speed". The variables of an
+    # `ImpactTable` have such names too, but a third dimension, along the contacts.
     for name in {str(v).removesuffix("_count") for v in dataset if str(v).endswith("_count")}:
         for variable in (str(v) for v, rows in dataset.items() if f"{name}_number" in rows.dims):
             channel = variable.removeprefix(f"{name}_")
@@ -257,7 +261,7 @@ def write_wear_report(folder: Path, found: xr.Dataset) -> None:
         name = f"{part} of {joint}"
         profiles[f"{name} [m]"] = found[f"{part}_depth"].sel(joint=joint).isel(stage=-1).values
         depths[name] = frame[f"{name}, largest [m]"]
-        volumes[name] = 1e9 * frame[f"{name}, volume [m^3]"]
+        volumes[name] = 1e9 * frame[f"{name}, volume [m^3]"]  # in mm^3
         _save(folder, name, plot.worn_profile(found, joint, part))
     pd.DataFrame(profiles).to_csv(folder / PROFILES, index=False)
     forces = {str(joint): frame[f"force in {joint} [N]"] for joint in found["joint"].values}
@@ -266,6 +270,7 @@ def write_wear_report(folder: Path, found: xr.Dataset) -> None:
         ("volumes", "worn volume", "mm^3", volumes),
         ("forces", "largest force", "N", forces),
     )
+    # If no part has worn, there are no depths and volumes to draw; forces alone are left out.
     for figure, quantity, unit, curves in figures if depths else ():
         factor, shown = fitting_unit(np.array(list(curves.values())), unit)
         axes = plot.style.axes_or_new(None)
@@ -280,7 +285,8 @@ def write_wear_report(folder: Path, found: xr.Dataset) -> None:
 def stage_table(found: xr.Dataset) -> pd.DataFrame:
     """Return a table with a row for each stage of a result of `clearjoint.wear`: the number of
     cycles before it, the largest force in each joint, N, and the largest and the mean depth, m, and
-    the volume, m^3, of each part that has worn. The last stage has no run and no force."""
+    the volume, m^3, of each part that has worn. The force of the last stage, which has no run, is
+    NaN."""
     columns = {"cycles": found["cycles"].values}
     for joint in found["joint"].values:
         columns[f"force in {joint} [N]"] = found["force"].sel(joint=joint).values

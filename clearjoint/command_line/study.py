@@ -197,7 +197,7 @@ class FitPart:
 
     - `measurements`: path of a CSV file, relative to the study's folder. `time`: name of its column
       of times, in `time_unit` unless the header has a unit. `comment`: character with which comment
-      lines begin.
+      lines begin; by default the file has none.
     - `columns`: measured quantities, by the name of the column; `missing`: "drop" omits samples
       that are not numbers, "refuse" makes them errors.
     - `parameters`: numbers to estimate, by name.
@@ -230,8 +230,11 @@ class WearPart:
     - `cycle`: duration of a cycle, s.
     - `cycles`: number of cycles to extrapolate to, infinite if it is not given; `depth`: worn
       depth, m, at which the computation ends. At least one of them must be given.
-    - `settle`, `measured`, `tolerance`, `largest_change`, `samples`, `stages`: further arguments of
-      `clearjoint.wear`.
+    - `settle`: number of cycles of a run before the wear is measured; `measured`: number of cycles
+      that are measured, even; `tolerance`: largest relative difference of the wear in the two
+      halves of these.
+    - `largest_change`: largest change of depth in a stage, m; by default a fifth of the largest
+      penetration. `samples`: number of angles around each part; `stages`: largest number of stages.
     - `start`: time at which runs begin, s; `preset`, `settings`: as in [run].
 
     **Raises:** `ValueError` if both `cycles` and `depth` are missing.
@@ -283,8 +286,9 @@ CLASSES: tuple[type, ...] = (
     *(diffrax.Tsit5, diffrax.Dopri5, diffrax.Dopri8, diffrax.Bosh3, diffrax.Heun, diffrax.Euler),
     *(Linear, Log, Bounded),
 )
-"""Classes that study files may name, besides those of which an argument must be an object:
-quantities, reductions, coordinates, stabilisations, solvers and scales."""
+"""Classes that a table of a study file may name under "kind": quantities, reductions, coordinates,
+stabilisations, solvers and scales. Classes in annotations, such as `ImpactTable`, are known from
+there."""
 
 
 def study_schema() -> Schema:
@@ -480,7 +484,8 @@ class Study:
                 one.check(self.scene)
 
     def sections(self) -> dict[str, Section]:
-        """Return the Poincaré sections in the section [run], by name, for `Saving`."""
+        """Return the Poincaré sections in the section [run], by name, for `Saving`, which selects
+        the results that a run keeps."""
         return {
             name: Section(
                 part.crossing,
@@ -493,7 +498,7 @@ class Study:
 
 
 def read_study(path: Path, changes: Iterable[str] = ()) -> Study:
-    """Read a study file, or a scene file as a study without sections.
+    """Read a study file, or a scene file, which may have the sections of a study too.
 
     ```toml
     scene = "four_bar.toml"
@@ -537,6 +542,7 @@ def read_study(path: Path, changes: Iterable[str] = ()) -> Study:
         is_in_study, keys = _set(study, tables, change)
         changed = location if is_in_study else scene_location
         if changed.source is not None:
+            # Error messages about the changed value then quote the change instead of a line.
             changed.source.changes[(*changed.keys, *keys)] = change
     scene, state = scene_of_document(tables, (), scene_location)
     parts = Reader(CLASSES).instance(StudyParts, study, location, other_keys=(SCENE,))

@@ -31,6 +31,9 @@ def sweep(study: Study, folder: Path) -> CommandResult:
 
     **Arguments:** `folder`: folder of the results, which is made if it does not exist.
 
+    **Returns:** the exit code, 0, 1 if no lane ran to its end, or 130 after Ctrl-C, and a line with
+    the numbers of lanes and steps and the largest force.
+
     **Raises:** `ValueError` for a study without this section, and for wrong entries in it.
     `KeyboardInterrupt` if Ctrl-C interrupts the sweep before its store exists.
     """

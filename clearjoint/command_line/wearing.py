@@ -102,8 +102,13 @@ def check_section(study: Study, part: WearPart) -> None:
 
 
 def _summary(found: "xr.Dataset", part: WearPart, code: int) -> tuple[Summary, str]:
-    """Return how the computation ended, and the depth and the life of each part that has worn, as
-    entries of the summary and as a line of text."""
+    """Return how the computation ended, and the depth of each part that has worn, as entries of the
+    summary and as a line of text. If the section [wear] names a depth, they also tell after how
+    many cycles the part has reached it.
+
+    **Arguments:** `found`: result of `clearjoint.wear`; `part`: the section [wear]; `code`: exit
+    code of the command, which tells whether the computation was interrupted.
+    """
     stages, cycles = found.sizes["stage"], float(found["cycles"][-1])
     ended = "interrupted" if code == INTERRUPTED else found.attrs["ending"]
     summary: dict[str, str | int | float] = {"ended": ended, "stages": stages, "cycles": cycles}

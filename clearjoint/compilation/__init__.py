@@ -2,8 +2,9 @@
 
 - `Compiled` wraps functions that XLA compiles, and `HostFirst` functions that NumPy computes if it
   can; `traced_once` wraps functions that are called several times while JAX traces another one.
-- `keep_programs` sets whether whole native programs are saved for other processes, and
-  `keeps_programs` returns it; `prepare_folder` makes a folder for them.
+- `keep_programs` sets whether whole native programs, which other processes can load without tracing
+  the function again, are saved, and `keeps_programs` returns it; `prepare_folder` makes a folder
+  for them.
 - `program_of` returns the jaxpr of a function.
 - `seconds_of_compiling` returns the time for which a program has been compiling.
 - `remember_contents` is called once, at the end of the import of the package (see `package_code`).

@@ -87,7 +87,7 @@ def wear(
     changed and the next stage begins, with the motion at the end of the run before. Two successive
     stages determine the rate of wear and its change (Adams-Bashforth method of second order). The
     first stage has no earlier one: its own rate is used, over a tenth of the cycles that the limit
-    allows, unless `cycles` prescribes the stages.
+    and `cycles` allow, unless `cycles` prescribes the stages.
 
     **Arguments:**
 
@@ -109,9 +109,9 @@ def wear(
       that are measured, even. The two halves of them must agree to `tolerance`, relatively: in the
       sum of the depths that wear off each joint, and in that of the derivatives by each parameter.
       A motion that is not periodic needs many measured cycles.
-    - `largest_change`: largest change of depth in a stage, m; by default a fifth of the largest
-      penetration in the stage. With larger changes the profile oscillates, since the material that
-      carries the load in one stage is gone in the next.
+    - `largest_change`: largest change of depth in a stage, m; by default a fifth of each
+      joint's largest penetration in the stage. With larger changes the profile oscillates, since
+      the material that carries the load in one stage is gone in the next.
     - `samples`: number of angles around the wall and around the journal.
     - `stages`: largest number of stages.
     - `depth`: m; the computation also ends when the deepest point of a part has lost this depth. By
@@ -145,10 +145,11 @@ def wear(
     life.
 
     **Raises:** `ValueError` for an empty `rates`, a name or class in it that is not supported, or
-    another argument outside its range (`samples` must be 8 or more); if the run of the first stage
-    fails, or its two halves differ by more than `tolerance`; if the state at the end of a run does
-    not fit the drives at `start_time`, so that `cycle` is not their period; and for a store of
-    another computation.
+    another argument outside its range (`samples` must be 8 or more); for a parameter that does not
+    fit the scene and the state, or an initial state with which no run can start; if the run of the
+    first stage fails, its two halves differ by more than `tolerance`, or it wears nothing although
+    only `depth` ends the computation; if the state at the end of a run does not fit the drives at
+    `start_time`, so that `cycle` is not their period; and for a store of another computation.
 
     ```python
     import clearjoint as cj
@@ -252,10 +253,11 @@ def cycles_to_depth(found: "xr.Dataset", depth: float, joint: str, part: Part = 
 
 
 def _reached(cycles: np.ndarray, depths: np.ndarray, depth: float) -> tuple["CubicSpline", float]:
-    """Return the cubic spline through the depths of the stages, and where it first reaches a depth,
-    which is at most the last one.
+    """Return the cubic spline through the depths of the stages, and the number of cycles at which
+    it first reaches a depth.
 
-    **Arguments:** `cycles`, `depths`: (stages,).
+    **Arguments:** `cycles`: (stages,), number of cycles before each stage; `depths`: (stages,) m,
+    of the deepest point of a part; `depth`: m, at most the last one of `depths`.
     """
     from scipy.interpolate import CubicSpline
 
@@ -314,7 +316,11 @@ def life_derivatives(
 
 @dataclass(frozen=True)
 class _CycleRun:
-    """Run of some cycles, whose wear is measured; see the arguments of `wear`."""
+    """Run of some cycles, whose wear is measured; see the arguments of `wear`.
+
+    `directions`: of the parameters and of the logarithms of the wear rates, by name; empty without
+    parameters.
+    """
 
     rates: Mapping[str, WearRates]
     cycle: float
@@ -329,7 +335,11 @@ class _CycleRun:
     def measure(self, scene: Scene, state: State) -> "_Measured":
         """Return the wear per cycle and the state after the run.
 
-        Wear and derivatives are zero for a run that failed, whose `failure` then says why.
+        Wear and derivatives are zero if the run failed; `failure` then says why. A second run
+        computes the derivatives. If only this one failed, `failure` says why, and only the
+        derivatives are zero.
+
+        **Raises:** `ValueError` if no run can start from `state`.
         """
         first = self.start_time + self.settle * self.cycle
         middle, last = (first + part * self.measured * self.cycle for part in (0.5, 1.0))
@@ -454,16 +464,16 @@ class _Stages:
     ) -> None:
         """Measure the wear of the last stage and extrapolate it to a new one, or set `failure`.
 
-        Errors of the first stage are raised. Those of later stages are recorded in `failure`, so
-        that the results so far are kept.
+        If the run fails or its wear can't be extrapolated, the first stage raises an error. Later
+        stages set `failure`, so that the results so far are kept.
 
         **Arguments:** `scene`: without the wear of the stages. `goals`: number of cycles before
         each stage after the first one; or one number, to which the stages lead, infinite if only a
         depth ends the computation. `largest_change`: as in `wear`.
 
-        **Raises:** `ValueError` if the first run fails, its wear differs between its halves, or it
-        wears nothing while the number of cycles is infinite; and if the state at the end of a run
-        doesn't fit the start of the next one.
+        **Raises:** `ValueError` if the first run can't start, fails, differs in wear between its
+        halves, or wears nothing while the number of cycles is infinite; and in any later stage if
+        the state at the end of a run doesn't fit the start of the next one.
         """
         scene = _with_depths(scene, self.names, self.depths[-1])
         try:
@@ -536,7 +546,7 @@ class _Stages:
 
     def _length(self, left: float, largest_change: float | None) -> float:
         """Return how many cycles the next stage has: `left`, or less if the depth of a point would
-        otherwise change by more than the limit.
+        otherwise change by more than the limit. The first stage has a tenth of that.
 
         **Arguments:** `left`: number of cycles that are left. `largest_change`: limit, m; ``None``
         for `CHANGE_BY_PENETRATION` times the largest penetration of each joint.
@@ -552,7 +562,7 @@ class _Stages:
         return length * FIRST_STAGE if len(self.rates) == 1 else length
 
     def _extrapolate(self, length: float) -> None:
-        """Append the depths after a stage of some cycles."""
+        """Append the number of cycles and the depths after a stage of `length` cycles."""
         middle = rate = self.rates[-1]
         if len(self.rates) > 1:
             # Rate at the middle of the stage, on the line through those of the last two stages.
@@ -613,7 +623,11 @@ class _Store:
     digest: str
 
     def write(self, found: "xr.Dataset") -> None:
-        """Replace the store; a process that is killed meanwhile leaves the old or the new one."""
+        """Replace the store by one of the dataset `found`, a result of `wear`.
+
+        A process that is killed meanwhile leaves the new store or the old one, which may then be in
+        the folder beside it from which `read` takes it.
+        """
         new, old = self._beside("new"), self._beside("old")
         shutil.rmtree(new, ignore_errors=True)
         with warnings.catch_warnings():
@@ -769,8 +783,9 @@ def _with_depths(
     zero, and it is unchanged.
 
     **Arguments:** `scene`: made by `_with_splines`. `names`: names of the joints. `depths`: (rows,
-    joints, 2, samples), of bearing and journal, around each. Row 0 has the removed depths, m. Each
-    further row has their derivatives by one parameter; the profiles are then `MovingSpline`s.
+    joints, 2, samples), at the angles around bearing and journal. Row 0 has the removed depths, m.
+    Each further row has their derivatives by one parameter; the profiles are then `MovingSpline`s,
+    which the parameters move along these derivatives.
     """
     for j, name in enumerate(names):
         for k, (field, sign) in enumerate(zip(PROFILES, (1.0, -1.0), strict=True)):

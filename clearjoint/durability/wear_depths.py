@@ -41,7 +41,8 @@ Signals = Mapping[str, Float[jax.Array | np.ndarray, " T"]]
 
 
 class Signal(eqx.Module):
-    """One of `SIGNALS`, by its name, of the joint of a given name, as a quantity."""
+    """Quantity (function of an instant of a run) that returns the signal `name`, one of `SIGNALS`,
+    of the joint with the name `joint`."""
 
     joint: str = eqx.field(static=True)
     name: str = eqx.field(static=True)

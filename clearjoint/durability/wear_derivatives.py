@@ -55,7 +55,8 @@ class MovingSpline(AbstractPeriodicSpline):
     shifts: Column = quantity("1", table=True)
 
     def coefficients_around(self, knot: jax.Array | np.ndarray) -> jax.Array:
-        """Return the four coefficients around a knot, (..., 4) m, that the shifts have moved."""
+        """Return the four coefficients from the one before a knot to the second after it, (..., 4)
+        m, moved by the shifts. `knot`: index of the knot, or an array (...) of indices."""
         found, count = periodic(on_device(self.coefficients), knot), self.angles()
         for k in range(np.shape(self.shifts)[0]):
             row = on_device(self.directions)[k * count : (k + 1) * count]
@@ -69,9 +70,10 @@ class MovingSpline(AbstractPeriodicSpline):
 
 @dataclass(frozen=True)
 class ParameterDirection:
-    """A `Change` by which one parameter moves a number and all profiles.
+    """A `Change` by which one parameter moves a number and all profiles that wear.
 
-    Its value is the distance from the present coordinate of the parameter.
+    It is called with a scene, a state and a value, and returns the changed scene and state. The
+    value is the distance from the present coordinate of the parameter.
 
     - `index`: of the parameter among those that move the profiles, the `shifts` of `MovingSpline`.
     - `joints`: names of the joints that wear.

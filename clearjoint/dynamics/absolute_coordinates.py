@@ -44,7 +44,8 @@ class AbsoluteCoordinates(AbstractCoordinates):
     """
 
     def eliminated(self, scene: Scene) -> frozenset[str]:
-        """Return an empty set: no joint is eliminated."""
+        """Return the names of the ideal joints that need no constraint in these coordinates: an
+        empty set."""
         return frozenset()
 
     def encode(self, scene: Scene, bodies: Bodies) -> Bodies:
@@ -127,8 +128,8 @@ class AbsoluteMechanics(AbstractMechanics):
 
     def projected(self, wrenches: Wrenches) -> Speeds:
         """Return the generalised forces of wrenches by name of body. Since H is the identity, they
-        are force and moment themselves, six numbers for each body; zeros for a body without a
-        wrench."""
+        are the force, N, in global axes, and the moment, N m, in body axes: six numbers for each
+        body, which are zero for a body without a wrench."""
         loads = [wrenches.get(name, NO_WRENCH) for name in self._scene.bodies]
         return [part for load in loads for part in (*load.force, *load.moment)]
 
@@ -142,8 +143,9 @@ class AbsoluteMechanics(AbstractMechanics):
         return rates
 
     def bias(self, row: Row) -> Scalar:
-        """Return zero. If the time derivatives of all speeds are zero, no body accelerates, so that
-        the row's own `bias` is the whole second time derivative of its value."""
+        """Return the second time derivative that accelerations of bodies give to the value of a
+        constraint row while the rates of all speeds are zero. Here it is zero, since no body then
+        accelerates; the row's own `bias` is the whole second time derivative."""
         return 0.0
 
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:

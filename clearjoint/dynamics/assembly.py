@@ -148,6 +148,8 @@ def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
 
     **Raises:** `ValueError` that names the worst constraint if the iteration does not converge.
     """
+    # Redundant constraints make the equations of a correction singular. The flag selects a solver
+    # for that case, so that they need not be known here.
     formulation = Formulation(AbsoluteCoordinates(), redundant=True)
     bodies = state.bodies
     t = on_device(t)

@@ -4,8 +4,9 @@ An element declares its breakpoints, in s, by its method `breakpoints`. In a ste
 breakpoint, the element is evaluated just before the breakpoint, and in a step that starts there,
 just after it. Therefore it does not matter whether the element compares time with < or <=.
 
-Times named t are in s since the `origin` of a `System`, the scene's time at which its clock is
-zero; breakpoints are times of the scene.
+A `System` is a scene with a formulation of its equations of motion. It has its own clock, which is
+zero at its `origin`, a time of the scene. Times named t are in s on this clock; breakpoints are
+times of the scene.
 """
 
 import math
@@ -97,9 +98,10 @@ def since_breakpoints(
     """Return, for each element with breakpoints, whether a step ends at a breakpoint, and the time
     in s from the breakpoint to the end of the step.
 
-    The returned time is zero except for rounding. It serves for derivatives: it has derivatives by
-    the parameters on which the breakpoint depends. If several breakpoints are in the step, it is
-    the mean of their times.
+    The returned time is zero except for rounding, and exactly zero if the step ends at none. It
+    serves for derivatives: it has derivatives by the parameters on which the breakpoint depends. If
+    several breakpoints are in the step, such as equal ones in a table, it is the mean of the times
+    since each of them.
 
     **Arguments:** `start`, `t`: start and end of the step, s, on the clock of the system.
 

@@ -62,7 +62,8 @@ def updated_bristles(
     after: ContactGaps,
     lands: bool,
 ) -> Bristles:
-    """Return the bristle deflections after an accepted step, m, by joint and contact label.
+    """Return the bristle deflections after an accepted step, m, in the axes of the joint's first
+    body, by joint and contact label.
 
     An open contact gets zero. If steps end at onsets, a contact that began in the step and whose
     penetration still grows gets its displacement since the onset added: slip velocity times the
@@ -88,6 +89,7 @@ def updated_bristles(
                 since = jnp.where(began, end.depth / jnp.where(began, end.rate, 1.0), 0.0)
                 slip = contacts[label].slip
                 assert slip is not None, "a contact with bristles has a slip"
+                # Slip is in global axes, deflections are in those of the joint's first body.
                 deflection = deflection + first.components(slip) * since
             # Bristles of an open contact spring back; the next contact starts with relaxed ones.
             updated[name][label] = Vector(

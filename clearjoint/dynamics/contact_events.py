@@ -180,7 +180,10 @@ def begins_at_start(gaps: ContactGaps) -> jax.Array:
 
 def too_deep(scene: Scene, gaps: ContactGaps) -> jax.Array:
     """Return whether any contact is deeper than the geometry of its joint allows: deeper than the
-    limit, m, that the joint's method `deepest` returns for it."""
+    limit, m, that the joint's method `deepest` returns for it. A run ends where this happens.
+
+    A contact for which `deepest` has no entry is never too deep.
+    """
     return any_of(
         gaps[name][label].depth > limit
         for name, joint in scene.contact_joints().items()

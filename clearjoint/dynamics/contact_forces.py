@@ -40,7 +40,7 @@ class LoadedContact:
     """A contact with its forces.
 
     - `contact`: geometry.
-    - `normal_force`: N, including damping.
+    - `normal_force`: N, including damping, positive if it pushes the bodies apart.
     - `elastic_force`: N, the part of the normal force without damping.
     - `friction`: force on the second body, N, in global axes; ``None`` without friction.
     - `bristle_rate`: rate of the bristles' deflection, m/s, in the axes of the first body; ``None``
@@ -103,9 +103,10 @@ def contact_wrenches(
     """Yield name and wrench of each body, other than the ground, on which one contact of a joint
     acts.
 
-    **Arguments:** `normal_force`: N; `friction`: force on the second body, N, in global axes, or
-    ``None``; `motions`: pose and velocities of each body; `friction_moment`: on the second body
-    about the normal, N m, or ``None``.
+    **Arguments:** `normal_force`: N, positive if it pushes the bodies apart; `friction`: force on
+    the second body, N, in global axes, or ``None``; `motions`: pose and velocities of each body;
+    `friction_moment`: on the second body about the normal, N m, or ``None``. For a contact that
+    acts as a couple (see `Contact.turning`), `friction` and `friction_moment` are ignored.
     """
     first, second = joint.pair()
     if contact.turning is not None:
@@ -235,10 +236,11 @@ def _continued(
 
 
 def depth_at_wall(law: AbstractContactLaw) -> Scalar:
-    """Return the depth, m, at which a law whose force jumps at the onset is evaluated.
+    """Return the depth, m, at which a law is evaluated to obtain its force right after the onset.
 
-    The law has no force exactly at its onset, where the depth is minus `onset_offset`. The returned
-    depth is the next larger one, or `INSIDE` if the offset is zero, and compresses nothing.
+    The law has no force exactly at its onset, where the depth is minus `onset_offset`, the distance
+    of the surfaces there. The returned depth is larger by `INSIDE`, or by the relative amount
+    `EPSILON` if the offset is not zero, so that practically all of the force is the jump.
     """
     # The sum of a nonzero offset and `INSIDE` would be rounded to the offset.
     return INSIDE - law.onset_offset() * (1.0 - EPSILON)

@@ -112,13 +112,18 @@ class AbstractMechanics(abc.ABC):
     def after_displacement(self, changes: Speeds) -> MotionVariables:
         """Return the variables after a small displacement along each speed, m or rad.
 
-        A displacement is a velocity times a short time. The speeds stay the same.
+        A displacement is a velocity times a short time. The speeds stay the same. The projection of
+        positions onto the constraints calls this method.
         """
 
     @abc.abstractmethod
     def after_speed_change(self, changes: Speeds) -> MotionVariables:
         """Return the variables with a change, m/s or rad/s, added to each speed. The positions stay
-        the same."""
+        the same.
+
+        The projection of velocities onto the constraints calls this method, and so do time-stepping
+        methods, which add the effect of impulses.
+        """
 
 
 class AbstractCoordinates(eqx.Module):
@@ -142,7 +147,10 @@ class AbstractCoordinates(eqx.Module):
 
     @abc.abstractmethod
     def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> MotionVariables:
-        """Return the variables that represent given states of all bodies."""
+        """Return the variables that represent given states of all bodies.
+
+        If the states violate an ideal joint that is eliminated, the violation is dropped.
+        """
 
     @abc.abstractmethod
     def decode(self, scene: Scene, variables: MotionVariables) -> dict[str, BodyState]:

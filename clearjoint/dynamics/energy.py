@@ -79,6 +79,7 @@ def bristle_energy(
             normal = force.contact.normal
             across = deflection - normal * deflection.dot(normal)
             stored.append(sum_(force.normal_force * law.stored_energy(across)))
+    # The start value 0 of a plain `sum` would add an operation to the compiled program.
     return sum(stored[1:], stored[0]) if stored else None
 
 
@@ -98,11 +99,12 @@ def mechanical_energy(scene: Scene, motions: Motions, t: Scalar) -> dict[str, Sc
     if scene.gravity is not None:
         energies["gravity"] = 0.0
         for name, body in scene.bodies.items():
-            # Position along gravity times its magnitude, which is -g times the height.
+            # The product is -g times the height above the global origin, so it is subtracted.
             height = scene.gravity.dot(motions[name].position)
             energies["gravity"] = energies["gravity"] - sum_(body.mass * height)
     if scene.forces:
         stored = [element.stored_energy(motions, t) for element in scene.forces.values()]
+        # The start value 0 of a plain `sum` would add an operation to the compiled program.
         energies["springs"] = sum(stored[1:], stored[0])
     for joint in scene.contact_joints().values():
         laws = joint.laws()

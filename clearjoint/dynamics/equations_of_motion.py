@@ -96,7 +96,7 @@ def constraint_rows(
     scene: Scene, coordinates: AbstractCoordinates, motions: Motions, t: Scalar
 ) -> ByLabel[Row]:
     """Return the constraint rows at the scene's time t, s, by joint and label, without the joints
-    that the coordinates eliminate."""
+    that the coordinates eliminate. A joint without rows has no entry."""
     eliminated = coordinates.eliminated(scene)
     kept = {name: joint for name, joint in scene.joints.items() if name not in eliminated}
     rows = {name: joint.rows(motions, t) for name, joint in kept.items()}

@@ -43,10 +43,10 @@ class AbstractStabilisation(AbstractConverting):
         """Return the second time derivative that the equations of motion impose on a constraint;
         zero by default.
 
-        **Arguments:** `value`: Phi of the constraint, m or rad; `rate`: time derivative of Phi, m/s
-        or rad/s.
+        **Arguments:** `value`: the constraint's value, m, rad or without unit, which is zero where
+        the constraint is satisfied; `rate`: its time derivative, m/s, rad/s or 1/s.
 
-        **Returns:** m/s^2 or rad/s^2.
+        **Returns:** m/s^2, rad/s^2 or 1/s^2.
         """
         return 0.0
 
@@ -88,7 +88,7 @@ class Baumgarte(AbstractStabilisation):
     beta: Single = quantity("1/s", default=5.0, positive=True, zero=True)
 
     def target(self, value: Scalar, rate: Scalar) -> Scalar:
-        """Return -2 alpha rate - beta^2 value, in m/s^2 or rad/s^2."""
+        """Return -2 alpha rate - beta^2 value, in m/s^2, rad/s^2 or 1/s^2."""
         return -2.0 * self.alpha * rate - self.beta**2 * value
 
 

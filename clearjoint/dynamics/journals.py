@@ -112,9 +112,11 @@ def require_in_bearings(scene: Scene, state: State) -> None:
     the force, which a smoothed or rough law has before the surfaces meet, and so is slightly
     stricter.
 
-    **Raises:** `ValueError` if a contact is deeper than its joint allows (its method `deepest`).
+    **Raises:** `ValueError` if a contact is deeper than its joint allows (its method `deepest`,
+    which may set no limit).
 
-    **Warns:** of a smaller penetration above `FAR_OUTSIDE` times this limit.
+    **Warns:** `UnusualValueWarning` for a smaller penetration above `FAR_OUTSIDE` times this limit.
+    Each joint gets one message at most, on its deepest contact relative to the limit.
     """
     for name, joint_depths in depths(scene, state).items():
         limits = _numbers(scene.contact_joints()[name].deepest())
@@ -144,6 +146,9 @@ def warn_of_journals_outside(
     - `time`, `final`: end of the run, s, and the state then.
     - `kept`: pairs of saved times, (N,), s, and the states then, with a first axis of length N in
       each array.
+
+    **Warns:** `LeftBearingWarning` for each such joint, with the earliest of these times at which
+    its journal is outside.
     """
     last = np.asarray([time]), jax.tree.map(lambda leaf: np.asarray(leaf)[None], final)
     joints = unpack(jax.tree.map(np.asarray, scene.contact_joints()))
@@ -170,8 +175,8 @@ def slid_out(
     """Return the distance, (N,), m, by which each journal has slid beyond its bearing, by name of
     joint.
 
-    It is positive outside the bearing and negative inside. Joints whose journal cannot slide
-    axially are left out.
+    It is positive outside the bearing and negative inside; the bearing is taken to be as long as
+    the journal. Joints whose journal cannot slide axially are left out.
 
     **Arguments:** `joints`: by name, each vector as three separate scalars or arrays (N,);
     `bodies`: N states of each body, by name, with a first axis of length N in each array.
@@ -184,7 +189,8 @@ def slid_out(
 def _excesses(
     joints: Mapping[str, AbstractContactJoint], bodies: Mapping[str, BodyState]
 ) -> dict[str, Scalar]:
-    """Return the result of `slid_out` for states of the bodies in scalar form."""
+    """Return the result of `slid_out` for joints and states of bodies in which each vector is three
+    separate scalars, or three arrays (N,)."""
     free = {name: free_motion(body, None) for name, body in bodies.items()}
     motions = {GROUND: GROUND_MOTION, **free}
     excesses = {name: joint.slid_out(motions) for name, joint in joints.items()}
@@ -205,7 +211,7 @@ def any_slid_out(scene: Scene, bodies: Mapping[str, BodyState]) -> Condition:
 
 
 def _numbers(by_name: Mapping[str, Scalar]) -> dict[str, float]:
-    """Return a dictionary of scalars with Python floats as values."""
+    """Return the same dictionary with its scalars converted to Python floats."""
     return {name: float(number) for name, number in by_name.items()}
 
 
@@ -233,7 +239,8 @@ def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, j
     In scene and states of the bodies, vectors are arrays (3,).
     """
     # Absolute coordinates keep the rows of all ideal joints, and with them the reactions. Least
-    # norm makes the reactions unique if constraints are redundant.
+    # norm makes the reactions unique if constraints are redundant. Stabilisation would add forces
+    # that correct small errors of the given position.
     formulation = Formulation(AbsoluteCoordinates(), Unstabilised(), redundant=True)
     system = System(unpack(scene), formulation)
     resting = {

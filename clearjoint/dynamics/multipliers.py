@@ -37,7 +37,8 @@ def response(
     **Arguments:**
 
     - `mechanics`: equations of motion, which solve linear equations with the mass matrix M.
-    - `directions`: the rows of D, one list for each constraint row, with one number for each speed.
+    - `directions`: the rows of D, one list for each constraint row (at least one), with one
+      number for each speed.
     - `targets`: one number for each constraint row.
     - `solver`: solver of the linear equations.
     - `weights`: one number for each row, by which the row and its target are multiplied before
@@ -51,6 +52,7 @@ def response(
     multipliers: list[Scalar] = [0.0] * len(directions)
     if not kept:
         return [0.0] * len(directions[0]), multipliers
+    # A solver for singular matrices replaces entries that are rounding errors by zeros.
     rows = [solver.significant(directions[k]) for k in kept]
     aims = [targets[k] for k in kept]
     if weights is not None:
@@ -80,9 +82,10 @@ def row_weights(bodies: Mapping[str, Body], rows: Sequence[Row]) -> list[Scalar]
     multiplier would accelerate if all bodies were free, or of the moment of inertia, kg m^2, for a
     row in rad or without unit.
 
-    Rows multiplied by their weights all have the same unit. Without weights, the least norm would
-    add forces in N to moments in N m, and its solver would take the translations of a mechanism
-    with links of a millimetre for rounding errors beside the rotations.
+    Rows multiplied by their weights all have the same unit. If constraints are redundant, the
+    multipliers of least norm are computed. Without weights, this norm would add forces in N to
+    moments in N m, and the solver would take the translations of a mechanism with links of a
+    millimetre for rounding errors beside the rotations.
     """
     weights = []
     for row in rows:

@@ -139,7 +139,9 @@ class System(eqx.Module):
 
         - `closed`: whether each contact has a force, by joint and contact label; if ``None``, the
           contacts that penetrate have one.
-        - `bristles`: deflections, m, by joint and contact label, for contacts with bristle laws.
+        - `bristles`: deflection of the bristles of each contact with a bristle friction law, m, in
+          the axes of the joint's first body, by joint and contact label; may be left out if there
+          are no such contacts.
         """
         mechanics = self.mechanics(variables)
         forces = contact_forces(self.scene, mechanics.motions, entry_speeds, closed, bristles)
@@ -231,7 +233,7 @@ class System(eqx.Module):
         """Return geometry and forces of each contact, by joint and contact label. Contacts that
         penetrate have a force.
 
-        **Arguments:** `bristles`: deflections, m, by joint and contact label.
+        **Arguments:** `bristles`: as in `dynamics`.
         """
         return contact_forces(self.scene, self.motions(variables), entry_speeds, bristles=bristles)
 
@@ -278,9 +280,13 @@ class System(eqx.Module):
         """Return the smallest change of positions, speeds or rates of the speeds, in the metric of
         the mass matrix, by which each row reaches its target, and the multipliers of the rows.
 
-        **Arguments:** `rows`: at least one; `targets`: the change of each row's value or rate or,
-        with `rates`, its second time derivative, without the part that does not depend on them;
-        `rates`: rates of the speeds before the change.
+        **Arguments:**
+
+        - `rows`: at least one.
+        - `targets`: without `rates`, the demanded change of each row's value or rate; with `rates`,
+          its demanded second time derivative, minus the part of this derivative that does not
+          depend on the rates of the speeds.
+        - `rates`: rates of the speeds before the change.
         """
         directions = [mechanics.projected(row.jacobian) for row in rows]
         if rates is not None:
@@ -297,7 +303,8 @@ class System(eqx.Module):
         rest, without their Jacobians.
 
         At rest, the value of such a row changes only as its driver prescribes: `time_rate` and
-        `bias` are the first and second time derivative of the value.
+        `bias` are the first and second time derivative of the value. These numbers, without any
+        Jacobian, show whether a driver is smooth over a step.
         """
         at = self.motions(variables).items()
         motions = {name: Motion(one.position, one.rotation, ZERO, ZERO) for name, one in at}
@@ -311,7 +318,8 @@ class System(eqx.Module):
 
     def constraints_violated(self, variables: MotionVariables, t: Scalar) -> Condition | None:
         """Return whether any constraint is violated by more than `FARTHEST`, or by more than the
-        smallest clearance of a journal if that is less; ``None`` if there are no constraints."""
+        smallest clearance of a journal if that is less, or is NaN; ``None`` if there are no
+        constraints."""
         if not self.is_constrained(variables, t):
             return None
         motions = self.motions(variables)

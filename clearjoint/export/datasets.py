@@ -28,8 +28,10 @@ Notes = tuple[tuple[str, str | int | float], ...]
 def describe(value: object) -> str:
     """Return a text that describes a value, such as "Tsit5(scan_kind=None)".
 
-    Objects are described by the name of their class and by their fields, functions by their names.
-    Arrays are cut off after `LONGEST` characters.
+    Results record arguments and settings by such texts, and the store of a sweep compares them.
+    Instances of dataclasses are described by the name of their class and by their fields, functions
+    by their names, and objects of other classes by the name of the class alone. Arrays are cut off
+    after `LONGEST` characters.
     """
     if isinstance(value, partial):
         return f"partial({describe([value.func, value.args, value.keywords])})"
@@ -85,9 +87,9 @@ class Labelled(NamedTuple):
     """An array with its labels for a dataset.
 
     - `dims`: names of the dimensions.
-    - `values`: the array.
+    - `values`: the array, with one axis for each name in `dims`.
     - `unit`: unit as text; ``None`` if unknown.
-    - `description`: text for the attribute "long_name".
+    - `description`: text for the attribute "long_name", which is left out if the text is empty.
     - `attributes`: further attributes by name.
     """
 
@@ -166,7 +168,9 @@ class AbstractTabular(abc.ABC):
     def to_dataframe(self) -> "pd.DataFrame":
         """Return a `pandas.DataFrame` with a row for each time, impact, crossing or parameter.
 
-        Each number has a column, whose name has the unit, such as "arm.position.x [m]".
+        The index has the labels of the rows, such as times in s or names of parameters. Each
+        component of each variable has a column, whose name has the unit, such as "arm.position.x
+        [m]".
         """
         return to_frame(self.to_xarray())
 
@@ -225,16 +229,16 @@ def to_frame(dataset: "xr.Dataset", rows: str | None = None) -> "pd.DataFrame":
     """Return a data frame with a row for each position along one dimension of a dataset.
 
     Each number along the other dimensions of a variable gets a column, such as "arm.position.x
-    [m]". Variables and coordinates without the dimension of the rows are left out. Numbers of a
-    variable with the attribute "flag_meanings", such as result codes, are replaced by their
-    meanings.
+    [m]". The coordinate along the rows becomes the index. Variables and coordinates without the
+    dimension of the rows are left out. Numbers of a variable with the attribute "flag_meanings",
+    such as result codes, are replaced by their meanings, or by their digits if they have none.
 
     **Arguments:** `rows`: name of the dimension; by default the dataset's first.
     """
     import pandas as pd
 
     rows = next(iter(map(str, dataset.sizes))) if rows is None else rows
-    # The coordinate along the rows becomes the index; further coordinates become columns.
+    # Coordinates other than the index become columns.
     columns = {}
     for name in (*dataset.coords, *dataset.data_vars):
         if name != rows and rows in dataset[name].dims:

@@ -1,4 +1,5 @@
-"""Warnings about unusual numbers, and about runs that leave the range of a model's validity.
+"""Warnings about unusual numbers, bodies that nothing holds, contents of files that are not read,
+poor fits, and runs that leave the range of a model's validity.
 
 The subclasses of `UserWarning` let users silence one kind, or turn it into an error.
 """
@@ -44,7 +45,8 @@ class LeftBearingWarning(UserWarning):
 
 
 class NotCarriedOverWarning(UserWarning):
-    """Warns that a file contains data that a scene cannot represent, and that are left out.
+    """Warns that an imported file (URDF) contains data that a scene cannot represent, and that are
+    left out.
 
     Silence it with ``warnings.filterwarnings("ignore",
     category=clearjoint.NotCarriedOverWarning)``.
@@ -65,7 +67,8 @@ class PoorFitWarning(UserWarning):
 
 
 class LooseBodyWarning(UserWarning):
-    """Warns that no joint or force acts on a body, or that no joint holds the axis of a drive.
+    """Warns that no joint or force acts on a body, or that no joint holds the axis about which a
+    drive rotates a body.
 
     Silence it with ``warnings.filterwarnings("ignore", category=clearjoint.LooseBodyWarning)``.
 
@@ -81,8 +84,8 @@ class LooseBodyWarning(UserWarning):
 
 
 class LawRangeWarning(UserWarning):
-    """Warns that a contact or film law is used outside of its range, or for a result that it cannot
-    provide.
+    """Warns that a contact or film law is used outside the range for which it holds, or does not
+    deliver the restitution that is requested.
 
     Silence it with ``warnings.filterwarnings("ignore", category=clearjoint.LawRangeWarning)``.
 

@@ -4,9 +4,10 @@ In all functions, `argument` is the name of the value and `remedy` the advice in
 `require` puts them together. Numbers are stored as 64-bit NumPy arrays. Unlike JAX arrays, these do
 not start a JAX backend when a scene is built, and do not depend on JAX's setting of precision.
 
-A check of a traced value cannot raise an error, because the value is unknown, and usually passes.
-But while `conditions_of` calls it, the condition is collected, so that a compiled program can
-evaluate it: that of a run, or of a sweep for the values of all its runs.
+A check of the numbers in a traced value cannot raise an error, because they are unknown, and
+usually passes; shapes are known and checked. But while `conditions_of` calls a check, its condition
+is collected, so that a compiled program can evaluate it for the numbers of one run, or for those of
+all runs of a sweep.
 """
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
@@ -53,7 +54,8 @@ def as_number(value: object, argument: str = "value", unit: str = "1") -> np.nda
     if isinstance(value, jax.Array):
         return value
     if isinstance(value, list | tuple):
-        # NumPy can't make an array of traced numbers.
+        # NumPy can't make an array of traced numbers. Testing each type once, instead of each
+        # number, is faster for long lists.
         kinds = {type(leaf) for leaf in jax.tree.leaves(value)}
         if any(issubclass(kind, Tracer) for kind in kinds):
             return jnp.asarray(value, dtype=float)
@@ -190,7 +192,11 @@ def errors_about(subject: str) -> Iterator[None]:
 
 
 def _shown(value: object) -> str:
-    """Return a value as text of about `LONGEST` characters at most, or its size if it is longer."""
+    """Return a value as text for an error message.
+
+    A text of more than `LONGEST` characters is cut off, and its length is added. An array, list or
+    tuple of more than `LONGEST` entries is replaced by its shape or number of entries.
+    """
     if isinstance(value, np.ndarray) and value.size > LONGEST:
         return f"an array of shape {value.shape}"
     if isinstance(value, list | tuple) and len(value) > LONGEST:
@@ -222,8 +228,11 @@ def require_finite(argument: str, value: object) -> None:
 def _require(
     condition: Callable[[Any], bool], argument: str, value: object, expected: str, remedy: str
 ) -> None:
-    """Check a condition on a value, a function of the value as an array, whose result may be
-    traced; the other arguments are those of `require`."""
+    """Raise a ``ValueError`` unless a value satisfies a condition.
+
+    `condition` is called with the value as an array, and its result may be traced; the other
+    arguments are those of `require`.
+    """
     if (known := checkable(value)) is not None:
         require(condition(known[0]), argument, known[0], expected, remedy)
 
@@ -275,10 +284,10 @@ def require_names(argument: str, given: Mapping[str, T], remedy: str) -> None:
 
 
 def require_array_names(argument: str, given: Mapping[str, T], remedy: str) -> None:
-    """Raise a ``ValueError`` unless a value is a dictionary whose keys can name arrays in a store's
-    folder.
+    """Raise a ``ValueError`` unless a value is a dictionary whose keys can name arrays in a Zarr
+    store, where the name of an array is that of a folder.
 
-    Names with a slash or backslash are refused, and names that begin with "." or "__".
+    Empty names, names with a slash or backslash, and names that begin with "." or "__" are refused.
     """
     require_names(argument, given, remedy)
     for name in given:

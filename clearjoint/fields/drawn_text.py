@@ -20,6 +20,8 @@ def shown(name: str, longest: int = LONGEST_NAME) -> str:
     The middle of a longer name is replaced by an ellipsis, since names of similar parts differ
     mostly at the end. A name that begins with an underscore gets a space of zero width in front,
     since legends omit labels that begin with an underscore. An empty name becomes "(no name)".
+    Dollar signs are escaped as by `literal`. Neither these escapes nor the space count as
+    characters.
     """
     text = " ".join(str(name).split()) or "(no name)"
     if len(text) > longest:

@@ -88,7 +88,8 @@ def quantity(
     """Declare a field of a user-defined element, law or quantity that holds a number or an array.
 
     Values are converted to arrays of 64-bit floats. They are checked against the declaration when
-    an object is made and again before runs. Of values that JAX traces, only the shape is checked.
+    an object is made and again before runs. Of values that JAX traces, only the shape is checked,
+    except that a sweep checks the numbers of all its runs.
 
     **Arguments:**
 
@@ -274,11 +275,14 @@ class AbstractConverting(AbstractReadable):
 
 
 def as_numbers(value: PyTree) -> PyTree:
-    """Return a value with its Python numbers, and tuples and lists of numbers, as float64 arrays.
+    """Return a value with its numbers of Python and NumPy, and tuples and lists of numbers, as
+    float64 arrays.
 
     Tuples and lists of numbers, or of arrays of equal shape, are stacked to one array.
     Dictionaries, and other tuples and lists, are converted entry by entry. All other values are
-    unchanged.
+    unchanged, such as JAX arrays, texts and bools.
+
+    **Raises:** `ValueError` for a NumPy array of anything but numbers.
     """
     if isinstance(value, int | float | np.number | np.ndarray) and not isinstance(value, bool):
         return as_number(value)

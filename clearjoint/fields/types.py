@@ -1,9 +1,10 @@
 """Types of the numbers in fields, by name and shape.
 
-A field stores arrays: of shape () for one number, (3,) for three and (4,) for four. Inside of
-compiled programs, where elements compute, they are in scalar form: an array of shape (3,) is
-replaced by a `Vector` of three scalars, one of shape (4,) by `EulerParameters`, and one of shape
-(3, 3) by a `Matrix`. The types below are used for both forms; so they are based on `Any`.
+The fields of bodies, joints, forces and states store arrays: of shape () for one number, (3,) for
+three, (4,) for four and (3, 3) for a matrix. Inside of compiled programs, where joints and forces
+are evaluated, the arrays are in scalar form: one of shape (3,) is replaced by a `Vector` of three
+scalars, one of shape (4,) by `EulerParameters`, and one of shape (3, 3) by a `Matrix`. The types
+below are used for both forms; so they are based on `Any`.
 """
 
 from typing import Any, TypeAlias

@@ -7,8 +7,9 @@ covariance. If they differ, many runs without derivatives, and local searches fr
 the lowest chi squared, explore the neighbourhood. Then a
 small posterior around the lowest minimum gives the intervals.
 
-Points are coordinates of p parameters on their scales. Residuals are in standard
-deviations of the noise, and chi squared is the sum of their squares.
+Points are coordinates of p parameters: a coordinate is a parameter's value on its scale, such as
+the logarithm of the value. Residuals are in standard deviations of the noise, and chi squared is
+the sum of their squares.
 """
 
 import math
@@ -62,7 +63,8 @@ def displacements(
     limits: Float[np.ndarray, " p"],
     generator: np.random.Generator,
 ) -> Float[np.ndarray, "n p"]:
-    """Return displacements (n, p) from a minimum at which to test its quadratic model by runs.
+    """Return displacements (n, p) from a minimum of chi squared, at which runs test its quadratic
+    model.
 
     Some are ±1, ±2 and ±4 standard errors along each parameter, where the model predicts the
     smallest chi squared for that value of the parameter, and along each eigenvector of the
@@ -70,7 +72,7 @@ def displacements(
     one twice as long. No displacement exceeds the limits.
 
     **Arguments:** `covariance`: (p, p) of the coordinates; `limits`: (p,) largest displacement of
-    each coordinate.
+    each coordinate; `generator`: source of random numbers.
     """
     errors, root = np.sqrt(np.diag(covariance)), _root(covariance)
     # Column k is the covariance with parameter k over its standard error: along it the other
@@ -370,9 +372,9 @@ class LikelihoodCheck:
     - `searches`: the local searches that found the minima.
     - `posterior`: a small `Posterior`, of few points, around the lowest minimum, from which the
       fit's intervals come. ``None`` if the test passed, if noise doesn't explain chi squared, if
-      more runs would be needed than 75 times the argument `check_runs` of `identify`, or if its
-      points don't represent it: they miss the lowest minimum, or `Posterior.warnings` reports a
-      problem.
+      more runs would be needed than 75 times the argument `check_runs` of `identify`, if no points
+      could be drawn (all are impossible, or their covariance is singular), or if its points don't
+      represent it: they miss the lowest minimum, or `Posterior.warnings` reports a problem.
     - `runs`: number of runs with and without derivatives, those of the posterior not included;
       `seconds`: s, computing time of all runs.
     - `difference`: chi squared at the estimates in a run without derivatives, less that in the run
@@ -479,6 +481,7 @@ def check(
         lanes = SideBySide(runs, data)
 
         def chi_squared(points: np.ndarray) -> np.ndarray:
+            # The last column is that of the whole record.
             return lanes.chi_squared(points, lanes.count)[:, -1]
 
         def descend(start: np.ndarray, near: float = NEAR, steps: int = STEPS_DOWN) -> RunMisfit:
@@ -503,7 +506,8 @@ def check(
             generator,
         )
         # The local searches of the exploration end early. If one of them has found a lower minimum,
-        # the fit moves there, which takes an accurate search.
+        # the fit moves there, which takes an accurate search. The test tolerates a decrease of chi
+        # squared up to `FLOOR`, so that a smaller one is no other minimum.
         lowest = min(explored.minima, key=lambda minimum: minimum.chi_squared)
         if best.chi_squared - lowest.chi_squared > FLOOR:
             descend(lowest.coordinates, NEAREST, 4 * STEPS_DOWN)
@@ -540,7 +544,10 @@ def _small_posterior(
     number: int,
     lowest: float,
 ) -> Posterior | None:
-    """Return the posterior in a box by few points, or ``None`` if they don't represent it.
+    """Return the posterior in a box by few points.
+
+    It is ``None`` if the points don't represent the posterior, if they would need too many runs, or
+    if none could be drawn.
 
     **Arguments:** `lanes`: the runs, and the samples; `parameters`, `units`, `number`: as in
     `check`; `box`: lower and upper ends (p,) of the coordinates, between which the prior is
@@ -553,9 +560,11 @@ def _small_posterior(
 
     points, most_runs = int(POINTS * number), MOST_RUNS * number
     try:
+        # The seed is fixed at 0, so that the same fit always has the same posterior.
         found = drawn_posterior(lanes, parameters, units, box, uniform, points, 0, most_runs)
     except (TooManyRunsError, ImpossiblePointsError, np.linalg.LinAlgError):
-        # The last one is that of a singular cloud. The fit keeps its other intervals.
+        # The last one is raised if the covariance of the drawn points is singular. The fit keeps
+        # its other intervals.
         return None
     # Warnings say that the box cuts the posterior off, or that few runs have a weight. Points that
     # do not come near the lowest minimum have missed it.
@@ -581,7 +590,8 @@ def _quadratic_test(
     trials = [run_misfit(runs, data, times[-1], best.coordinates + offset) for offset in offsets]
     moved = np.array([trial.residuals.reshape(shape) for trial in trials])
     # Far points bend chi squared by the scale of a parameter (such as a logarithm), which says
-    # nothing about the motion: only near points decide up to which time the fit is reliable.
+    # nothing about the motion: only near points decide up to which time the fit is reliable. Half
+    # of the limits is the scale's `max_step`, where that is finite.
     near = np.all(np.abs(offsets) < 0.5 * limits, axis=1)
     residuals, jacobian = best.residuals.reshape(shape), best.jacobian.reshape(*shape, -1)
     return tested(residuals, jacobian, offsets, moved, times, near)

@@ -65,8 +65,10 @@ class Fit(AbstractTabular):
     - `measurements`: the fitted measurements.
     - `searches`: the result of the search from each start.
     - `best`: the search with the smallest chi squared, among `searches` and those of `check`.
-    - `screened`: the result of each pass of a `Screening`; empty without a screening.
-    - `horizon`: the `FitHorizon` given to `identify`, or ``None``.
+    - `screened`: the result of each pass of a `Screening`, which finds starts by runs without
+      derivatives; empty without a screening.
+    - `horizon`: the `FitHorizon` given to `identify`, the longest record that a fit by a single run
+      can use, or ``None``.
     - `check`: the test of the covariance by runs around the estimates, or ``None`` if not made.
 
     Chi squared is the sum of the squared residuals, which are in standard deviations of the noise.
@@ -176,7 +178,7 @@ class Fit(AbstractTabular):
         estimates; without a posterior, they also contain all points that `check` has explored with
         a chi squared at most 3.84 above the lowest. In all cases they are extended to the intervals
         of other minima in which searches ended, if their chi squared is at most 3.84 above that of
-        the fit and they are outside the posterior's box.
+        the fit and they are outside the box of coordinates to which the posterior is restricted.
         """
         minima, posterior = [self.best.best, *self._other_minima], self.posterior
         # Minima in the posterior's box are part of the posterior.
@@ -210,8 +212,8 @@ class Fit(AbstractTabular):
         """Values of the parameters, by name, at each other minimum that fits the data about as
         well.
 
-        These minima lie outside the confidence intervals of the best one. The list begins with the
-        smallest chi squared.
+        Their chi squared is within the joint 95 % confidence region of the best minimum, and they
+        lie outside its confidence intervals. The list begins with the smallest chi squared.
         """
         minima = statistics.competing_minima(self.best.best, self._other_minima)
         return [values_at(self.parameters, minimum.coordinates) for minimum in minima]
@@ -219,7 +221,10 @@ class Fit(AbstractTabular):
     @cached_property
     def predictions(self) -> dict[str, np.ndarray]:
         """Predicted values of each series by name at its sample times, (N,), SI, from the fitted
-        run."""
+        run.
+
+        They are meaningless at times that this run does not reach (`Ending.FAILED`).
+        """
         times = self.measurements.times()
         rows = zip(self.measurements.series.items(), self.best.best.predicted, strict=True)
         return {name: row[np.searchsorted(times, s.times)] for (name, s), row in rows}
@@ -262,13 +267,13 @@ class Fit(AbstractTabular):
     @property
     def whiteness(self) -> dict[str, float]:
         """p-value of the Ljung-Box test for white residuals, of each series by name; NaN for fewer
-        than 20 samples."""
+        than 20 samples and for residuals of zero."""
         return {name: statistics.whiteness(row) for name, row in self.residuals.items()}
 
     @property
     def normality(self) -> dict[str, float]:
         """p-value of the D'Agostino-Pearson test for normal residuals, of each series by name; NaN
-        for fewer than 20 samples."""
+        for fewer than 20 samples and for equal residuals."""
         return {name: statistics.normality(row) for name, row in self.residuals.items()}
 
     @property
@@ -366,7 +371,12 @@ class Fit(AbstractTabular):
     def _check_limits(
         self, check: LikelihoodCheck, explored: checking.Exploration
     ) -> Iterator[str]:
-        """Yield sentences on what may make the intervals wrong where chi squared was explored."""
+        """Yield sentences on possible reasons why the intervals are wrong after an exploration.
+
+        The reasons are a record beyond the horizon, intervals that were still growing, and
+        integration errors.
+        """
+        # Of the horizon by runs around the estimates and the predicted one, the earlier counts.
         until = check.horizon
         if self.horizon is not None:
             until = min(until, self.horizon.single_shot)
@@ -447,7 +457,8 @@ class Fit(AbstractTabular):
     def _scatter(self) -> float:
         """Size of the residuals in multiples of the stated noise.
 
-        It is the square root of chi squared per degree of freedom, of which there must be one.
+        It is the square root of chi squared per degree of freedom. There must be at least one
+        degree of freedom.
         """
         return math.sqrt(self.chi_squared / self.degrees_of_freedom)
 

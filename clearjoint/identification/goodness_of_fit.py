@@ -35,6 +35,8 @@ class Direction(NamedTuple):
 def directions(jacobian: Float[np.ndarray, "M p"]) -> list[Direction]:
     """Return p directions along which the estimates err independently, the most uncertain first.
 
+    With M < p residuals there are only M directions.
+
     **Arguments:** `jacobian`: (M, p) derivatives of the residuals by the coordinates.
     """
     norms = np.linalg.norm(jacobian, axis=0)
@@ -123,6 +125,7 @@ def competing_minima(best: RunMisfit, others: Sequence[RunMisfit]) -> list[RunMi
 
 
 def _apart(one: RunMisfit, other: RunMisfit) -> bool:
-    """Return whether `other` is outside the 95 % interval of any parameter around `one`."""
+    """Return whether the minimum `other` is outside the 95 % interval of at least one parameter, by
+    the covariance of the minimum `one`."""
     half = DEVIATIONS * np.sqrt(np.diag(one.covariance))
     return bool(np.any(np.abs(other.coordinates - one.coordinates) > half))

@@ -49,7 +49,7 @@ class FitInterrupted(KeyboardInterrupt):
     """Interruption of a fit by Ctrl-C (SIGINT).
 
     `fits`: list of `Fit`: the finished fits and, last, the best result so far of the interrupted
-    fit, if at least one run of that fit had ended.
+    fit, if at least one run of its searches had ended; runs of a `Screening` don't count.
 
     >>> cj.FitInterrupted([]).fits
     []
@@ -107,9 +107,9 @@ def identify(
       parameters have grown so much that a fit of the whole record from a distant start fails. In
       these windows each parameter is held near the value from which the window's search starts,
       with its scale's `max_step` as standard deviation, so that parameters that the window doesn't
-      determine stay in range. For example, a record of 187 ms of the double pendulum, five times as
-      long as a single run can fit from a distant guess (`clearjoint.fit_horizon`), takes 140 runs
-      with windows.
+      determine stay in range. For example, a record of 187 ms of
+      `clearjoint.mechanisms.double_pendulum`, five times as long as a single run can fit from a
+      distant guess (`clearjoint.fit_horizon`), takes 140 runs with windows.
     - `settings`: settings of the integration; by default `clearjoint.presets.identification`. Its
       `max_steps` limits the cost of runs with extreme parameters.
     - `max_iterations`: limit for each window of each start; an iteration is one run.
@@ -124,8 +124,8 @@ def identify(
       derivatives, more rounds of runs among the lowest of them, and local searches explore it. The
       fit moves to the lowest minimum, and its report begins with this result. Intervals are those
       of a posterior around this minimum, by at most 75 times `check_runs` runs without derivatives;
-      if that is not enough, they contain all points that the data allow. See `Fit.check` and
-      `clearjoint.posterior`.
+      without a posterior they contain all explored points with a chi squared at most 3.84 above the
+      lowest. See `Fit.check` and `clearjoint.posterior`.
     - `progress`: whether to show a line with the iterations, or a function that is called with
       each `Iteration`.
 
@@ -277,8 +277,8 @@ class _Problem:
         **Arguments:** `one`: the measurements; `on_iteration`: called after each run of a search;
         `show`: whether to show the progress of a screening.
 
-        **Returns:** the fit, ``None`` if the user interrupted it before the first search ended; and
-        whether the user interrupted it.
+        **Returns:** the fit, ``None`` if the user interrupted it before the first run of a search
+        ended; and whether the user interrupted it.
         """
         data = samples(one, len(self.runs.times))
         searches: list[Search] = []

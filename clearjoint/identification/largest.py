@@ -42,7 +42,8 @@ if TYPE_CHECKING:
 QUANTITY = "quantity"
 """Name of a single quantity that the user passes without a name."""
 CLOSE = 2.0
-"""The second row of lanes begins this many spacings of the first row below the first violation."""
+"""The second row of lanes begins this many spacings of the first row below the last value before
+the first violation."""
 INSPECTIONS = 12
 """Maximum number of rows of lanes that search for violations between computed values, so that a
 rough margin does not take runs without end."""
@@ -64,7 +65,8 @@ class LargestFeasible:
     violated at any computed value.
 
     A margin is log(limit / peak), the smallest of all limited quantities: it is negative where a
-    limit is violated.
+    limit is violated. The peak is the largest value of a quantity, or the result of a reduction;
+    with draws, it is their quantile.
 
     - `value`: the largest feasible value, in `unit`; the upper end of the range if no limit is
       exceeded.
@@ -175,16 +177,17 @@ def largest_feasible(
     - `scene`, `state`, `start_time`, `end_time` s: as in `simulate`.
     - `parameter`: the parameter, for example a clearance; values in a row are evenly spaced on its
       scale.
-    - `quantity`: a scalar function of an `Instant`, whose peak is limited, or a reduction with one
-      result, such as `ImpactCount`; or several by name.
+    - `quantity`: a scalar function of an `Instant`, the scene and its motion at one time, whose
+      peak is limited; or a reduction, such as `ImpactCount`, whose main result (its name is "") is
+      limited; or several of these by name.
     - `limit`: largest allowed value, positive, in SI; for several quantities by name, one for each.
     - `settings`: settings of the integration; by default `clearjoint.presets.derivatives`.
     - `between`: smallest and largest value considered; the smallest must satisfy the limits.
     - `after`: s, time after which peaks of quantities count, to exclude a transient. Reductions
       have times of their own.
-    - `draws`: random numbers, such as the phase at the start: axes by name, of equal length, whose
-      i-th values form the i-th draw. `quantile`: share of the draws that must satisfy the limits,
-      from 0 to 1.
+    - `draws`: random numbers, such as the phase at the start: by name, the `Axis` of each number of
+      the scene or the initial state. All have equal length, and their i-th values form the i-th
+      draw. `quantile`: share of the draws that must satisfy the limits, from 0 to 1.
     - `lanes`: number of values in a row, at least 3.
     - `tolerance`: relative tolerance of the value.
     - `progress`: whether to show a bar while lanes run.
@@ -323,6 +326,7 @@ def lane_margins(
     first = float(rows[smallest][0][0])
     peak = "the run with this value fails"
     if np.isfinite(first):
+        # The empty name is that of a reduction's main result, which is limited.
         unit, limit = outputs[smallest].units().get("", "1"), limits[smallest]
         peak = (
             f"`{smallest}` reaches {limit * math.exp(-first):.6g} {unit} with this value, and its "
@@ -531,6 +535,7 @@ def _check(
     """
     for name, one in quantities.items():
         if isinstance(one, AbstractReduction):
+            # The main result of a reduction, which is limited, has the empty name.
             units, expected = list(one.units()), "a reduction with one result"
             remedy = "subclass AbstractReduction to report one, or pass the quantity for its peak"
             require("" in units, f"quantity[{name!r}]", units, expected, remedy)

@@ -149,6 +149,7 @@ def decrement(residuals: jax.Array, jacobian: jax.Array) -> jax.Array:
 
     It tells how far a point is from the minimum, relative to the accuracy of the estimates. It is
     the norm of the projection of the residuals (M,) on the columns of the Jacobian (M, p).
+    Directions that the data don't determine are left out.
     """
     axes, sizes, _ = jnp.linalg.svd(jacobian, full_matrices=False)
     return jnp.linalg.norm(jnp.where(sizes > UNDETERMINED * sizes[0], residuals @ axes, 0.0))
@@ -178,7 +179,8 @@ def _advance(
     - `arrays`: arrays of the solver's state from the previous step, ``None`` at first.
     - `model`: residuals and Jacobian at the latest point, which may be worse than `y`.
     - `limits`: (p,) largest change of each coordinate.
-    - `tolerance`: `decrement` below which to end.
+    - `tolerance`: `decrement` below which to end. The search also ends if the next step is very
+      short, or after `PATIENCE` rejected steps in succession.
 
     **Returns:** the best coordinates, the new arrays of the state, whether to end, and the
     `decrement` at the best point. The state has the next point to evaluate.
@@ -240,6 +242,7 @@ def search_with_damping(
         largest = norms.max() if norms.max() > 0.0 else 1.0
         scales = np.where(norms > UNDETERMINED * largest, norms, largest)
         y, arrays = on_device(start * scales), None
+        # `limits` are the last two arguments of `_advance`: the limits of a step and the tolerance.
         limits = on_device(step_limits * scales), on_device(tolerance)
         while True:
             # optimistix gets the linear model at the latest point, even if it rejects that point:

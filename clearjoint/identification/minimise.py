@@ -30,8 +30,9 @@ Objective = Callable[[dict[str, jax.Array]], jax.Array]
 class Minimum:
     """Result of `minimise`: the parameters of the run with the smallest objective.
 
-    - `estimates`: value of each parameter by name.
-    - `coordinates`: (p,) the same values on the parameters' scales.
+    - `estimates`: value of each parameter by name, SI.
+    - `coordinates`: (p,) the same values as coordinates of the parameters' scales, such as
+      logarithms on a `Log` scale.
     - `objective`: smallest objective of all runs.
     - `history`: (iterations,) objective of each run; shorter if a run failed, which ends the
       search.
@@ -74,7 +75,8 @@ def minimise(
     **Arguments:**
 
     - `scene`, `state`, `start_time` s: as in `identify`.
-    - `objective`: a function of the outputs by name, each (N,), that JAX can differentiate.
+    - `objective`: a function of the outputs by name, each (N,), that returns a finite number and
+      that JAX can differentiate.
     - `parameters`: the free parameters by name; the search starts from the values in the scene.
     - `outputs`: functions of an `Instant` by name, evaluated at `times` (N,), s, rising.
     - `settings`: settings of the integration; by default `clearjoint.presets.derivatives`.

@@ -376,8 +376,9 @@ class RunMisfit:
     growing record, p more rows are those of a prior (argument `grow` of `identify`).
 
     - `coordinates`: (p,) coordinates of the parameters.
-    - `residuals`: (M,) in standard deviations of the noise, series after series.
-    - `jacobian`: (M, p) derivatives of the residuals by the coordinates.
+    - `residuals`: (M,) in standard deviations of the noise, series after series; `UNREACHED` at
+      samples that the run misses.
+    - `jacobian`: (M, p) derivatives of the residuals by the coordinates; zero at these samples.
     - `predicted`: (S, T) values of the outputs, SI; meaningless at times that the run misses.
     - `result`: `RESULTS` code of the run.
     - `time`: s, end of the run; `attempts`: number of steps tried.

@@ -98,7 +98,8 @@ def outputs_of(sensors: Mapping[str, Sensor]) -> dict[str, Quantity]:
     """Return the channels of all sensors by name.
 
     A channel has the name of its sensor. If the sensor has several channels, a number from zero on
-    is appended, as in "probe 0". A fit uses the same names, and therefore the same program.
+    is appended, as in "probe 0". A fit uses the same names, and therefore the same compiled
+    program.
 
     **Raises:** `ValueError` for names that are not unique.
     """
@@ -239,7 +240,8 @@ class Identifiability:
     def limits(self) -> Float[np.ndarray, " p"]:
         """Standard deviation of each coordinate, (p,), above which it is not identifiable.
 
-        An estimate with a larger one carries no information, see `AbstractScale.uninformative_std`.
+        An estimate with a larger one carries no information. The scale determines the limit by
+        `AbstractScale.uninformative_std`: on a `Log` scale it is 1, a factor of e in the value.
         """
         pairs = zip(self.scales, self.coordinates, strict=True)
         return np.array([scale.uninformative_std(float(u)) for scale, u in pairs])
@@ -386,7 +388,8 @@ def identifiability_from(
 ) -> Identifiability:
     """Return the `Identifiability` of parameters from the derivatives of a run.
 
-    `fit_horizon` also calls it, because it has made a run with derivatives already.
+    `identifiability` calls it. So does `fit_horizon`, which computes how long a record may be for a
+    fit, because it has made a run with derivatives already.
 
     **Arguments:**
 

@@ -89,7 +89,7 @@ def penetrations(scene: Scene) -> dict[str, Quantity]:
 
 
 def sizes(derivatives: Mapping[str, np.ndarray], names: Mapping[str, Quantity]) -> np.ndarray:
-    """Return root mean square displacements (T, p), m, per unit of each of p parameters.
+    """Return root mean square displacements (T, p), m, at T times, per unit of p parameters.
 
     **Arguments:** `derivatives`: by name, derivatives (T, p) of quantities by the parameters;
     `names`: the quantities returned by `points`, whose names select the derivatives.
@@ -103,7 +103,7 @@ def rate(times: np.ndarray, size: np.ndarray, since: float) -> float:
     """Return the rate of exponential growth of displacements, 1/s.
 
     The rate is the slope of a straight line that is fitted to the logarithms of the displacements.
-    It is NaN for fewer than two positive displacements.
+    It is NaN for fewer than two positive displacements from `since` on.
 
     **Arguments:** `times`: (T,) s; `size`: (T,) m, displacements at these times; `since`: s, time
     from which on they are used.

@@ -5,8 +5,8 @@ units of their noise. The inverse of F bounds the covariance of every unbiased e
 Rao), and it is the covariance of least squares for small noise. Computing F would lose half of the
 digits, and with them combinations that the data hardly determine. Functions here therefore take a
 root R (p, p) with R^T R = F, which follows from a QR decomposition of J. An argument `roots` may be
-a stack (..., p, p) of roots. Parameters are given by coordinates, their values on scales such as a
-logarithm.
+a stack (..., r, p) of roots, each with any number r >= p of rows. Parameters are given by
+coordinates, their values on scales such as a logarithm.
 """
 
 from collections.abc import Sequence
@@ -105,9 +105,10 @@ def condition(roots: Float[np.ndarray, "*T r p"]) -> np.ndarray:
 def covariance(rows: Float[np.ndarray, "N p"], floor: float = 0.0) -> Float[np.ndarray, "p p"]:
     """Return the covariance (p, p) of estimates of the parameters, the inverse of F.
 
-    **Arguments:** `rows`: derivatives (N, p), or a root (p, p); `floor`: smallest singular value
-    relative to the largest, for columns of unit length. Smaller ones are raised to this value, so
-    that the covariance is finite. With zero, the covariance of a singular F has infinities or NaN.
+    **Arguments:** `rows`: derivatives (N, p), N >= p, or a root (p, p); `floor`: smallest singular
+    value relative to the largest, for columns of unit length. Smaller ones are raised to this
+    value, so that the covariance is finite. With zero, the covariance of a singular F has
+    infinities or NaN.
     """
     lengths, values, directions = _equilibrated(rows)
     # The largest singular value is at least 1 unless all columns are zero; 1 replaces it then.
@@ -148,6 +149,8 @@ class Combination:
     def described(self, names: Sequence[str]) -> str:
         """Return the sum as text, such as "log K + 2 log c", without negligible terms.
 
+        All signs are reversed if the weight of largest absolute value is negative.
+
         **Arguments:** `names`: labels of the p coordinates.
         """
         order = np.argsort(-np.abs(self.weights), kind="stable")
@@ -164,8 +167,8 @@ class Combination:
 def combinations(root: Float[np.ndarray, "p p"], accuracy: float) -> tuple[Combination, ...]:
     """Return p combinations of the coordinates with independent estimates, the most accurate first.
 
-    They are the eigenvectors of the information. Those at the end tell which changes of several
-    parameters together the data cannot see.
+    They are the eigenvectors of the information. Those at the end are the simultaneous changes of
+    several parameters that the data determine least or not at all.
 
     **Arguments:** `root`: root (p, p) of the information; `accuracy`: relative error of the
     derivatives.
@@ -228,7 +231,7 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def percent(share: float) -> str:
-    """Return `share` in percent as text with two digits; "-" if it is not finite."""
+    """Return `share` in percent as text with two significant digits; "-" if it is not finite."""
     return f"{100.0 * share:.2g} %" if np.isfinite(share) else "-"
 
 

@@ -1,10 +1,11 @@
 """Longest record that a fit by a single run can use.
 
 Such a fit compares all samples with one run from the initial state, and searches the parameters for
-which they agree. Small differences grow from impact to impact. This growth makes parameters visible
-in data, but it limits a fit in two ways. In records of some length, the run of a wrong guess has
-another sequence of impacts than the data, and the fit may end in wrong parameters. In longer
-records, integration errors grow until a run differs from the true motion for its parameters.
+which they agree. Small differences grow from impact to impact. This growth increases the effect
+of parameters on the data, but it limits a fit in two ways. If the record is long enough, the run of
+a wrong guess has another sequence of impacts than the data, and the fit may end in wrong
+parameters. In longer records, integration errors grow until a run differs from the true motion
+for its parameters.
 
 The first limit is found by a test of whether a fit can descend from a wrong guess to the truth. Its
 path is the straight line from the guess to the truth, in the parameters' coordinates. If the misfit
@@ -64,7 +65,7 @@ class WrongGuess:
 
     - `offsets`: (p,) coordinates of the guess minus those of the truth.
     - `blocked`: (T,) whether the misfit rises somewhere on the path to the truth, for the record
-      that ends at each of the times.
+      that ends at each of the T times of samples.
     - `since`: s, end of the shortest blocked record; infinite if there is none.
     """
 
@@ -85,7 +86,7 @@ class FitHorizon:
       parameter's coordinate. The last column is for a perturbation of the initial velocity, per
       m/s.
     - `rate`: 1/s, rate of exponential growth of this last column since the first contact, or since
-      the start without a contact; NaN for fewer than two samples since then.
+      the start if there is no contact; NaN for fewer than two positive displacements since then.
     - `error`: (T,) bound of the integration error in units of the noise, the largest of all
       outputs. It is the difference from a run with ten times the tolerance, whose error is larger.
     - `derivative_error`: (T,) bound of the relative error of the derivatives over the record up to
@@ -129,17 +130,17 @@ class FitHorizon:
 
     @property
     def single_shot(self) -> float:
-        """End of the longest record, s, that a fit by a single run can use.
+        """Time, s, at which a record becomes too long for a fit by a single run.
 
         The smaller one of `numerical` and `convergence`; infinite if the whole record can be used.
         """
         return min(self.numerical, self.convergence)
 
     def warn_if_beyond(self, time: float) -> None:
-        """Warn, with a `UserWarning`, if a record is too long for a fit by a single run.
+        """Warn, with a `UserWarning`, if a record ends after `single_shot`.
 
-        The warning names each limit that the record exceeds, in ms, and suggests fitting windows
-        that grow from the smaller limit.
+        The warning names each limit that the record exceeds, in ms, and suggests fitting a part of
+        the record up to the smaller limit first, and then longer parts (`grow` of `identify`).
 
         **Arguments:** `time`: s, time of the record's last sample.
         """
@@ -216,9 +217,10 @@ def fit_horizon(
     The parameters' values are taken as the truth. Two runs with these values, one of them with ten
     times the tolerance, estimate the integration error. For each of several wrong guesses, four
     more runs, at the guess and at points between it and the truth, test whether the misfit falls
-    all the way. There are two guesses for each parameter, too large and too small. With two
-    parameters there are four more with both of them wrong, and with more parameters eight with all
-    of them wrong.
+    all the way. If one of these runs fails, the misfit of records beyond that time counts as
+    rising. There are two guesses for each parameter, too large and too small. With two parameters
+    there are four more with both of them wrong, and with more parameters eight with all of them
+    wrong.
 
     **Arguments:**
 
@@ -227,10 +229,12 @@ def fit_horizon(
     - `uncertainty`: largest error of a first guess, positive, by name of each parameter, in the
       coordinate of its scale: log(5) for a factor of five on a `Log` scale.
 
-    **Returns:** a `FitHorizon`, whose `single_shot` is the end of that record, s.
+    **Returns:** a `FitHorizon`, whose `single_shot` is the time, s, at which a record becomes too
+    long.
 
-    **Raises:** `ValueError` for unsupported arguments; `SimulationError` if one of the runs with
-    the parameters' values fails.
+    **Raises:** `ValueError` for arguments that `identifiability` refuses, for an `uncertainty` that
+    is not one positive number for each parameter, and for names that are used here for other
+    parameters and outputs; `SimulationError` if one of the runs with the parameters' values fails.
 
     >>> probe = cj.Sensor(x, times, noise=1e-4)
     >>> limits = cj.fit_horizon(
@@ -342,6 +346,7 @@ def _errors(
         weighted = run.derivatives[name][:, :p] * weight[:, None]
         differences += (loose.derivatives[name][:, :p] * weight[:, None] - weighted) ** 2
         size += weighted**2
+    # A parameter without any effect so far has no relative error; the divisor 1 avoids 0/0.
     total, error = np.cumsum(size, axis=0), np.cumsum(differences, axis=0)
     relative = np.sqrt(error / np.where(total > 0.0, total, 1.0))
     return np.max(values, axis=0), relative.max(axis=1)
@@ -397,9 +402,10 @@ def _wrong_guess(
 def _weighted(
     rows: Mapping[str, np.ndarray], weights: Mapping[str, np.ndarray]
 ) -> Float[np.ndarray, "S n"]:
-    """Return the rows of the S weighted outputs, (S, n), in units of the noise.
+    """Return values or derivatives of S outputs, in units of their noise, as an array (S, n).
 
-    Rows with n < T numbers are those of a run that failed early.
+    **Arguments:** `rows`: values or derivatives (n,) by name of the output, at the first n of T
+    times; n < T if the run failed early. `weights`: as for `_wrong_guess`.
     """
     return np.stack([rows[name] * weight[: len(rows[name])] for name, weight in weights.items()])
 

@@ -103,8 +103,8 @@ def each(function: Callable[..., PyTree], *arguments: PyTree) -> PyTree:
     This is for functions that use arrays for one element, such as methods of user-defined classes.
     Functions that consist of scalar arithmetic take the arrays (n,) directly.
 
-    **Arguments:** `arguments`: PyTrees. Their arrays of shape (n,) have one entry for each element;
-    scalars and Python numbers are the same for all elements.
+    **Arguments:** `arguments`: PyTrees. Their arrays of shape (n,), of which there must be at least
+    one, have one entry for each element; all other leaves are the same for all elements.
 
     **Returns:** the function's result with arrays (n, ...) in place of arrays (...). Python numbers
     in the result stay Python numbers.

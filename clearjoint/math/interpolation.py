@@ -73,6 +73,8 @@ def hermite_root(start: Slope, end: Slope, h: Scalar) -> Scalar:
         past = sign * value > 0.0
         lower, upper = jnp.where(past, lower, x), jnp.where(past, x, upper)
         slope = h * hermite_rate(x, start, end, h)
+        # With 1 in place of a zero slope, the step is arbitrary but finite; the root remains in
+        # the bracket.
         newton = x - value / jnp.where(slope == 0.0, 1.0, slope)
         # Bisection where Newton's step leaves the bracket.
         inside = (newton >= lower) & (newton <= upper)
@@ -247,10 +249,12 @@ def highest_after(
 
 
 def _cubic_vertex(before: Point, first: Point, middle: Point, last: Point) -> Scalar:
-    """Return the position x of the maximum of the cubic through four points in order of x.
+    """Return the approximate position x of the maximum of the cubic through four points in order
+    of x.
 
     The maximum is sought among the last three points, by a Newton step from the maximum of the
-    parabola through them.
+    parabola through them. If the cubic does not bend downwards there, the result is
+    that of `vertex` for the parabola.
     """
     x = vertex(first, middle, last)
     bend = _bend(first, middle, last)

@@ -124,7 +124,7 @@ class AbstractSolver:
         return list(row)
 
     def unrolled(self, matrix: Rows, right: Sequence[Scalar]) -> list[Scalar]:
-        """Return the solution as n scalars, for a matrix given by its rows."""
+        """Return the solution, n scalars, for n rows `matrix` and n scalars `right`."""
         raise NotImplementedError
 
     def dense(self, matrix: jax.Array, right: jax.Array) -> jax.Array:
@@ -148,14 +148,14 @@ class LeastNorm(AbstractSolver):
     """Solver that returns the solution of least norm of a singular but consistent system S x = b.
 
     The iteration x <- x + (S + eps I)^-1 (b - S x) from x = 0 stays in the range of S and converges
-    to the solution of least norm. Each iteration multiplies the error by eps/(eps + sigma), where
-    sigma is the smallest nonzero eigenvalue of S (E. Bayo, A. Avello, Singularity-free augmented
-    Lagrangian algorithms, 1994). Unlike an eigenvalue decomposition, the iteration can be
+    to the solution of least norm. Each iteration multiplies the error by at most eps/(eps + sigma),
+    where sigma is the smallest nonzero eigenvalue of S (E. Bayo, A. Avello, Singularity-free
+    augmented Lagrangian algorithms, 1994). Unlike an eigenvalue decomposition, the iteration can be
     differentiated where eigenvalues coincide.
 
     - `relative_shift`: eps relative to the mean of the diagonal of S.
     - `sweeps`: number of iterations. Unless sigma is far below that mean, three of them reduce the
-      error to rounding errors.
+      error to the size of rounding errors.
     """
 
     relative_shift = 1e-8

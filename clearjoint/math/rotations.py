@@ -194,7 +194,9 @@ class RotationVector(NamedTuple):
 
 
 def rotation_vector(rotation: Matrix) -> RotationVector:
-    """Return the rotation vector of a rotation matrix that maps rotated axes to fixed ones.
+    """Return the rotation vector of a rotation matrix.
+
+    The matrix transforms components in the rotated frame to components in the fixed frame.
 
     At exactly half a revolution, the direction of the vector is not defined, and the result is
     zero.

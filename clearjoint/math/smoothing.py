@@ -4,7 +4,8 @@ A power of a negative number and its derivative are zero. The direction of a zer
 derivative of its norm are zero. A ramp of width w > 0 has a continuous derivative, and a ramp of
 width ``None`` is exactly max(x, 0).
 
-For numbers of Python and NumPy, NumPy computes them, so that nothing is compiled.
+For numbers of Python and NumPy, NumPy computes these functions, so that nothing is compiled, except
+for `positive_power` and `ramp`, which always use JAX.
 """
 
 import jax
@@ -41,9 +42,10 @@ def polar_angle(sine: Scalar, cosine: Scalar) -> Scalar:
 
 
 def wrapped(value: Scalar, period: Scalar) -> Scalar:
-    """Return a value minus the nearest multiple of a period, such as an angle within half a turn.
+    """Return a value minus the nearest multiple of a period.
 
-    The absolute value of the result is at most half a period.
+    The absolute value of the result is at most half a period: at most pi for an angle in rad and a
+    period of 2 pi.
     """
     return value - period * library((value, period)).round(value / period)
 

@@ -351,6 +351,7 @@ def unpack(tree: PyTree, leading: int = 0) -> PyTree:
     >>> extend.unpack(np.array([1.0, 2.0, 3.0])).y.item()
     2.0
     """
+    # An empty tuple of patterns stands for no structural components.
     packed = tree if isinstance(tree, ConstantFolded) else ConstantFolded(tree, ())
     leaves, shape = jax.tree.flatten(packed.tree)
     patterns = packed.patterns or (None,) * len(leaves)

@@ -44,7 +44,8 @@ class Channel:
 
     **Arguments:**
 
-    - `quantity`: a scalar function of an `Instant`, such as those of `clearjoint.quantities`.
+    - `quantity`: a scalar function of an `Instant`, the scene and its motion at one time, such as
+      those of `clearjoint.quantities`.
     - `noise`: standard deviation of the samples in the column's unit: a number, or one for each
       row. ``None`` takes the `noise` argument of the reader.
     - `unit`: unit of the column, any that pint knows. It may be omitted if the table has the unit.
@@ -113,11 +114,11 @@ def read_csv(
 ) -> Measurements:
     """Read measurements from a CSV file with a header; the file may be compressed.
 
+    This example reads the columns "t [ms]" and "probe x [um]", and converts values to SI units:
+
         probe = Channel(JournalOffset("pin", "x"), noise=2.0)  # in the column's unit
         data = read_csv("rig.csv", {"probe x": probe}, comment="#", missing="drop")
         data.check(scene)  # raises an error if the scene lacks the joint
-
-    reads the columns "t [ms]" and "probe x [um]". Values are converted to SI units.
 
     **Arguments:**
 
@@ -134,9 +135,10 @@ def read_csv(
     **Raises:** `ValueError` for a file that is empty, in another encoding, or whose rows have more
     fields than its header; for a missing or repeated column; for a column without a unit, with a
     unit of another dimension, or with another unit than its channel; for samples that are not
-    finite numbers, unless they are dropped, and for dates and truth values; for times that don't
-    rise strictly; for noise that is missing, not positive or of another length; for an unknown
-    `missing`; and for an empty `channels`.
+    finite numbers, unless they are dropped, and for dates and truth values; for a column without
+    samples; for times that don't rise strictly; for noise that is missing, not positive or of
+    another length; for an unknown `missing`; and for an empty `channels`. `OSError` for a file that
+    does not exist.
 
     >>> import pandas as pd
     >>> table = pd.DataFrame({"t [ms]": [0, 1], "probe x [um]": [1.0, 2.0]})
@@ -183,8 +185,8 @@ def function_from_csv(
     **Returns:** a function of time of the type `kind`, with times in s and values in `unit`.
 
     **Raises:** `ValueError` for a file that can't be read as in `read_csv`, a missing or repeated
-    column, values that are not finite numbers, times that don't rise strictly, and a unit of
-    another dimension.
+    column, fewer than two rows, values that are not finite numbers, times that don't rise strictly,
+    and an unknown unit or one of another dimension; `OSError` for a file that does not exist.
 
     >>> import pandas as pd
     >>> table = pd.DataFrame({"t [ms]": [0, 100], "torque [N cm]": [0.0, 250.0]})

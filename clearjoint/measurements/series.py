@@ -80,8 +80,10 @@ def _pint_unit(registry: "pint.registry.ApplicationRegistry", unit: str) -> "pin
     from pint.util import string_preprocessor
 
     # Units come from headers of files, so pint's parser must not be given an expression that takes
-    # it very long. Only powers with small exponents are accepted, and no powers of powers: after
-    # every accepted power has become "#", neither "##" nor "**" may be left.
+    # it very long. Only powers with small exponents are accepted, and no powers of powers: pint's
+    # preprocessor writes every power with "**", and after every accepted power has become "#",
+    # neither "##" nor "**" may be left. In the product, a power below 1 counts as 1, so that it
+    # does not compensate for a large one.
     require(len(unit) <= LONGEST, "unit", unit, f"at most {LONGEST} characters", SPELLING)
     plain = string_preprocessor(unit).replace(" ", "")
     powers = POWER.findall(plain)
@@ -108,9 +110,9 @@ class Series(AbstractReadable):
 
     **Arguments:**
 
-    - `channel`: the measured quantity, a scalar function of an `Instant`: one of
-      `clearjoint.quantities` or a user-defined function. If it has a `period`, such as 2 pi for an
-      angle, residuals are taken modulo the period.
+    - `channel`: the measured quantity, a scalar function of an `Instant`, which is the scene with
+      its motion at one time: one of `clearjoint.quantities` or a user-defined function. If it has a
+      `period`, such as 2 pi for an angle, residuals are taken modulo the period.
     - `times`: (N,) s, strictly rising.
     - `values`: (N,) in `unit`.
     - `noise`: standard deviation of the samples in `unit`: a number, or (N,).
@@ -334,6 +336,7 @@ class Measurements(AbstractReadable):
             variables[noise] = (dimension, np.asarray(series.noise), deviation)
             coordinates[dimension] = (dimension, np.asarray(series.times), {"units": "s"})
         names = sorted([*variables, *coordinates])
+        # Of two variables with the same name, the dictionary would have kept only the last.
         unique = len(variables) == 2 * len(self.series) and not set(variables) & set(coordinates)
         remedy = 'rename those called "time" or "..._noise"'
         expected = "series whose names differ from those of noise and time"

@@ -1,7 +1,7 @@
 """Arrange the bodies of a scene by following its joints, for a first guess of its state.
 
-The guess serves scenes without a complete state: to draw them, and to start `assemble`, which also
-closes loops of joints.
+The guess serves scenes without a complete state: to draw them, and to start `assemble`, which moves
+the bodies until they satisfy all joints, including those of closed loops.
 """
 
 from dataclasses import replace
@@ -29,15 +29,17 @@ def arranged_state(scene: Scene, given: State | None = None, angle: float = 0.0)
 
     Each joint places the next body, at rest, such that the two points of the joint coincide. The
     body's axes are parallel to those of the body before it, or turned by the smallest rotation that
-    makes the axes of the joint parallel. Bodies that no chain of joints connects with the ground
-    start a chain of their own, whose first body is at the origin.
+    makes the axes of the joint parallel. The points and axes of a joint, one on each of its bodies,
+    are those at which its method `draw` draws it. Bodies that no chain of joints connects with the
+    ground start a chain of their own, whose first body is at the origin, parallel to the global
+    axes.
 
     A joint between two bodies that already have a place is not used, so that a closed chain of
     bodies may stay open at one of its joints: see `is_closed`.
 
     **Arguments:**
 
-    - `given`: state of some of the bodies, which keep it.
+    - `given`: state of some of the scene's bodies, which keep it.
     - `angle`: rad, by which the first joint is turned about its axis. The angle of each further
       joint is -1.3 times that of the one before; a joint without an axis is not turned, but counts.
       With the default, zero, the links of a planar chain are parallel, which may be a singular
@@ -108,11 +110,13 @@ def _joined(pose: Pose, known: Marker, other: Marker, angle: float) -> Pose:
     """Return the pose of the body of `other` for which the points of two markers coincide and their
     axes, if both have one, are parallel.
 
+    The body has the rotation of the body of `known`, changed as little as the axes require.
+
     **Arguments:**
 
     - `pose`: of the body of `known`.
     - `known`, `other`: the markers of a joint on two bodies.
-    - `angle`: additional rotation about the common axis, rad.
+    - `angle`: additional rotation about the common axis, rad; not used without such an axis.
     """
     rotation = pose[1]
     point, target = _in_space(pose, known)

@@ -77,7 +77,8 @@ def _inner(inner_diameter: Number, diameter: Number) -> Number:
 
 
 def _number(argument: str, value: Number, unit: str) -> Number:
-    """Return a value as an array, (), after a check that it is one positive number."""
+    """Return a value as an array, (), after a check that it is one positive number. `argument` and
+    `unit` are its name and unit in the error message."""
     number = as_number(value)
     require_positive(argument, number, f"give it in {unit}")
     return number
@@ -103,7 +104,8 @@ estimated. A rod or plate with idealised moments of inertia would have no thickn
 
 
 def _require_inertia(argument: str, value: ArrayLike) -> None:
-    """Check principal moments, (3,), or an inertia matrix, (3, 3), kg m^2.
+    """Check principal moments, (3,), or an inertia matrix, (3, 3), kg m^2. `argument` is the name
+    of the value in error messages.
 
     **Raises:** `ValueError` for another shape, a number that is not finite, or an inertia that no
     rigid body has: a matrix that is not symmetric, a principal moment that is not positive, or one
@@ -116,7 +118,8 @@ def _require_inertia(argument: str, value: ArrayLike) -> None:
     if (known := checkable(value)) is None:
         return
     (inertia,) = known
-    # NumPy, or JAX for traced values. Both inequalities allow for the rounding of given numbers.
+    # NumPy, or JAX for traced values. The tests of the symmetry and of the largest moment allow for
+    # the rounding of given numbers.
     xp, moments = inertia.__array_namespace__(), inertia
     if inertia.ndim == 2:
         symmetric = xp.allclose(inertia, inertia.T, rtol=1e-9, atol=0.0)
@@ -189,13 +192,15 @@ class Body(AbstractReadable):
         - `length`: m, centred at the centre of mass.
         - `mass`: kg, or `density`: kg/m^3, exactly one of them.
         - `diameter`: m; required with a density. With only a mass the rod is slender: its
-          transverse moments are m l^2/12, and the moment about its axis is that of a steel bar.
+          transverse moments are m l^2/12, and the moment about its axis is that of a steel bar
+          of the same mass and length.
         - `axis`: direction of the rod, "x", "y" or "z".
 
         **Raises:** `ValueError` if a number is not positive, if not exactly one of mass and density
         is given, if a density is given without a diameter, if the steel bar would be thicker than
         long, or for another axis.
-        **Warns:** `UnusualValueWarning` for a density outside 10 to 25e3 kg/m^3.
+        **Warns:** `UnusualValueWarning` for a density outside 10 to 25e3 kg/m^3, or if the mass and
+        inertia are unusual for a `Body`.
         """
         if diameter is not None:
             return Body.cylinder(diameter, length, mass=mass, density=density, axis=axis)
@@ -239,7 +244,8 @@ class Body(AbstractReadable):
 
         **Raises:** `ValueError` if a number is not positive, the hole is negative or not smaller
         than the cylinder, unless exactly one of mass and density is given, or for another axis.
-        **Warns:** `UnusualValueWarning` for a density outside 10 to 25e3 kg/m^3.
+        **Warns:** `UnusualValueWarning` for a density outside 10 to 25e3 kg/m^3, or if the mass and
+        inertia are unusual for a `Body`.
         """
         diameter, length = _number("diameter", diameter, "m"), _number("length", length, "m")
         inner = _inner(inner_diameter, diameter)
@@ -271,7 +277,8 @@ class Body(AbstractReadable):
 
         **Raises:** `ValueError` if a number is not positive, or unless exactly one of mass and
         density is given.
-        **Warns:** `UnusualValueWarning` for a density outside 10 to 25e3 kg/m^3.
+        **Warns:** `UnusualValueWarning` for a density outside 10 to 25e3 kg/m^3, or if the mass and
+        inertia are unusual for a `Body`.
         """
         lengths = as_number(lengths)
         require_shape("lengths", lengths, (3,), "pass three lengths in m, along x, y and z")
@@ -305,7 +312,8 @@ class Body(AbstractReadable):
 
         **Raises:** `ValueError` if a number is not positive, the hole is negative or not smaller
         than the sphere, or unless exactly one of mass and density is given.
-        **Warns:** `UnusualValueWarning` for a density outside 10 to 25e3 kg/m^3.
+        **Warns:** `UnusualValueWarning` for a density outside 10 to 25e3 kg/m^3, or if the mass and
+        inertia are unusual for a `Body`.
         """
         diameter = _number("diameter", diameter, "m")
         inner = _inner(inner_diameter, diameter)
@@ -391,8 +399,9 @@ class State(AbstractReadable):
       and label of the contact; zero without contact, and 1e9, which makes the damping negligible,
       if the contact began before the start of the run. Empty for scenes whose laws don't use entry
       speeds.
-    - `work`: energies supplied to the bodies or taken from them since the start, J, by name; empty
-      unless the run keeps this energy ledger.
+    - `work`: energies since the start, J, by name: "normal damping", "friction", "film" and
+      "stabilisation", positive if taken from the motion, and "supplied", positive if drives and
+      loads supplied it; empty unless the run keeps this energy ledger.
     - `bristles[joint][contact]`: bristle deflections, (3,) m in the axes of the joint's first body;
       zero without contact. Empty for scenes without bristle laws.
 

@@ -72,7 +72,8 @@ def condensed(scene: Scene) -> Scene:
     group_of = {member: group for group in bodies for member in group.members}
 
     def bodies_of(name: str) -> list[int]:
-        """Return the places of a joint's two bodies, the later one first; -1 for the ground."""
+        """Return the indices in `order` of the two bodies of the joint with the given name, the
+        larger one first; -1 for the ground."""
         return sorted((order.get(body, -1) for body in contacts[name].pair()), reverse=True)
 
     # Joints are sorted by their bodies' places in the chain, so that neighbouring joints of a group
@@ -364,18 +365,19 @@ class GroupedMechanics(AbstractMechanics):
         return self._rest.variable_rates(rest), self._groups.variable_rates(groups)
 
     def after_displacement(self, changes: Speeds) -> GroupedVariables:
-        """Return the variables after a small displacement of the single bodies.
+        """Return the variables after small displacements of the single bodies.
 
-        Grouped bodies stay where they are: only constraints displace bodies, and grouped bodies
-        have none.
+        `changes` has one displacement, m or rad, for each speed of single bodies and groups.
+        Grouped bodies stay where they are: only constraints displace bodies in this way, and
+        grouped bodies have none.
         """
         return self._rest.after_displacement(self._split(changes)[0]), self._variables[1]
 
     def after_speed_change(self, changes: Speeds) -> GroupedVariables:
-        """Return the variables after changes of the single bodies' speeds.
+        """Return the variables after `changes` of the single bodies' speeds, m/s or rad/s.
 
-        Grouped bodies keep their speeds: only constraints change them, and grouped bodies have
-        none.
+        Grouped bodies keep their speeds: in runs with groups only constraints change speeds in this
+        way, and grouped bodies have none.
         """
         return self._rest.after_speed_change(self._split(changes)[0]), self._variables[1]
 
@@ -507,7 +509,7 @@ def grouped(scene: Scene, formulation: Formulation) -> tuple[Scene, Formulation]
 
     The returned formulation has `GroupedCoordinates`, which treat groups of bodies and single
     bodies separately. Without groups, scene and formulation are returned unchanged. Groups make the
-    compiled program of a scene with many equal elements shorter.
+    compiled program of a scene with many such elements shorter.
 
     **Arguments:** `scene`: a scene with each vector as three separate scalars.
     """

@@ -19,9 +19,9 @@ The purpose is accuracy. With the unknowns u', the inertia of the carried bodies
 enters the carrier's equations twice, with opposite signs, and the two terms cancel. With the
 unknowns r, it does not enter the carrier's equations at all. In the double pendulum of
 `clearjoint.mechanisms`, arm 2 has 0.001 kg m^2 about the hinge and arm 3, which it carries, has 2.3
-kg m^2. There the rounding errors of the cancelling terms cost two digits of the last impacts. If
-axes are coordinate axes, the terms without inertia are exact zeros, which the compiled program
-omits.
+kg m^2. There the rounding errors of the cancelling terms cost two digits of the results for the
+last impacts of a run. If the joints' axes are coordinate axes, the entries of the equations from
+which this inertia has disappeared are exact zeros, which the compiled program omits.
 
 A link is a body of a tree with its kinematics. Its columns are the twists (angular and linear
 velocity of the body) that a unit of each speed of its joint causes. Arguments and results of the
@@ -158,8 +158,13 @@ class JointMechanics(AbstractMechanics):
         return matrix
 
     def _fill_row(self, row: list[Scalar], k: int | None, momentum: Twist) -> None:
-        """Fill a row of the mass matrix with the products of a momentum with the columns of link k
-        and of all its carriers towards the root. `k` is ``None`` beyond the root."""
+        """Fill the row of one speed of the mass matrix, in place, with the products of a momentum
+        with the columns of link k and of all its carriers towards the root.
+
+        **Arguments:** `row`: the list of the row's entries; `k`: the carrier's index, ``None``
+        beyond the root; `momentum`: that of the carried bodies for a unit of the speed, as far as
+        it acts on link k (see `_transmitted`).
+        """
         while k is not None:
             columns, first = self._links[k].columns, self._firsts[k]
             for j, column in enumerate(columns, first):
@@ -298,7 +303,7 @@ class JointMechanics(AbstractMechanics):
 
 
 def _product(first: Twist, second: Twist) -> Scalar:
-    """Return the sum of angular times angular and linear times linear part.
+    """Return the dot product of the angular parts plus the dot product of the linear parts.
 
     It is the power of a load (moment and force) with a twist, or the product of a momentum with a
     column.

@@ -115,10 +115,11 @@ class Inertia:
         """Return the inertia of carried bodies that a joint transmits to its carrier, if these
         bodies do not follow the carrier's rotation about the joint's axis.
 
-        Let M be the 6x6 matrix of this inertia and P = 1 - column axis^T, which takes the rotation
-        about the axis from a twist. The result is P^T M P = M - axis whole^T - rest axis^T, in
-        which `axis` has a linear part of zero. For a joint of several axes, the method is called
-        once for each of them.
+        Let M be the 6x6 matrix of this inertia, and let column be the twist for a unit of the
+        joint's speed, so that whole = M column. P = 1 - column axis^T takes the rotation about the
+        axis from a twist. The result is P^T M P = M - axis whole^T - rest axis^T, in which `axis`
+        has a linear part of zero. For a joint of several axes, the method is called once for each
+        of them.
 
         **Arguments:**
 
@@ -198,8 +199,8 @@ class FreeBranch:
     parent: ClassVar[str] = GROUND
 
     def encode(self, parent: BodyPose, body: BodyPose) -> BodyState:
-        """Return the state of the body, with the position of the centre of mass or, with an anchor,
-        of the anchor's body point."""
+        """Return the state of the body, whose position is the centre of mass or, with an anchor,
+        the vector from the anchor's ground point to its body point, m."""
         orientation, motion = body
         position = motion.position
         if self.anchor is not None:
@@ -224,7 +225,11 @@ class FreeBranch:
         return Link(IDENTITY, ZERO, state.spin, ZERO, ZERO, gradient, tuple(columns))
 
     def rates(self, state: BodyState, speeds: Speeds, axes: Matrix, gravity: Vector) -> BodyState:
-        """Return the time derivatives of position (m/s), Euler parameters, velocity and spin."""
+        """Return the time derivatives of position (m/s), Euler parameters, velocity and spin.
+
+        **Arguments:** `speeds`: time derivatives of the six speeds in body axes, m/s^2 (relative to
+        free fall) and rad/s^2; `gravity`: m/s^2, global.
+        """
         shift = self._shift(axes, state.velocity, state.spin)
         orientation = euler_parameter_rates(state.orientation, state.spin)
         acceleration = axes @ Vector(*speeds[:3]) + gravity
@@ -356,7 +361,11 @@ class JointedBranch:
         return Link(rotation, point + arm, spin, angular_bias, bias, gradient, tuple(columns))
 
     def rates(self, state: JointState, speeds: Speeds, axes: Matrix, gravity: Vector) -> JointState:
-        """Return the time derivatives of the joint's position and of its speeds."""
+        """Return the time derivatives of the joint's position and of its speeds.
+
+        The argument `speeds` consists of the time derivatives of the speeds, m/s^2 or rad/s^2.
+        `axes` and `gravity` are ignored; only a `FreeBranch` needs them.
+        """
         return JointState(self.motion_subspace.rates(state), tuple(speeds))
 
     def after_displacement(self, state: JointState, changes: Speeds, axes: Matrix) -> JointState:
@@ -418,7 +427,8 @@ def _grow(tree: list[TreeBranch], scene: Scene, placed: set[str]) -> None:
 def _children(scene: Scene, parent: str, placed: set[str]) -> list[JointedBranch]:
     """Return a branch for each ideal joint that carries another body on the body `parent`.
 
-    Bodies in `placed` are left out; the bodies of the branches are added to it.
+    Bodies in `placed` are left out; the bodies of the branches are added to it. Ideal joints that
+    do not connect two bodies, or have no `motion_subspace`, get no branch and remain constraints.
     """
     children = []
     for name, joint in scene.joints.items():

@@ -27,9 +27,11 @@ RISE = 3.84
 """Smallest rise of chi squared between two minima that count as separate: the rise at the ends of a
 95 % interval of one parameter."""
 NEAREST = 10
-"""Smallest number of nearest points that are the neighbours of a point."""
+"""Smallest number of nearest points that are the neighbours of a point. With fewer, chance gaps
+between the points would divide a mode."""
 SMALLEST = 0.01
-"""Share of the points below which a mode joins the nearest larger one."""
+"""Share of the points below which a mode joins the nearest larger one: so few may be stray points
+of that one."""
 
 
 def modes(
@@ -40,9 +42,10 @@ def modes(
     A mode is a group of points around one minimum of chi squared. The neighbours of a point are the
     ten points nearest to it, or four for each parameter if that is more. From the lowest chi
     squared upwards, each point joins a group of its neighbours, that with the lowest minimum, or
-    begins a new one. Other groups of its neighbours join it too if chi squared rises by less than
-    3.84 from their minimum to this point (F. Chazal et al., *Persistence-based clustering in
-    Riemannian manifolds*, 2013). A minimum with fewer points than neighbours may not be found.
+    begins a new one. Other groups of its neighbours are united with this group if chi squared rises
+    by less than 3.84 from their minimum to this point (F. Chazal et al., *Persistence-based
+    clustering in Riemannian manifolds*, 2013). At the end, a group with less than 1 % of the points
+    joins the nearest larger one. A minimum with fewer points than neighbours may not be found.
 
     **Arguments:** `points`: (n, p) coordinates, some of which may be equal; `chi_squared`: (n,) at
     the points.
@@ -51,6 +54,8 @@ def modes(
     distinct, first, copies = np.unique(points, axis=0, return_index=True, return_inverse=True)
     values, number = chi_squared[first], len(distinct)
     distances = _distances(distinct)
+    # The nearest point is the point itself, hence the 1. With more parameters, neighbours must lie
+    # in more directions.
     near = np.argsort(distances, axis=1, kind="stable")[:, : max(NEAREST, 4 * points.shape[1]) + 1]
     neighbour = np.zeros((number, number), bool)
     np.put_along_axis(neighbour, near, True, axis=1)
@@ -146,7 +151,8 @@ def posterior(
     standard deviations off a sample, has the likelihood zero, and is counted in `failed`.
 
     **Raises:** `ValueError` for unsupported arguments, and if all points are impossible: their runs
-    fail, or their prior is zero.
+    fail, or their prior is zero; `numpy.linalg.LinAlgError` if so few different points are possible
+    that their covariance is singular.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-3)
     >>> found = cj.posterior(
@@ -210,12 +216,13 @@ def drawn_posterior(
     - `log_prior`: function of points (n, p) in the box that returns the logarithm of the prior
       density of the coordinates, (n,), up to a constant.
     - `number`, `seed`: number of points, and seed of the random numbers.
-    - `most_runs`: number of runs, of all kinds, that is not exceeded.
+    - `most_runs`: largest number of runs, along the record and in the importance sampling together.
     - `on_step`: function that is called after each step with the time, s, up to which the record is
       in the likelihood, and the number of runs so far.
 
     **Raises:** `ImpossiblePointsError`, a `ValueError`, if all points are impossible;
-    `TooManyRunsError` if more than `most_runs` runs are needed.
+    `TooManyRunsError` if more than `most_runs` runs are needed; `numpy.linalg.LinAlgError` if the
+    covariance of the points is singular.
     """
     begun = time.perf_counter()
     lanes = _Lanes(side_by_side, most_runs)
@@ -232,7 +239,8 @@ def drawn_posterior(
             "the prior of the others is zero). Centre `guess` on values with which the scene "
             "runs, or change `spread` or `log_prior`."
         ) from error
-    # Logarithm of the normal density at a residual of zero, summed over all samples.
+    # Logarithm of the normal density at a residual of zero, summed over all samples. Weights are
+    # inverse standard deviations, and zero where a series has no sample.
     weights = side_by_side.data.weights
     constant = float(np.log(weights[weights > 0.0] / math.sqrt(2.0 * math.pi)).sum())
     return Posterior(
@@ -283,7 +291,8 @@ class _Lanes:
     def curves(self, points: Float[np.ndarray, "n p"], count: int) -> Float[np.ndarray, "n T"]:
         """Return chi squared at points (n, p) over the first 0 to `count` times, (n, count + 1).
 
-        It is infinite from the first sample that a run misses.
+        It is infinite from the first sample that a run misses, or from which its prediction is 1e6
+        standard deviations off.
 
         **Raises:** `TooManyRunsError`, before any run, if the n runs would exceed `most_runs`.
         """

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
 EDGE, MANY = 0.01, 0.02
 """Distance from an end of the box, relative to its width, within which a point is at this end; and
-share of the points at an end from which on the report mentions them."""
+share of the points at an end from which on the report mentions them, twice that of a uniform
+distribution."""
 ENOUGH = 150.0
 """Effective number of runs below which there is a warning, or half the number of points if that is
 less: the ends of intervals are inaccurate."""
@@ -26,7 +27,7 @@ less: the ends of intervals are inaccurate."""
 
 @dataclass(frozen=True)
 class Posterior(AbstractTabular):
-    """Points that are distributed as the posterior of p parameters.
+    """Result of `posterior`: points that are distributed as the posterior of p parameters.
 
     - `parameters`: `Parameter` by name, in the order of the p coordinates; `units` by name.
     - `coordinates`: (n, p) points, on the parameters' scales, of equal weight.
@@ -41,7 +42,8 @@ class Posterior(AbstractTabular):
     - `box`: lower and upper ends (p,) of the coordinates where the prior is not zero.
     - `runs`: number of runs; `failed`: number of those that failed, whose likelihood counts as
       zero.
-    - `steps`: number of steps in which the record entered the likelihood.
+    - `steps`: number of steps of the calculation, each of which includes more of the record in the
+      likelihood.
     - `seed`: of the random numbers; `seconds`: time taken, s.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-3)
@@ -158,9 +160,10 @@ class Posterior(AbstractTabular):
         """Return the points as an `arviz.InferenceData` with one chain.
 
         ArviZ must be installed (``pip install 'clearjoint[arviz]'``). The group `posterior` has the
-        values of the parameters, `log_likelihood` that of the whole record, by the name "record",
-        and `sample_stats` the number of each point's `mode`. The attributes of `to_xarray`, and the
-        `weights` of the modes, are attributes of the group `posterior`.
+        values of the parameters; `log_likelihood` has the logarithm of the likelihood of the whole
+        record, by the name "record"; and `sample_stats` has the number of each point's `mode`. The
+        attributes of `to_xarray`, and the `weights` of the modes, are attributes of the group
+        `posterior`.
         """
         import arviz
 

@@ -150,7 +150,8 @@ def draw(
     The cloud at the end of the record is small, and its points have moved little. Importance
     sampling therefore makes many runs at points drawn from wide normal distributions around the
     cloud, and weights them by the posterior. The next round draws around these weighted points,
-    until the effective number of runs is at least `number`. Only the last round enters the result:
+    until the effective number of runs is at least `number`; after five rounds it may remain
+    smaller. Only the last round enters the result:
     the mean of its weights is an estimate of the evidence without bias, because its mixture does
     not depend on its own runs.
 
@@ -247,7 +248,7 @@ def evaluated(target: Target, points: Float[np.ndarray, "n p"], ahead: int) -> C
 def level_or_infinity(curves: Float[np.ndarray, "n T"], count: float) -> Float[np.ndarray, " n"]:
     """Return chi squared (n,) over the first `count` times; a fraction counts a part of a sample.
 
-    It is infinite from the first sample that a run misses.
+    It is infinite for a run that misses any of these samples, also one that counts in part.
 
     **Arguments:** `curves`: (n, T + 1) chi squared over the first 0 to T times.
     """
@@ -261,10 +262,10 @@ def level_or_infinity(curves: Float[np.ndarray, "n T"], count: float) -> Float[n
 
 
 def next_count(curves: Float[np.ndarray, "n T"], reached: float) -> float:
-    """Return the number of times up to which the next step brings the record into the likelihood.
+    """Return the number of times, which may be a fraction, in the likelihood after the next step.
 
-    The number may be a fraction. The step is so long that the effective number of points, by their
-    new weights, falls to the share `KEPT`, or it goes to the end of the runs.
+    The step is so long that the effective number of points, by their new weights, falls to the
+    share `KEPT`, or it goes to the end of the runs.
 
     **Arguments:** `curves`: (n, T + 1) chi squared over the first 0 to T times; `reached`: number
     of times that are already in the likelihood.
@@ -288,11 +289,11 @@ def next_count(curves: Float[np.ndarray, "n T"], reached: float) -> float:
 
 
 def normalised(logarithms: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], float]:
-    """Return weights (n,) in proportion to exp(logarithms), and the logarithm of the mean of these.
+    """Return weights (n,) in proportion to exp(logarithms), and log(mean(exp(logarithms))).
 
     The sum of the weights is 1. Logarithms that are NaN count as -inf.
 
-    **Raises:** `FloatingPointError` if all weights are zero.
+    **Raises:** `FloatingPointError` if all logarithms are -inf, or one is +inf.
     """
     finite = np.where(np.isnan(logarithms), -np.inf, logarithms)
     largest = finite.max(initial=-np.inf)
@@ -339,9 +340,10 @@ def mutated(
     for sweep in range(SWEEPS):
         if sweep % 2 == 0:
             # Draws that do not depend on the present point need the ratio of their densities.
+            # Ratios are logarithms here, because densities may underflow.
             points = mixture.drawn(number, generator)
             ratios = mixture.log_density(moved.points) - mixture.log_density(points)
-        else:  # A symmetric step, whose ratio is 1.
+        else:  # A symmetric step, whose ratio is 1, with logarithm 0.
             points, ratios = moved.points + differences(cloud.points, weights, generator), 0.0
         inside = target.holds(points)
         if not inside.any():
@@ -360,7 +362,10 @@ def mutated(
 
 
 def nearest(p: int) -> int:
-    """Return the smallest number of points that give a covariance of p coordinates."""
+    """Return the smallest number of points from which a covariance of p coordinates is estimated.
+
+    It is four times p + 1; the covariance of fewer than p + 1 points is singular.
+    """
     return 4 * (p + 1)
 
 
@@ -407,7 +412,9 @@ class Mixture:
         near = min(max(nearest(p), round(2.0 * math.sqrt(count))), count)
         mean = weights @ points
         whole = (weights[:, None] * (points - mean)).T @ (points - mean)
+        # Where all points have the same coordinate its variance is zero; 1e-300 replaces it.
         whole += RIDGE * np.diag(np.maximum(np.diag(whole), 1e-300))
+        # Scaled coordinates have unit covariance, so that all count equally in distances.
         scaled = np.linalg.solve(np.linalg.cholesky(whole), points.T).T
         order = np.argpartition(((scaled[:, None] - scaled) ** 2).sum(axis=2), near - 1, axis=1)
         close = order[:, :near]

@@ -86,7 +86,8 @@ def among(
 
     Each is drawn from a normal distribution around one of the points, with the covariance of that
     point's `neighbours` nearest points, so that new points follow a curved or disconnected region.
-    New points beyond the `bounds`, low (p,) and high (p,), are reflected at them.
+    New points beyond the `bounds`, low (p,) and high (p,), are reflected at them; very distant ones
+    are put on a bound.
 
     **Arguments:** `points`: two or more; `number`: number of new points; `neighbours`: number of
     neighbours including the point itself, two or more.

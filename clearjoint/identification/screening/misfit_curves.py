@@ -68,7 +68,8 @@ class SideBySide:
         """Return chi squared of n runs, (n, count + 1): column k is that of the first k sample
         times.
 
-        Samples that a run does not reach have the residual `UNREACHED`.
+        Samples that a run does not reach have the residual `UNREACHED`, 1e6 standard deviations.
+        Larger residuals are reduced to this size.
 
         **Arguments:** `coordinates`: (n, p) coordinates of the parameters in each run; `count`:
         number of times after which runs end; `smoothing`: number of times over which residuals are

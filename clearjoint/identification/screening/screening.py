@@ -3,8 +3,8 @@
 If predicted and measured impact peaks don't overlap, the derivatives of chi squared don't lead to
 the solution, and later impacts add many minima. Therefore the whole neighbourhood of a guess is
 screened by many points, which are coordinates of the parameters. The first round uses an early
-part of the record, as long as many points still fit this part about equally well. The next round
-draws points among them and uses more of the record, and so on to the end of the record.
+part of the record, so short that many points still fit it about equally well. The next round draws
+points among them and uses more of the record, and so on to the end of the record.
 
 The method shrinks level sets like nested sampling (J. Skilling, *Nested sampling for general
 Bayesian computation*, 2006), for a misfit that grows with the record.
@@ -72,8 +72,8 @@ class Screening:
     - `seed`: seed of the random numbers.
 
     **Raises:** `ValueError` for a `number`, `finish`, `rounds`, `smoothing` or `passes` below 1,
-    for a `spread` that is not positive, and for a `keep` below 5 or `finish`, or above 4 times
-    `number`.
+    for a `spread` that is not finite and positive, and for a `keep` below 5 or `finish`, or above 4
+    times `number`.
 
     >>> cj.Screening(number=80, spread={"clearance": 0.5}).finish
     4
@@ -202,12 +202,13 @@ def search_screened(
     There are at most `screening.passes` passes, each with other random numbers.
 
     **Arguments:** `search_from`: function that searches from a start, coordinates (p,), with
-    derivatives; it also keeps its result for the caller. The others are those of `screen`.
+    derivatives; it must also store its result, because only the screenings are returned. The others
+    are those of `screen`.
 
     **Returns:** the result of each screening pass.
 
-    **Raises:** `ValueError` as `screen`, and the errors of `search_from`, by which it ends the
-    passes if the user interrupts it.
+    **Raises:** `ValueError` as `screen`, and the errors of `search_from`, such as a
+    `KeyboardInterrupt` by the user, which end the passes.
     """
     degrees_of_freedom = lanes.data.count - len(names)
     searches: list[Search] = []

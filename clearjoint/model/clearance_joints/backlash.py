@@ -52,7 +52,8 @@ class Backlash(AbstractPair, AbstractFlankJoint):
     - `play`: rad, total angle from flank to flank. Alternatively `play_length`: m, the arc length
       at `radius`, as specified for gears. The joint stores the angle.
     - `radius`: m, of the flanks. Optional with a `torsional_stiffness`: 0.01 m by default.
-    - `middle`: rad, the joint's angle (`quantities.JointAngle`) in the middle of the play.
+    - `middle`: rad, the joint's angle (`quantities.JointAngle`) in the middle of the play. The
+      angle is zero for parallel frames of the bodies if both axes have the same components.
     - `law`: normal law of each flank, with an explicit stiffness. Alternatively
       `torsional_stiffness`: N m/rad, of a pressed flank as in gearbox catalogues, with
       `restitution`, 0.5 by default; the law is then a linear `ExactRestitution`.
@@ -157,7 +158,8 @@ class Backlash(AbstractPair, AbstractFlankJoint):
         return dict.fromkeys(FLANKS, deepest)
 
     def relative_angle(self, motions: Motions) -> Row:
-        """Return the second body's angle about the axis, rad within (-pi, pi], as a row."""
+        """Return the second body's angle about the axis, rad within (-pi, pi], as a row: the angle
+        with its derivatives by the bodies' motion."""
         return relative_angle_row(*self._between(motions), self.axis_first, self.axis_second)
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
@@ -178,6 +180,7 @@ class Backlash(AbstractPair, AbstractFlankJoint):
         return contacts
 
     def centred_rows(self, motions: Motions) -> dict[str, Row]:
-        """Return the row "angle": the second body's angle from the middle of the play, rad."""
+        """Return the constraint row "angle", which holds the second body in the middle of the play:
+        its angle from there, rad."""
         row = self.relative_angle(motions)
         return {"angle": replace(row, value=wrapped(row.value - self.middle, TURN))}

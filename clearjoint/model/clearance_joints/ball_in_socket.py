@@ -106,11 +106,13 @@ class BallInSocket(AbstractCentredJoint):
         return {CONTACT: Contact(gap, normal, on_socket, on_ball, slip, *centres)}
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return the ball's radius, m: at this penetration the ball's centre leaves the socket."""
+        """Return the largest meaningful penetration, m, by label: the ball's radius, at which the
+        ball's centre leaves the socket."""
         return {CONTACT: subtract(self.socket_radius, self.clearance)}
 
     def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        """Return the validity limits of the normal law at a penetration, m."""
+        """Return the validity limits of the normal law at a penetration, m; `name`, the contact's
+        label, makes no difference."""
         return self.law.limits(Gap(depth, 0.0, self.socket_radius, self.clearance))
 
     def centred_joint(self) -> AbstractConstraint:

@@ -36,7 +36,8 @@ class PinInSlot(AbstractFrictionJoint):
 
     The pin touches one of two parallel walls when its centre is half the play from the middle, and
     one of two flat ends when its centre is half the travel from the middle. The play is the slot's
-    width minus the pin's diameter.
+    width minus the pin's diameter. The contacts are called "lower wall" and "upper wall", along the
+    normal, and "lower end" and "upper end", along the axis.
 
     The contact is a line across the plate's thickness, perpendicular to axis and normal, and the
     force acts at its middle. On a flat wall a line of length L has the stiffness (pi/4) E* L N/m
@@ -171,14 +172,15 @@ class SliderInGuide(AbstractFrictionJoint):
     """A slider between two parallel walls of a guide: a translational joint with clearance.
 
     Each of the slider's four corners can touch the wall on its side and then applies the full
-    normal law. The slider can fly freely, pivot about one corner, rest on a wall with two corners,
-    or jam between the walls (P. Flores, R. Leine and C. Glocker, Multibody System Dynamics 23,
-    2010; their corners 1 to 4 are the contacts in order). The walls have no ends.
+    normal law. The contacts are called "rear upper", "front upper", "rear lower" and "front lower",
+    where front is along the slider's axis and upper along its normal. The slider can fly freely,
+    pivot about one corner, rest on a wall with two corners, or jam between the walls (P. Flores,
+    R. Leine and C. Glocker, Multibody System Dynamics 23, 2010; their corners 1 to 4 are the
+    contacts in this order). The walls have no ends.
 
     The walls act on the slider only within the plane of its axis and normal. Other joints of the
     mechanism, such as a `RevoluteJoint` at the slider's pin, have to prevent it from moving or
-    tilting out of this plane.
-    The angle between slider and guide has to stay below 90 degrees.
+    tilting out of this plane. The angle between slider and guide has to stay below 90 degrees.
 
     **Arguments:**
 

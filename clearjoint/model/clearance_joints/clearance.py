@@ -65,8 +65,9 @@ class AbstractAxialPolicy(AbstractConverting):
     """Axial behaviour of a `ClearanceJoint`: a free, held or stopped journal.
 
     A subclass sets ``holds_centre = True``, so that an ideal constraint keeps the journal's centre
-    in the bearing's middle plane. Or it defines two shoulders at the ends of the bearing, as in
-    this example of washers at different distances:
+    in the bearing's middle plane. Or it defines two shoulders at the ends of the bearing. A
+    subclass that does neither leaves the journal free. This example defines washers at different
+    distances:
 
     ```python
     import clearjoint as cj
@@ -103,6 +104,8 @@ class AbstractAxialPolicy(AbstractConverting):
 
     def shoulder_gap(self, side: float, offset: Scalar, rate: Scalar) -> Gap:
         """Return the penetration of the journal into one shoulder, m, and its rate, m/s.
+
+        By default there is no play: the penetration is `offset`.
 
         **Arguments:**
 
@@ -319,7 +322,8 @@ class ClearanceJoint(AbstractCentredJoint):
         else:
             difference = outer - as_number(journal_radius, "journal_radius", "m")
             number = concrete(difference)
-            # A later check would refuse the clearance, which the user has not given.
+            # A later check would refuse the clearance, which the user has not given. NaN and arrays
+            # are left to the later checks.
             if number is not None and number.shape == ():
                 expected = f"smaller than the bearing's {as_shown(float(outer))} m"
                 remedy = "swap the radii, or use an ideal RevoluteJoint for no clearance"
@@ -370,7 +374,8 @@ class ClearanceJoint(AbstractCentredJoint):
         return tuple(self._axial_points())
 
     def _axial_points(self) -> dict[str, AxialPoint]:
-        """Return the points of the journal's axis at which contact is computed, by label."""
+        """Return the points of the journal's axis at which contact is computed, by label: each with
+        its position, from -1 at base V to 1 at base W, and its share of the length as `weight`."""
         return axial_points(len(BASES) if self.line_points is None else self.line_points)
 
     def attachments(self) -> tuple[Attachment, ...]:
@@ -386,7 +391,11 @@ class ClearanceJoint(AbstractCentredJoint):
         )
 
     def laws(self) -> dict[str, AbstractContactLaw]:
-        """Return the normal law by label: "V" and "W", points between them, and shoulders."""
+        """Return the normal law by label: "V" and "W", points between them, and shoulders.
+
+        With `line_points`, that of a point along the journal is `law` times the point's share of
+        the length.
+        """
         laws, shoulder_law = super().laws(), self.axial.shoulder_law()
         if self.line_points is not None:
             for label, point in self._axial_points().items():
@@ -403,7 +412,7 @@ class ClearanceJoint(AbstractCentredJoint):
         return dict.fromkeys(self.contact_labels(), radius)
 
     def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        """Return the validity limits of the law of a contact at a penetration, m."""
+        """Return the validity limits of the law of the contact `name` at a penetration, m."""
         is_flat = name in SHOULDERS
         radii = () if is_flat else (self.bearing_radius, self.clearance)
         return self.laws()[name].limits(Gap(depth, 0.0, *radii))
@@ -484,8 +493,8 @@ class ClearanceJoint(AbstractCentredJoint):
 
     def planar_axes(self, bearing: Motion, journal: Motion) -> PlanarAxes:
         """Return the components of the journal's x and y axes, which are perpendicular to its own
-        axis, along the bearing's x and y axes. They lead from angles around the journal to angles
-        around the bearing."""
+        axis, along the bearing's x and y axes. They convert angles around the journal to angles
+        around the bearing. `bearing` and `journal` are the motions of the two bodies."""
         axes = map(bearing.direction, transverse_axes(unit(self.bearing_axis)))
         own = map(journal.direction, transverse_axes(unit(self.journal_axis)))
         return PlanarAxes(*(mine.dot(axis) for mine, axis in itertools.product(own, axes)))
@@ -527,6 +536,8 @@ class ClearanceJoint(AbstractCentredJoint):
 
         For a law with bristles it is that of steady sliding. The force of a shoulder has a
         component along the axis, which stands for its moment (see `Contact.face_radius`).
+
+        **Arguments:** `name`: label of the contact. `contact`: its geometry. `normal_force`: N.
         """
         face = self.axial.shoulder_friction() if name in SHOULDERS else None
         if face is None or contact.slip is None:
@@ -535,9 +546,9 @@ class ClearanceJoint(AbstractCentredJoint):
         return friction.force(normal_force, contact.slip)
 
     def journal_bases(self, motions: Motions) -> Callable[[Scalar], JournalBase]:
-        """Return a function that computes the position and velocity, relative to the bearing, of
-        base V from the position -1 on the journal's axis, of base W from 1, and of a point between
-        them from a number between."""
+        """Return a function that computes the position and velocity of a point on the journal's
+        axis relative to the bearing. Its argument is -1 for base V, 1 for base W, and a number
+        between for a point between them."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         axis, half = bearing.direction(unit(self.bearing_axis)), self._half()
         centre, half_arm = self._offset(motions), journal.direction(half)
@@ -580,7 +591,8 @@ class ClearanceJoint(AbstractCentredJoint):
         return Vector(offset.dot(first), offset.dot(second), offset.dot(axis))
 
     def relative_angle(self, motions: Motions) -> Row:
-        """Return the journal's angle about the bearing's axis, rad in (-pi, pi], as a row."""
+        """Return the journal's angle about the bearing's axis, rad in (-pi, pi], as a row: the
+        angle with its derivatives by the bodies' motion."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         axes = self.bearing_axis, self.journal_axis
         return relative_angle_row(self.pair(), bearing, journal, *axes)
@@ -601,7 +613,8 @@ class ClearanceJoint(AbstractCentredJoint):
         return not self.axial.holds_centre and self.axial.shoulder_law() is None
 
     def centred_joint(self) -> AbstractConstraint:
-        """Return a revolute joint, or a cylindrical joint if the journal is axially free."""
+        """Return the ideal joint that keeps the journal's axis on the bearing's: a revolute joint,
+        or a cylindrical joint if the journal is axially free."""
         return self._ideal(self.bearing_point)
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
@@ -611,7 +624,8 @@ class ClearanceJoint(AbstractCentredJoint):
         axis is at most `LEAST_TRANSVERSE_LOAD` times the load. The journal counts as a circle,
         since the load doesn't determine its rotation.
 
-        **Arguments:** `load`: of the journal on the bearing, (3,) N in the axes of its body.
+        **Arguments:** `load`: of the journal on the bearing, (3,) N in the axes of the bearing's
+        body.
         """
         along = np.asarray(self.bearing_axis) / np.linalg.norm(self.bearing_axis)
         across = load - (load @ along) * along

@@ -65,6 +65,8 @@ class AbstractOneLawJoint(AbstractContactJoint):
         friction.
 
         For a law with bristles it is that of steady sliding. A run uses `bristle_laws` instead.
+
+        **Arguments:** `name`: label of the contact. `contact`: its geometry. `normal_force`: N.
         """
         if self.friction is None or contact.slip is None:
             return None
@@ -110,9 +112,11 @@ class AbstractFlankJoint(AbstractOneLawJoint):
 
 
 class CentredInPlay(AbstractConstraint):
-    """Constraint that holds two bodies in the middle of their backlash; one row.
+    """Constraint row that holds two bodies in the middle of the play of a joint with backlash.
 
-    `assemble` places the bodies with it if they start outside the play.
+    `assemble`, which corrects initial states, uses it for bodies that start outside the play.
+
+    - `joint`: the joint with backlash.
     """
 
     joint: AbstractFlankJoint
@@ -204,11 +208,10 @@ class AbstractCentredJoint(AbstractFrictionJoint):
 def offset_at_flat_wall(
     normal: Triple, clearance: Single, load: Float[np.ndarray, "3"]
 ) -> Float[np.ndarray, "3"] | None:
-    """Return the position at which a part between two parallel walls rests under a load.
+    """Return the displacement by which a load presses a part against one of two parallel walls.
 
-    The load presses the part to one of the walls. The position is the vector to the part's centre
-    from the place that it has midway between the walls, (3,) m. It is ``None`` if the load presses
-    the part to neither wall, because its component along their normal is at most
+    The displacement, (3,) m, begins at the centred position. It is ``None`` if the load presses the
+    part to neither wall, because its component along their normal is at most
     `LEAST_TRANSVERSE_LOAD` times the load. All vectors are in the axes of the walls' body.
 
     **Arguments:** `normal`: of the walls, (3,), any length. `clearance`: of the centred part on
