@@ -21,7 +21,7 @@ from ..compilation.xla import (
 from . import control, indexing, structure
 from .cells import Cells, Memory
 from .lowering import Lowering, UnsupportedPrimitiveError, aval_of, tangents_of
-from .machine_code import Code, Stopwatch, load_or_make
+from .machine_code import Code, Stopwatch, load, load_or_make
 from .operations import Number, Operations
 
 RULES = structure.RULES | indexing.RULES | control.RULES
@@ -264,6 +264,16 @@ class NativeFunction:
                 )
                 self._programs[flat.key] = program
         return program
+
+    def is_made(self, flat: FlatArguments) -> bool:
+        """Return whether the program for flattened arguments is in memory."""
+        return flat.key in self._programs
+
+    def load(self, flat: FlatArguments) -> None:
+        """Load the program for flattened arguments from disk, if another process has saved it."""
+        program = load(self._function, flat.arguments)
+        if program is not None:
+            self._programs[flat.key] = program
 
     def _compiled(self, flat: FlatArguments) -> tuple[NativeProgram, "Result"]:
         """Trace the function, and compile the program for flattened arguments."""

@@ -16,7 +16,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from importlib import metadata
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import equinox as eqx
 import jax
@@ -185,23 +185,41 @@ def load_or_make(
     **Arguments:** `function`, `arguments`: function of PyTrees, and arguments with the structure,
     shapes, dtypes and static values for which the program is valid; `make`: makes the program.
     """
-    store = _store() if keeps_programs() else None
-    key = None
-    if store is not None:
-        # A value that cannot be described, for any reason, has no key.
-        with suppress(Exception):
-            key = _key(function, arguments)
-    if store is None or key is None:
-        return make()
-    content = store.read(key)
-    if content is not None:
-        # A file of another version can fail in any way, and is replaced.
-        with suppress(Exception):
-            return pickle.loads(content)
-    program = make()
-    with suppress(Exception):
-        store.write(key, pickle.dumps(program))
+    program = load(function, arguments)
+    if program is None:
+        program = make()
+        place = _place(function, arguments)
+        if place is not None:
+            store, key = place
+            with suppress(Exception):
+                store.write(key, pickle.dumps(program))
     return program
+
+
+def load(function: Callable[..., PyTree], arguments: tuple[PyTree, ...]) -> Any:
+    """Load the program that `load_or_make` has saved; return ``None`` if there is none."""
+    place = _place(function, arguments)
+    if place is None:
+        return None
+    store, key = place
+    content = store.read(key)
+    # A file of another version can fail in any way.
+    with suppress(Exception):
+        return None if content is None else pickle.loads(content)
+    return None
+
+
+def _place(
+    function: Callable[..., PyTree], arguments: tuple[PyTree, ...]
+) -> tuple[ProgramStore, str] | None:
+    """Return the store and the key of a program; ``None`` if the program cannot be kept."""
+    store = _store() if keeps_programs() else None
+    if store is None:
+        return None
+    # A value that cannot be described, for any reason, has no key.
+    with suppress(Exception):
+        return store, _key(function, arguments)
+    return None
 
 
 def _key(function: Callable[..., PyTree], arguments: tuple[PyTree, ...]) -> str:

@@ -128,6 +128,30 @@ def test_sensitivities_across_a_jump_of_a_law(law):
     np.testing.assert_allclose(derivatives, expected(LAWS[law]), rtol=2e-5, atol=1e-9)
 
 
+def test_the_friction_moment_of_a_thrust_face_jumps_with_the_force():
+    """The friction of a shoulder slows a turning shaft from the instant at which they meet."""
+    play, end = 0.2e-3, 6e-3
+    shoulders = cj.EndPlay(play, Buffer(1e6, 800.0), cj.frictions.LinearCoulomb(0.15, 0.05), 12e-3)
+    axes = {"bearing_axis": (0.0, 0.0, 1.0), "journal_axis": (0.0, 0.0, 1.0)}
+    sizes = {"bearing_radius": 10e-3, "clearance": 1e-4, "journal_length": 20e-3}
+    law = cj.laws.Hertz(1e9)
+    pin = cj.ClearanceJoint("ground", "shaft", **axes, **sizes, law=law, axial=shoulders)
+    shaft = cj.Body(MASS, (3e-4, 3e-4, 4e-4))
+    scene = cj.Scene({"shaft": shaft}, {"pin": pin}, gravity=(0.0, 0.0, -GRAVITY))
+    state = cj.State({"shaft": cj.body_state((0.0, 0.0, 0.0), spin=(0.0, 0.0, 60.0))})
+
+    def spin(play):
+        wider = cj.set_value(scene, lambda s: s.joints["pin"].axial.play, play)
+        return cj.simulate(wider, state, end, SETTINGS).final.bodies["shaft"].spin[2]
+
+    parameters = {"play": cj.Parameter(lambda s: s.joints["pin"].axial.play)}
+    outputs = {"spin": Q.AngularVelocity("shaft", "z")}
+    result = cj.sensitivities(scene, state, end, parameters, outputs, [end], SETTINGS)
+    assert float(result.values["spin"][0]) < 59.9
+    expected = slope(spin, play, 1e-7)
+    np.testing.assert_allclose(result.derivatives["spin"][0, 0], expected, rtol=1e-5)
+
+
 @pytest.mark.slow
 def test_forward_derivatives_of_a_run_contain_the_jump_too():
     """`jax.jvp` of `simulate`, without the tangents of `sensitivities`."""

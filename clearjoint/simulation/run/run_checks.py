@@ -241,10 +241,14 @@ class _Starts:
         """
         scene, state = with_arrays((scene, state))
         given = FlatArguments.of((scene, state, np.asarray(t, float), coordinates))
-        # Compiling takes longer than the checks of a few starts, so the first ones of a structure
-        # are left to Python.
         self._seen[given.key] += 1
-        if self._seen[given.key] <= BY_NUMPY or not is_native():
+        if not is_native():
+            return None
+        if self._seen[given.key] == 1:
+            self._function.load(given)
+        # Compiling takes longer than the checks of a few starts, so the first ones of a structure
+        # are left to Python, unless another process has saved the program.
+        if self._seen[given.key] <= BY_NUMPY and not self._function.is_made(given):
             return None
         try:
             fine, rows, with_numbers = self._function.run(given)

@@ -191,8 +191,8 @@ def _mean_force(
 
 
 def _multiplied(force: LoadedContact, factor: Scalar) -> LoadedContact:
-    """Return the contact with its normal force, elastic force and friction multiplied by
-    `factor`."""
-    friction = None if force.friction is None else force.friction * factor
-    normal, elastic = force.normal_force * factor, force.elastic_force * factor
-    return replace(force, normal_force=normal, elastic_force=elastic, friction=friction)
+    """Return the contact with all of its forces and its friction moment multiplied by `factor`."""
+    forces = force.normal_force, force.elastic_force, force.friction, force.friction_moment
+    # Friction and its moment may be ``None``, which has no leaves.
+    normal, elastic, friction, moment = jax.tree.map(lambda number: number * factor, forces)
+    return LoadedContact(force.contact, normal, elastic, friction, friction_moment=moment)
