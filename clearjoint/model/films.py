@@ -211,9 +211,12 @@ class PinkusSternlichtFilm(AbstractFilm):
         rho = 1.0 - square
         root = jnp.sqrt(rho)
         speed, _ = norm_and_direction(rate)
+        # e e', positive while the film closes, and its absolute value.
         closing, size = offset.dot(rate), jnp.abs(offset.dot(rate))
-        # All terms are multiplied by e e', so that nothing is divided by e or e'.
-        k_product = speed * root  # k e e'
+        # All terms are multiplied by e |e'|, so that nothing is divided by e or e'. In the product
+        # k e |e'| = sqrt(rho (e'^2 + (e w/2)^2)), e' and -e w/2 are the components of the rate.
+        k_product = speed * root
+        # The factor is (k + 3)/(k + 3/2) while the film closes, and k/(k + 3/2) while it opens.
         # At rest the factor would be 0/0; any finite number will do, since the force is then zero.
         moves = speed > 0.0
         numerator = k_product + jnp.where(closing > 0.0, 3.0, 0.0) * size
@@ -316,11 +319,12 @@ class ButenschoenFilm(AbstractFilm):
 
 
 def load_slope(width: Scalar, ratio: Scalar) -> Scalar:
-    """Return the load number So_D of steady rotation, dimensionless, over the eccentricity ratio.
+    """Return the load number So_D of steady rotation divided by the eccentricity ratio.
 
-    Its product with this ratio and with B D mu |Omega|/psi^2 is the load that rotation carries in
-    `ButenschoenFilm`, where the symbols are explained. The quotient is finite for a centred
-    journal. `width` is the width-to-diameter ratio B/D, `ratio` the eccentricity ratio.
+    The result is dimensionless. Its product with the eccentricity ratio and B D mu |Omega|/psi^2 is
+    the load that rotation carries in `ButenschoenFilm`, where the symbols are explained. The result
+    is finite for a centred journal. `width` is the width-to-diameter ratio B/D, `ratio` the
+    eccentricity ratio.
     """
     numerator, shift = (polynomial(fit, width) for fit in LOAD)
     square = ratio * ratio

@@ -180,11 +180,12 @@ class AppliedLoad(AbstractForce):
         return (self.body,)
 
     def attachments(self) -> tuple[Attachment, ...]:
-        """Return the point where the force acts, m in body axes."""
+        """Return the point where the force acts as one entry: the name of its field, the name of
+        the body, and the point, m in body axes."""
         return (("point", self.body, self.point),)
 
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
-        """Return the load at the time `t`, s, as a wrench on the body by its name."""
+        """Return the wrench of force and torque at the time `t`, s, under the name of the body."""
         motion = motions[self.body]
         force, torque = vector_at(self.force, t), vector_at(self.torque, t)
         return {self.body: motion.wrench(force, self.point) + motion.torque(torque)}
@@ -216,8 +217,8 @@ class _Strain(NamedTuple):
     - `axes`: matrix that transforms components along the bushing's axes to global components.
     - `shift`, `shift_rate`: displacement of the second body's point from the first body's, m, and
       its rate, m/s.
-    - `rotation`, `rotation_rate`: rotation vector of the second body's frame relative to the
-      first's, rad, and its rate, rad/s.
+    - `rotation`, `rotation_rate`: rotation vector from the bushing's axes to those that
+      `orientation_second` defines on the second body, rad, and its rate, rad/s.
     """
 
     point_in_first: Vector
@@ -232,12 +233,13 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
     """Springs and dampers along and about three axes, such as a rubber liner.
 
     The bushing's axes are fixed to the first body. Let s be the displacement of the second body's
-    point from the first body's, and r the rotation vector (axis times angle) of the second body's
-    frame relative to the first's. Force and moment derive from the energy (k s^2 + c r^2)/2 and the
-    dissipation d s'^2 + b r'^2, summed over the axes. Rotations may therefore be large: about one
-    axis the moment is exactly c times the angle, the order of rotations about several axes doesn't
-    matter, and the elastic forces are conservative. The rotation must stay below half a revolution,
-    where a rotation vector is singular. Here k, d, c and b are the stiffnesses and dampings below.
+    point from the first body's, and r the rotation vector (axis times angle) from these axes to
+    those that `orientation_second` defines on the second body. Force and moment derive from the
+    energy (k s^2 + c r^2)/2 and the dissipation d s'^2 + b r'^2, summed over the axes. Rotations
+    may therefore be large: about one axis the moment is exactly c times the angle, the order of
+    rotations about several axes doesn't matter, and the elastic forces are conservative. The
+    rotation must stay below half a revolution, where a rotation vector is singular. Here k, d, c
+    and b are the stiffnesses and dampings below.
 
     **Arguments:**
 

@@ -89,7 +89,7 @@ class AbstractPen(abc.ABC):
 
     @abc.abstractmethod
     def slide(self, rail: Marker, block: Marker, *, turning: bool) -> None:
-        """Draw a block on a rail along the axis of the marker `rail`.
+        """Draw a block with its centre at the marker `block` on a rail along the axis of `rail`.
 
         If `turning` is true, draw a sleeve that can rotate about the rail instead of a block.
         """

@@ -90,7 +90,10 @@ class AbstractProfile(AbstractConverting):
 
     @abc.abstractmethod
     def at(self, angle: NumberOrArray) -> Deviation:
-        """Return the deviation at an angle, rad, or at an array of angles."""
+        """Return the deviation at an angle, rad, or at an array of angles.
+
+        Each field of the deviation has the shape of the angle.
+        """
 
     @abc.abstractmethod
     def angles(self) -> int:
@@ -186,7 +189,11 @@ class AbstractPeriodicSpline(AbstractProfile):
     @abc.abstractmethod
     def coefficients_around(self, knot: jax.Array | np.ndarray) -> jax.Array:
         """Return the four coefficients from the one before a knot to the second after it, (..., 4)
-        m; `knot`: index, or array of indices, of the knot before an angle."""
+        m.
+
+        **Arguments:** `knot`: index, or array (...) of indices, of the knot before an angle: 0 to
+        N - 1 for N knots, or N by rounding, which stands for knot 0.
+        """
 
 
 class PeriodicSpline(AbstractPeriodicSpline):
@@ -385,7 +392,7 @@ def _of_journal(
     `closest_approach`.
 
     **Returns:** the deviation, and the first and second derivative of the angle about the journal's
-    own axis by the angle in the cross-section.
+    own axis by the angle in the cross-section. For a circle all are zero.
     """
     if journal is None:
         return _ROUND, 0.0, 0.0
@@ -428,9 +435,10 @@ def caution_two_contacts(
     """Warn if the journal may touch the wall at two points that are close to each other.
 
     The model has one contact, the deepest, in each cross-section. The journal touches at one point
-    only if the radius of curvature of the wall exceeds that of the journal everywhere. It is
-    R + h + h'' for a circle of radius R and a deviation h, whose second derivative by the angle is
-    h''. The arguments are those of `require_room`.
+    at most if the smallest radius of curvature of the wall exceeds the largest of the journal. The
+    radius of curvature is R + h + h'' for a circle of radius R and a deviation h, whose second
+    derivative by the angle is h''. A clearance or a profile that JAX traces is not checked. The
+    arguments are those of `require_room`.
 
     **Warns:** `UnusualValueWarning` that names the clearance that the profiles need.
     """

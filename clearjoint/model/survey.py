@@ -22,9 +22,10 @@ class SurveyingPen(AbstractPen):
     sizes and the viewing direction of a figure.
 
     - `markers`: all markers.
-    - `joined`: pairs of markers on the two bodies of a joint. The first arrangement of the bodies
-      makes their points coincide, and their axes parallel if both have one. The pair of a sliding
-      joint is among them although its block may be anywhere along the rail.
+    - `joined`: pairs of markers on the two bodies of a joint. To make a first guess of a state,
+      `arranged_state` places one body at the other such that the points coincide, and the axes are
+      parallel if both markers have one. The pair of a sliding joint is among them although its
+      block may be anywhere along the rail.
     - `bores`: the bores of all journals and balls with clearance.
     """
 

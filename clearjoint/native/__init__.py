@@ -28,8 +28,8 @@ On CPUs, calls of the package are compiled by LLVM or by XLA:
 | calls inside of `jax.jit`, `jax.vmap` or `jax.grad` | XLA |
 
 If a program contains a JAX primitive without a rule, XLA compiles the program and a
-`NativeFallbackWarning` is issued. On accelerators XLA compiles every call. JAX traces programs that
-XLA compiles again in each process, although XLA's code is saved.
+`NativeFallbackWarning` is issued. On accelerators XLA compiles every call. In each process JAX
+traces programs for XLA again, although XLA's code is saved.
 """
 
 from .compiled import Native, NativeFallbackWarning, is_native, over_rows

@@ -46,9 +46,10 @@ class Region(NamedTuple):
 
 
 def numbers_of(floats: np.ndarray, dtype: np.dtype) -> np.ndarray:
-    """Return memory, given as an array of float64, as an array for numbers of a dtype.
+    """Return a view of memory, an array of float64, through which to access numbers of a dtype.
 
-    That is `floats` itself for a dtype of floats, and its bits as int64 for integers and bools.
+    It has the shape of `floats`, and is `floats` itself for a dtype of floats, or the same bits as
+    int64 for integers and bools.
     """
     return floats if dtype.kind == "f" else floats.view(np.int64)
 
@@ -85,11 +86,12 @@ class Memory:
 
 
 class Cells:
-    """Conversion of PyTrees to rows of numbers, as they stand in memory, and back.
+    """Conversion of PyTrees to rows of numbers, with the layout of a program's memory, and back.
 
-    A row has the numbers of one PyTree, one array after the other, as float64; integers and bools
-    are int64 numbers whose bits are stored in its place. All PyTrees have the structure, shapes,
-    dtypes and static leaves of an example.
+    A row has the numbers of one PyTree, one array after the other, as float64. An integer or bool
+    is an int64, whose bits are stored in the place of a float64. All PyTrees have the structure,
+    shapes, dtypes and static leaves of an example. Native functions that are called many times take
+    and return such rows.
 
     - `size`: number of cells of a PyTree.
 

@@ -85,12 +85,13 @@ def is_native() -> bool:
 
 
 def over_rows(function: Callable[..., Result], *rows: PyTree) -> Result:
-    """Return the results of a function of the n rows of arrays, in arrays (n, ...).
+    """Return the results of a function for each of n rows, stacked in arrays (n, ...).
 
     XLA computes all rows at once, by `jax.vmap`. Native code computes them in a loop: it consists
     of scalar operations, and would contain those of a mapped function once for each row.
 
-    **Arguments:** `rows`: PyTrees of arrays (n, ...); the function takes one entry of each.
+    **Arguments:** `rows`: PyTrees of arrays (n, ...). `function`: takes one row of each, a
+    PyTree of arrays (...).
     """
     if is_native():
         return jax.lax.map(lambda row: function(*row), rows)

@@ -3,7 +3,9 @@
 A rule takes the `Lowering`, which builds the program, an equation of a jaxpr and the equation's
 arguments. It adds operations to the program and returns the equation's results. Arguments and
 results are `Array`s: a scalar value, a vector of tangents (`Packed`), a NumPy array of values, or
-an array in memory (`InMemory`), which may be overwritten only if it is `owned`.
+an array in memory (`InMemory`), which may be overwritten only if it is `owned`. A value is an
+integer that names it in the program. Its kind is "b" for a bool or "i" for an int64, among others;
+the suffix "p" stands for a vector of tangents.
 
 In a program of several lanes a condition is a vector. A branch is executed if its condition holds
 in any lane, and a loop goes on as long as its condition holds in any lane. Each lane then selects
@@ -46,7 +48,7 @@ def _cond(lower: Lowering, equation: Equation, condition: Array, *arguments: Arr
     """
     branches = equation.params["branches"]
     ops = lower.ops
-    assert isinstance(condition, int)
+    assert isinstance(condition, int)  # a scalar value, not an array
     number = ops.number(condition)
     if number is not None:
         # As in JAX, an index out of range counts as the nearest one.
@@ -246,7 +248,12 @@ def loop(
 
 
 def _move_back(lower: Lowering, carries: Sequence[Array], results: Sequence[Array]) -> None:
-    """Add copies of arrays in memory to the cells in which the next iteration reads them."""
+    """Add copies of the arrays in memory that a loop's body returns to the cells of its carries.
+
+    The next iteration reads them there.
+
+    **Arguments:** `carries`: of the loop. `results`: of the body, one for each carry.
+    """
     # Carries may exchange their cells. They are copied to new cells first, so that none is
     # overwritten before it is read.
     taken = {old.start for old in carries if isinstance(old, InMemory)}
@@ -302,6 +309,8 @@ def _scan(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array]
 
     def holds(carries: list[Array]) -> Value:
         assert isinstance(carries[0], int)
+        # The counter is the same in all lanes, so that rows of all lanes are read and written at
+        # once instead of lane by lane.
         ops.mark_uniform(carries[0])
         return ops.emit("ile", "b", carries[0], end)
 

@@ -1,14 +1,15 @@
-"""Elementary functions as arithmetic, so that vectors of lanes and tangents compute them at once.
+"""Elementary functions as arithmetic operations of a program that becomes machine code.
 
-The C library would be called for each lane and tangent. Here the operations are the same for
-vectors of any length, so that the bits of a result do not depend on the length.
+The operations apply to vectors of lanes or tangents (derivatives by parameters) as to scalars,
+whereas the C library would be called for each element. They are the same for vectors of any length,
+so that the bits of a result do not depend on the length.
 
 Sines and cosines are computed by a reduction of the angle with fused multiply-adds (Cody and Waite)
 and by the polynomials of Sun's fdlibm; exponentials, logarithms, powers and hyperbolic tangents by
 sums of two doubles (Dekker) and Taylor's polynomials of a reduced argument. The errors, measured
 with mpmath in the tests, are below one unit in the last place: at most 0.95 for `expm1`, 0.8 for
 sines, cosines and `tanh`, and 0.7 for the others. For arguments outside of the ranges below,
-infinities and NaN, the C library is called.
+infinities and NaN, all of them but `tanh` call the C library.
 
 A number of about twice the precision of a double is the sum of two doubles, a high and a low part.
 The functions here take and return values of a program (`Symbol`), not numbers: an operator such as
@@ -112,7 +113,10 @@ def _of_bits(bits: Symbol) -> Symbol:
 
 
 def _scaled(a: Symbol, n: Symbol) -> Symbol:
-    """Return a 2**n for an integer n; both a and the result must be normal numbers."""
+    """Return a 2**n; both a and the result must be normal numbers.
+
+    Only the last 12 bits of the integer `n` count.
+    """
     return _of_bits(_bits(a) + n.emit("shift_left", 52))
 
 
@@ -142,7 +146,10 @@ def _sine_and_cosine(angle: Symbol) -> tuple[Symbol, Symbol, Symbol]:
     tail = (first - (x - moved)) + (second - moved)
     tail = tail + _fma(minus, _HALF_PI[1], -second)
     tail = _fma(minus, _HALF_PI[2], tail)
-    # fdlibm's polynomials on [-pi/4, pi/4], with the tail to first order.
+    # fdlibm's polynomials on [-pi/4, pi/4], with the tail to first order:
+    # sin(x + tail) = x - x^3/6 + ... + tail (1 - z/2), and
+    # cos(x + tail) = 1 - z/2 + z r - x tail, where `head` is the rounded 1 - z/2, and `rest` the
+    # sum of its rounding error and the other terms.
     z, half, one = x * x, x.like(0.5), x.like(1.0)
     cube = z * x
     inner = half * tail - cube * _polynomial(z, _SINE[1:])
@@ -157,12 +164,12 @@ def _sine_and_cosine(angle: Symbol) -> tuple[Symbol, Symbol, Symbol]:
 
 
 def _with_library(name: str, fits: Symbol, usual: Symbol, *arguments: Symbol) -> Symbol:
-    """Replace the result by that of the C library in lanes whose arguments are out of range.
+    """Return `usual`, or the result of the C library in lanes whose arguments are out of range.
 
     The library is called only if there is such a lane.
 
     **Arguments:** `name`: name of the function; `fits`: whether the arguments are in range;
-    `usual`: the result for arguments in range.
+    `usual`: the result for arguments in range; `arguments`: the function's arguments.
     """
     ops, beyond = usual.ops, ~fits
     first, *others = arguments
@@ -226,7 +233,7 @@ def _logarithm_of(x: Symbol) -> tuple[Symbol, Symbol]:
 
 
 def _exponential_of(x: Symbol, x_low: Symbol | float) -> tuple[Symbol, Symbol, Symbol]:
-    """Return r, p and n of exp(x + x_low) = 2**n (1 + r + p).
+    """Return r, p and an integer whose last bits are n, with exp(x + x_low) = 2**n (1 + r + p).
 
     n is the integer nearest to x/log(2), r is the rounded remainder x + x_low - n log(2), and p is
     the small rest.
@@ -270,7 +277,7 @@ def _expm1(x: Symbol) -> Symbol:
 
 
 def _tanh(x: Symbol) -> Symbol:
-    """Return tanh(x) as E / (E + 2) with E = exp(2 |x|) - 1, and the sign of x."""
+    """Return tanh(x) as E / (E + 2), where E = exp(2 |x|) - 1, with the sign of x."""
     # Beyond _LAST_TANH the result is one, and E would overflow.
     size, last = x.emit("abs"), x.like(_LAST_TANH)
     size = size.compare("gt", last).select(last, size)
@@ -303,8 +310,8 @@ def _keeping_zero(x: Symbol, result: Symbol) -> Symbol:
 
 
 def power(base: Symbol, exponent: Symbol) -> Symbol:
-    """Return the power of two floats as exp(exponent log(base)), with twice the usual precision
-    inside of the exponential."""
+    """Return the float `base` raised to the float `exponent`, as exp(exponent log(base)), with
+    twice the usual precision inside of the exponential."""
     high, low = _logarithm_of(base)
     product, rest = _product(exponent, high)
     usual = _exponential_from(product, _fma(exponent, low, rest))

@@ -1,7 +1,8 @@
-"""Rules of the primitives that work element by element.
+"""Rules by which JAX's primitives that work element by element become operations of a program.
 
-A rule takes the arguments of a primitive as values of the program (`Symbol`) and returns the
-result; the same rules serve scalars and vectors of tangents. An operator such as ``a + b`` adds an
+A rule takes the arguments of a primitive as values of the program (`Symbol`), adds the operations
+that compute the result, and returns the result. The same rules serve scalars and vectors of
+tangents (derivatives by parameters). An operator such as ``a + b`` adds an
 operation to the program, and so does `Symbol.emit`, whose first argument is the operation's name.
 The letter of a value is its kind: "f" for floats, "i" and "w" for integers, "b" for bools.
 """
@@ -31,7 +32,8 @@ PARAMETERS = {
 def apply(ops: Operations, name: str, *values: Value, parameter: object = None) -> Value:
     """Apply the rule of the primitive `name` to values, and return the value of the result.
 
-    **Arguments:** `parameter`: the primitive's parameter named in `PARAMETERS`, if there is one.
+    **Arguments:** `ops`: operations of the program, to which the rule adds its own; `values`: the
+    primitive's arguments; `parameter`: its parameter named in `PARAMETERS`, if there is one.
     """
     arguments: list[object] = [Symbol(ops, value) for value in values]
     if parameter is not None:
@@ -93,7 +95,8 @@ def _extreme(name: str) -> Rule:
 
 
 def _is_number(a: Symbol) -> bool:
-    """Return whether a float is known and not NaN."""
+    """Return whether a float, or each element of a vector, is known before the program runs and not
+    NaN."""
     known = a.ops.repeated_number(a.value)
     return isinstance(known, float) and not math.isnan(known)
 
@@ -156,7 +159,10 @@ def _one_minus_square(a: Symbol) -> Symbol:
 
 
 def _logarithm_of_base_two(a: Symbol) -> Symbol:
-    """Return the logarithm by XLA's formula. This is a primitive from JAX 0.11 on."""
+    """Return the logarithm to base two, like XLA as log(a) times 1 / log(2).
+
+    This is a primitive from JAX 0.11 on.
+    """
     return ELEMENTARY["log"](a) * (1 / math.log(2))
 
 

@@ -39,12 +39,13 @@ class NativeProgram:
     """A closed jaxpr as machine code, to be called with arrays.
 
     - `code`: the machine code.
-    - `inputs`: region of each argument; ``None`` for an argument that the program does not use.
-    - `outputs`: region of each result.
+    - `inputs`: cells of memory (`Region`) for each argument; ``None`` for an argument that the
+      program does not use.
+    - `outputs`: cells of memory for each result.
 
     **Arguments:** `closed`: the jaxpr; `tangents`: number of tangents (derivatives of a variable by
-    parameters), by default found from the jaxpr. Arrays of this length are kept as vectors;
-    `stopwatch`: measures the stages of compilation.
+    parameters), by default found from the jaxpr, so that arrays of this length are computed as
+    vectors of the processor; `stopwatch`: measures the stages of compilation.
 
     **Raises:** `UnsupportedPrimitiveError` for a primitive without a rule.
     """
@@ -105,9 +106,11 @@ def _indices(cells: Iterable[slice]) -> np.ndarray:
 class BoundFunction:
     """A native function of some of its arguments, for many calls; the others keep their values.
 
-    Only one thread may call it at a time, because all calls use the same memory.
+    It takes and returns rows of numbers (see `Cells`): a row has the numbers of the arrays of one
+    call, one array after the other. Only one thread may call it at a time, because all calls use
+    the same memory.
 
-    - `results`: conversion between PyTrees of results and rows of numbers.
+    - `results`: conversion of the rows that a call returns to PyTrees of results.
 
     **Arguments:** `function`: the native function; `flat`: all of its arguments; `varied`: indices
     of the arrays among them that the rows of a call replace.
@@ -132,7 +135,8 @@ class BoundFunction:
         """Call the function n times, and return the numbers of its results, (n, results.size).
 
         **Arguments:** `rows`: (n, cells), for each call the numbers of its varied arguments, one
-        array after the other, with the layout of `Cells`.
+        array after the other. Integers and bools are int64 numbers whose bits are stored in the
+        place of a float64, in the results too.
         """
         results, numbers = np.empty((len(rows), len(self._out))), self._memory.floats[:, 0]
         for row, result in zip(rows[:, self._source], results, strict=True):
@@ -205,7 +209,7 @@ class FlatArguments(NamedTuple):
 class NativeFunction:
     """A function of PyTrees that is compiled to machine code when it is first called.
 
-    As with `equinox.filter_jit`, a change of anything other than the numbers of arrays compiles a
+    As with `equinox.filter_jit`, a change of anything other than the numbers in arrays compiles a
     further program. Arrays in results are NumPy's. A call raises `UnsupportedPrimitiveError` if the
     function uses a primitive without a rule.
 
@@ -233,7 +237,8 @@ class NativeFunction:
         """Return the results of n calls, with a leading axis of length n in each array.
 
         **Arguments:** `arguments`: those of one call; `columns`: for each leaf of the arguments its
-        n values, (n, ...), or ``None`` if it is the same in all calls.
+        n values, (n, ...), or ``None`` if it is the same in all calls. At least one array must
+        have a column, whose length is n; columns of leaves that are no arrays are not used.
         """
         flat = FlatArguments.of(arguments)
         pairs = [pair for pair in zip(flat.leaves, columns, strict=True) if eqx.is_array(pair[0])]

@@ -6,7 +6,9 @@ results are `Array`s: a scalar value, a vector of tangents (`Packed`), a NumPy a
 an array in memory (`InMemory`), which may be overwritten only if it is `owned`.
 
 A block is a rectangular part of an array. It is given by the row-major index of its first element,
-which the program computes, and by the offsets of all its elements from there, which are known.
+which the program computes, and by the offsets of all its elements from there, which are known while
+the program is built. An array or a block is large if it has more than `LARGEST_UNROLLED` elements,
+otherwise small.
 """
 
 import math
@@ -167,6 +169,9 @@ def _dynamic_update_slice(
 def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -> list[Array]:
     """Return one block of the array for each row of indices (see `jax.lax.gather`).
 
+    In the mode "fill", all elements of a block that lies partly outside of the array become JAX's
+    value for missing elements. In all other modes, the block is moved inside.
+
     **Raises:** `UnsupportedPrimitiveError` for arrays with batching dimensions, and for a large
     result in which the axes of the blocks do not come last.
     """
@@ -187,7 +192,10 @@ def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -
     fills = "FILL" in str(parameters["mode"])
 
     def block_at(starts: list[Value], read: Callable[[Value], list[Value]]) -> list[Value]:
-        """Return the elements of the block with the given starts along `axes`."""
+        """Return the elements of the block with the given starts along `axes`.
+
+        **Arguments:** `read`: returns a block's elements from the row-major index of the first one.
+        """
         lengths, extents = ([given[axis] for axis in axes] for given in (shape, sizes))
         inside, fits = _moved_inside(lower, starts, lengths, extents)
         values = read(_flat_index(lower, inside, [strides[axis] for axis in axes]).value)
@@ -274,7 +282,8 @@ def _scatter(
     """Return a small array in which updates replace elements, or are combined with them.
 
     The indices of updates may be computed, so each element is selected from its old value and the
-    update.
+    update. A window of updates that lies partly outside of the array is dropped, or moved inside in
+    the mode "clip".
 
     **Arguments:** `name`: primitive that combines an element and an update; "" to replace it.
 
@@ -312,6 +321,7 @@ def _scatter(
         # The element with this index is replaced; if the index is computed, it may be any element.
         known = ops.number(target.value)
         for k in range(len(values)) if known is None else [int(known)]:
+            # All windows were moved inside, so this happens only in an array without elements.
             if not 0 <= k < len(values):
                 continue
             is_target = target.compare("eq", k)

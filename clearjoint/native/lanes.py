@@ -32,15 +32,17 @@ interrupt and show progress."""
 
 
 class AbstractLaneLoop(abc.ABC):
-    """A loop that advances the states of a group of lanes. The memory of the group has one column
-    for each lane.
+    """A loop that advances the states of a group of lanes.
+
+    The memory of the group has one column for each lane. A row is called a cell, and an array
+    occupies consecutive cells, which are its region.
 
     - `width`: number of lanes.
     - `own_cells`, `state_cells`: cells of the constant data of a lane and of its state, in both
       cases one array after the other.
     - `occupied`: cell that is 1 if the column has a lane, else 0.
-    - `status`: regions of the scalars that describe the status of a lane, by name, such as whether
-      it needs its host.
+    - `status`: regions of the scalars that a loop computes for its host from the state of a lane,
+      by name, such as "goes": whether the lane can take a step without the host.
     """
 
     width: int
@@ -101,6 +103,8 @@ class LaneLoop(AbstractLaneLoop):
     - `shared`: data of all lanes.
     - `own`, `state`: constant data and state of one lane. Of these three PyTrees of arrays, only
       structures, shapes and dtypes are used.
+
+    **Raises:** `UnsupportedPrimitiveError` for a primitive without a rule for machine code.
     """
 
     width = WIDTH

@@ -75,7 +75,7 @@ def llvm_text(program: Operations, result: Value | None = None) -> str:
 
 
 class _Writer:
-    """Writes the text of a program, in two passes over its entries.
+    """Writes the text of a program, in two passes over its entries: operations, branches and loops.
 
     The first pass goes backwards and finds the entries that are needed; the second one writes them.
     """
@@ -109,7 +109,7 @@ class _Writer:
             # On an unaligned stack, vectors would extend across two cache lines.
             function.attributes.alignstack = 64
             if not last:
-                # Inlined, a function would be compiled once for each call, which it is to avoid.
+                # Functions save time of compilation. Inlined, one would be compiled for each call.
                 function.linkage = "internal"
                 function.attributes.add("noinline")
             (self._memory,) = function.args
@@ -180,8 +180,11 @@ class _Writer:
     def _fuse(self, block: Block) -> None:
         """Find products whose only use is in a sum of the same block.
 
-        If both terms of a sum are such products, only the first one is fused with the sum. The
-        product of a sum in an inner block is not fused, since a loop would compute it repeatedly.
+        The products are recorded in `_products`, and the sums in `_fused`.
+
+        If both terms of a sum are such products, only the first one is fused with the sum. A
+        product whose sum is in an inner block is not fused, since a loop would compute it again in
+        each iteration.
         """
         # Products that have been passed on the way and are not fused yet, with their factors.
         candidates: dict[Value, tuple[Value, ...]] = {}
@@ -205,7 +208,11 @@ class _Writer:
     # Text.
 
     def _type(self, kind: str) -> Form:
-        """Return LLVM's type of a kind of values: a scalar, or a vector of lanes or tangents."""
+        """Return LLVM's type of a kind of values (see `.operations`).
+
+        It is a vector of tangents for a kind with the suffix "p", otherwise a scalar, or a vector
+        of lanes if the program has several.
+        """
         count = self._program.packed if kind.endswith("p") else self._width
         base = _BASES[kind[0]]
         return base if count == 1 and not kind.endswith("p") else ir.VectorType(base, count)
@@ -352,7 +359,10 @@ class _Writer:
         return self._builder.call(self._declared(full, form, given), given)
 
     def _declared(self, name: str, form: Form, given: list[Word]) -> ir.Function:
-        """Return a function outside of the module, which is declared at its first use."""
+        """Return a function outside of the module, which is declared at its first use.
+
+        **Arguments:** `form`: type of the result; `given`: values of the types of its arguments.
+        """
         known = self._module.globals.get(name)
         types = [value.type for value in given]
         return known or ir.Function(self._module, ir.FunctionType(form, types), name)
@@ -409,7 +419,10 @@ class _Writer:
         return builder.gep(self._memory, [offset], inbounds=True, source_etype=_BASES["f"])
 
     def _is_one_cell(self, index: Value | None) -> bool:
-        """Return whether all lanes read or write the same cell, given its index."""
+        """Return whether all lanes read or write the same cell, given its index.
+
+        ``None`` stands for no index: the number of the cell is known.
+        """
         return index is None or self._program.is_uniform(index)
 
     def _load(self, entry: Operation) -> Word:
@@ -448,9 +461,11 @@ class _Writer:
             builder.store(self._element(content, lane), pointer, align=8)
 
     def _write_branch(self, entry: Branch) -> None:
-        """Write a jump to one of two blocks, each of which continues after the branch.
+        """Write a jump to the block `yes` if the condition holds in any lane or for any tangent,
+        else to the block `no`.
 
-        There, a phi instruction gives each result the value from the block that was executed.
+        Both blocks continue after the branch. There, a phi instruction gives each result the value
+        from the block that was executed.
         """
         builder, append = self._builder, self._builder.append_basic_block
         yes, no, end = append(), append(), append()

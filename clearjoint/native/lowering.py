@@ -66,7 +66,10 @@ class UnsupportedPrimitiveError(NotImplementedError):
 
 @dataclass(frozen=True)
 class Packed:
-    """An array with one element for each tangent, as one vector."""
+    """An array with one element for each tangent, as one vector.
+
+    - `value`: the vector.
+    """
 
     value: Value
 
@@ -149,11 +152,11 @@ def count_equations(jaxpr: core.Jaxpr) -> int:
 
 
 def tangents_of(jaxpr: core.Jaxpr) -> int:
-    """Return the number of tangents, which is the most frequent length of arrays of one axis.
+    """Return the number of tangents, or 0 if the jaxpr seems to have none.
 
     A jaxpr does not say which arrays are tangents, but programs with tangents add and multiply many
-    arrays of their number. Only such operations count. The result is 0 if no length from 2 to
-    `LONGEST_PACKED` has at least `FEWEST_PACKED` of them.
+    arrays of one axis whose length is the number of tangents. The result is the length from 2 to
+    `LONGEST_PACKED` with the most of these operations, or 0 if it has fewer than `FEWEST_PACKED`.
     """
     lengths: Counter[int] = Counter()
 
@@ -203,8 +206,10 @@ class Function:
 
 
 def repeated_calls(jaxpr: core.Jaxpr) -> dict[int, RepeatedCall]:
-    """Return the calls of those large jaxprs that `jaxpr` calls several times, each of which
-    becomes a function of machine code.
+    """Return the calls in `jaxpr` of inner jaxprs that may become functions of machine code.
+
+    These have at least `SMALLEST_FUNCTION` equations, are called at least `FEWEST_CALLS` times, and
+    return no array of more than `LARGEST_UNROLLED` elements.
 
     **Returns:** the calls by the id of the equation that makes them. Equations that call the same
     jaxpr share one `RepeatedCall`.
@@ -263,7 +268,10 @@ class Lowering:
         return memory if memory.size > LARGEST_UNROLLED else self.read(memory)
 
     def constant(self, array: ArrayLike) -> Array:
-        """Return an array of known numbers."""
+        """Return an array of known numbers.
+
+        **Raises:** `UnsupportedPrimitiveError` for a dtype that is not in `KINDS`.
+        """
         array = np.asarray(array)
         kind = kind_of(array)
         if array.size > LARGEST_UNROLLED:
@@ -326,7 +334,10 @@ class Lowering:
         ops.repeat(array.size, visit)
 
     def in_memory(self, array: Array, shape: tuple[int, ...]) -> InMemory:
-        """Return an array of the given shape in memory; write it to new cells if necessary."""
+        """Return an array of the given shape in memory; write it to new cells if necessary.
+
+        The array must have at least one element.
+        """
         if isinstance(array, InMemory):
             return array
         memory = self.new_array(shape, self.ops.kinds[self.values(array)[0]])
@@ -359,7 +370,10 @@ class Lowering:
         return flat
 
     def unflatten(self, values: Sequence[Value], like: Sequence[Array]) -> list[Array]:
-        """Return arrays with the given values and the forms of `like`: the inverse of `flatten`."""
+        """Return arrays with the given values and the forms of `like`: the inverse of `flatten`.
+
+        Arrays in memory have no values, so those in `like` are returned.
+        """
         remaining = iter(values)
         arrays: list[Array] = []
         for array in like:
@@ -545,8 +559,10 @@ class Lowering:
     ) -> list[Array]:
         """Add a call of the function for a jaxpr, and at the first call the function itself.
 
-        Functions keep programs short: the time that LLVM needs for a block grows faster than the
-        block's length, and a step of a run calls the same function of rates in each stage.
+        If an argument that differs between the calls is in memory, the equations of the jaxpr are
+        added instead. Functions keep programs short: the time that LLVM needs for a block grows
+        faster than the block's length, and each stage of an integrator's step computes the rates
+        of the state by the same large jaxpr.
         """
         # Arguments that are the same in all calls are used directly; the others are passed.
         ops, pairs = self.ops, list(zip(arguments, repeated.shared, strict=True))

@@ -70,6 +70,8 @@ class Code:
 
     **Arguments:** `lowering`: lowering of the whole program; `stopwatch`: measures the stages;
     `result`: integer of the program that `run` returns, by default zero.
+
+    **Raises:** `UnsupportedPrimitiveError` if LLVM rejects the program.
     """
 
     def __init__(self, lowering: Lowering, stopwatch: Stopwatch, result: Value | None = None):
@@ -88,7 +90,10 @@ class Code:
         return state
 
     def memory(self) -> Memory:
-        """Return new memory for the program, with its constants."""
+        """Return new memory for the program, with its constants and with zeros in all other cells.
+
+        The caller writes the arguments to it before `run`, and reads the results from it after.
+        """
         memory = Memory(self._cells, self._lanes)
         for start, array in self._constants.items():
             memory.write(Region.of(array, start), array)
@@ -161,13 +166,16 @@ def _object_file(text: str) -> bytes:
 
 
 def _target() -> tuple[str, ...]:
-    """Return the version of LLVM, and name and features of the processor."""
+    """Return the version of llvmlite, which contains LLVM, and name and features of the processor.
+
+    They are part of all keys, because saved machine code is valid for these only.
+    """
     features = llvm.get_host_cpu_features().flatten()
     return llvmlite.__version__, llvm.get_host_cpu_name(), features
 
 
 def _store() -> ProgramStore | None:
-    """Return the store in JAX's compilation cache; ``None`` if that is not in use."""
+    """Return the store of programs in JAX's compilation cache; ``None`` if that is not in use."""
     folder = cache_in_use()
     return None if folder is None else ProgramStore(folder / "native")
 
@@ -178,12 +186,13 @@ def load_or_make(
     """Load the program of a function from disk, or make and save it.
 
     A loaded program needs neither tracing nor lowering. Nothing is loaded or saved if that is
-    switched off (by `keep_programs` in `..compilation.program_store`), or if the function or its
-    arguments contain classes or functions from outside of this package: a change of their code
-    would not be noticed.
+    switched off (by `keep_programs` in `..compilation.program_store`), if JAX's compilation cache
+    is not in use, or if the function or its arguments contain classes or functions from outside of
+    this package: a change of their code would not be noticed.
 
     **Arguments:** `function`, `arguments`: function of PyTrees, and arguments with the structure,
-    shapes, dtypes and static values for which the program is valid; `make`: makes the program.
+    shapes, dtypes and static values for which the program is valid; `make`: makes the program,
+    which is returned without being saved if it cannot be pickled or written.
     """
     program = load(function, arguments)
     if program is None:
@@ -191,13 +200,17 @@ def load_or_make(
         place = _place(function, arguments)
         if place is not None:
             store, key = place
+            # The program can be used even if it cannot be pickled or written.
             with suppress(Exception):
                 store.write(key, pickle.dumps(program))
     return program
 
 
 def load(function: Callable[..., PyTree], arguments: tuple[PyTree, ...]) -> Any:
-    """Load the program that `load_or_make` has saved; return ``None`` if there is none."""
+    """Load the program that `load_or_make` has saved for the same function and arguments.
+
+    **Returns:** the program; ``None`` if there is none, or if it cannot be read.
+    """
     place = _place(function, arguments)
     if place is None:
         return None

@@ -5,7 +5,8 @@ A value is named by an integer and computed once (static single assignment). Its
 tangents of that kind: derivatives of one variable by several parameters. If the program computes
 several lanes, each value is a vector with a number for each lane. A block is a list of entries:
 pure operations, reads and writes of memory, calls of functions, and branches and loops, which
-contain blocks.
+contain blocks. Memory consists of numbered cells, each of which holds one number for each lane. A
+vector of tangents occupies consecutive cells.
 """
 
 import math
@@ -37,7 +38,8 @@ class Operation:
     - "call", which executes the function `number` of the program. The function reads its arguments
       from memory and writes its results there.
 
-    Of the last two, `out` is ``None``. An operation contains no blocks, so `blocks` is empty.
+    A vector of tangents is read from, or written to, the given cell and the following ones. Of
+    "store" and "call", `out` is ``None``. An operation contains no blocks, so `blocks` is empty.
     """
 
     out: Value | None
@@ -52,7 +54,8 @@ class Operation:
 class Branch:
     """Execute the block `yes` if the condition holds, else the block `no`.
 
-    The values `outs` become `yes_values` or `no_values`, which the executed block computes.
+    The values `outs` become `yes_values` or `no_values`, which the executed block computes. With
+    several lanes, `yes` is executed for all lanes if the condition holds in any of them.
     """
 
     condition: Value
@@ -78,7 +81,8 @@ class Loop:
     """Execute the block `head`, which computes `condition`, and `body` as long as it holds.
 
     The values `carries` start as `first`. Each execution of the body computes `following`, which
-    are the carries in the next iteration.
+    are the carries in the next iteration. With several lanes, the body is executed for all lanes as
+    long as the condition holds in any of them; it must itself keep the carries of the others.
     """
 
     carries: list[Value]
@@ -165,8 +169,11 @@ class Operations:
         # can be reused in inner blocks, but not after the end of its block.
         self._known: dict[tuple, Value] = {}
         self._scopes: list[list[tuple]] = [[]]
+        # For values that `emit` has added, the operation and its arguments, to simplify later ones.
         self._definitions: dict[Value, tuple[str, tuple[Value, ...]]] = {}
+        # Values, besides constants, that are the same in all lanes.
         self._uniform: set[Value] = set()
+        # The condition of `masked`; without one, all lanes write.
         self._mask: Value | None = None
 
     def _new(self, kind: str, depth: int | None = None) -> Value:
@@ -222,6 +229,7 @@ class Operations:
         key = (name, kind, *arguments)
         value = self._known.get(key)
         if value is None:
+            # The last list of `_scopes` has the keys of the current block.
             block, scope, depth = self.block, -1, len(self._outside)
             if depth:
                 # In a function, an operation on values from outside is moved there, so that all
@@ -238,8 +246,9 @@ class Operations:
         return value
 
     def _simplified(self, name: str, kind: str, arguments: tuple[Value, ...]) -> Value | None:
-        """Return the result of an operation that can be omitted, or ``None`` for another operation.
+        """Return the result of an operation without adding it, or ``None`` if no rule applies.
 
+        The result is a known number, an operand, or that of a simpler operation, which is added.
         Every rule holds for all numbers, also for NaN, infinities and negative zeros. There is none
         for x + 0.0, for instance, which is not x if x is -0.0.
         """
@@ -371,7 +380,8 @@ class Operations:
     def load(self, kind: str, start: int, index: Value | None = None) -> Value:
         """Add the read of the cell `start` + `index`, or `start` without an index.
 
-        **Returns:** the number in the cell, as a value of the given kind.
+        **Returns:** the number in the cell, as a value of the given kind; for a vector of tangents,
+        the numbers in this cell and the following ones.
         """
         cell, arguments = self._address(start, index)
         out = self._new(kind)
@@ -475,9 +485,9 @@ class Operations:
     ) -> list[Value]:
         """Add a branch and return its values.
 
-        **Arguments:** `condition`: a bool; `yes`, `no`: add the entries of the block that is
-        executed if the condition holds, or if not, and return the block's values. Both return as
-        many values, of the same kinds.
+        **Arguments:** `condition`: a bool, see `Branch` for several lanes; `yes`, `no`: add the
+        entries of the block that is executed if the condition holds, or if not, and return the
+        block's values. Both return the same number of values, of the same kinds.
         """
         blocks, values = ([], []), []
         for block, build in zip(blocks, (yes, no), strict=True):
@@ -496,8 +506,8 @@ class Operations:
         """Add a loop and return its carries after the last iteration.
 
         **Arguments:** `first`: carries before the first iteration; `holds`: adds the condition for
-        a further iteration, as a function of the carries; `body`: adds the loop's body, which
-        returns the next carries.
+        a further iteration, a bool, as a function of the carries (see `Loop` for several lanes);
+        `body`: adds the loop's body, as a function of the carries, and returns the next carries.
         """
         # The condition is computed in its own block, which is executed once more than the body.
         carries = [self._new(self.kinds[value]) for value in first]
@@ -540,8 +550,11 @@ class Symbol:
     """A value of a program, for formulas: Python's operators add operations to the program.
 
     Operators of floats, integers and bools add the operation of the first operand's kind; sum,
-    difference and product of bools are "or", "xor" and "and". The second operand may be a number,
-    which stands for a value of that kind.
+    difference and product of bools are "or", "xor" and "and". Only floats can be divided by `/`.
+    The second operand may be a number, which stands for a value of that kind.
+
+    - `kind`: kind of the value.
+    - `letter`: first letter of the kind, which a vector of tangents shares with its elements.
 
     **Arguments:** `ops`: operations of the program; `value`: the value.
     """

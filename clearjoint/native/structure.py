@@ -3,7 +3,8 @@
 A rule takes the `Lowering`, which builds the program, an equation of a jaxpr and the equation's
 arguments. It adds operations to the program and returns the equation's results. Arguments and
 results are `Array`s: a scalar value, a vector of tangents (`Packed`), a NumPy array of values, or
-an array in memory (`InMemory`).
+an array in memory (`InMemory`). The latter is called a large array: it has more than
+`LARGEST_UNROLLED` elements and is processed by loops.
 
 A rule that rearranges elements applies the NumPy function of the same name to an array with the
 row-major index of each element: the result has in each position the index of the element that is
@@ -96,8 +97,8 @@ def _joined(lower: Lowering, equation: Equation, *arrays: Array, join: Join) -> 
 
     **Arguments:** `join`: gives the order of the elements, which are numbered through all arrays.
 
-    **Raises:** `UnsupportedPrimitiveError` for a large result, unless it has the elements of one
-    array after those of the other. Only such a result can be copied by loops over the arrays.
+    **Raises:** `UnsupportedPrimitiveError` for a large result, unless it has the elements of all
+    arrays one after another. Only such a result can be copied by loops over the arrays.
     """
     avals = [aval_of(v) for v in equation.invars]
     starts = np.cumsum([0, *(aval.size for aval in avals)]).tolist()
@@ -248,7 +249,7 @@ def _cumulate(lower: Lowering, equation: Equation, array: Array, name: str) -> l
 
 def _arg_extreme(lower: Lowering, equation: Equation, array: Array, compare: str) -> list[Array]:
     """Return the indices of the largest ("gt") or smallest ("lt") elements along an axis; of equal
-    elements, the first index.
+    elements, the first index. If there are NaNs, the index is that of the first NaN.
 
     **Raises:** `UnsupportedPrimitiveError` for arrays that are large or have no elements.
     """
@@ -274,7 +275,8 @@ def _arg_extreme(lower: Lowering, equation: Equation, array: Array, compare: str
 def _dot_general(lower: Lowering, equation: Equation, first: Array, second: Array) -> list[Array]:
     """Return the products of two small arrays, summed along some axes (`jax.lax.dot_general`).
 
-    **Raises:** `UnsupportedPrimitiveError` for large arrays.
+    **Raises:** `UnsupportedPrimitiveError` for large arrays, and for a first array without
+    elements.
     """
     (left, right), (left_batch, right_batch) = equation.params["dimension_numbers"]
     if isinstance(first, InMemory) or isinstance(second, InMemory):

@@ -103,7 +103,7 @@ class Linear(AbstractScale):
 
     **Arguments:** `unit`: size of a typical change of the value, in the parameter's unit; positive.
 
-    **Raises:** `ValueError` for a `unit` that is not positive.
+    **Raises:** `ValueError` unless `unit` is a single positive, finite number.
 
     >>> cj.Linear(unit=0.5).value(3.0)
     1.5
@@ -174,7 +174,7 @@ class Bounded(AbstractScale):
 
     **Arguments:** `low`, `high`: bounds in the parameter's unit, which values only approach.
 
-    **Raises:** `ValueError` unless both are single numbers and low < high.
+    **Raises:** `ValueError` unless both are single finite numbers and low < high.
 
     >>> scale = cj.Bounded(0.0, 1.0)
     >>> print(f"{scale.value(0.0):.2f}, {scale.value(5.0):.3f}")
@@ -239,12 +239,15 @@ class Parameter:
     **Arguments:**
 
     - `path`: function that selects the number in a scene, such as
-      ``lambda scene: scene.joints["pin"].clearance``, or an `AbstractVariation`. A path that
-      returns several numbers ties them: they share one value.
+      ``lambda scene: scene.joints["pin"].clearance``. A path that returns several numbers ties
+      them: they share one value. An `AbstractVariation`, which says in another way how a value
+      changes scene and state, may take its place. The field `variation` is this object, or a
+      `SceneNumber` made from the path.
     - `scale`: `Linear()` by default; `Log()` for positive numbers, `Bounded(low, high)` for
       numbers between bounds. A scale maps values to unbounded coordinates; the fit works in these
       coordinates, and derivatives are with respect to them.
-    - `value`: first guess, SI; by default the value in the scene.
+    - `value`: first guess, SI; ``None`` for the number's value in the scene or initial state. An
+      `AbstractVariation` that selects no number requires it.
     - `unit`: text that labels the values and converts nothing; by default the SI unit of the number
       in the scene. An `AbstractVariation` has its own unit instead.
 
@@ -289,7 +292,7 @@ class Parameter:
 
         **Arguments:** `path`: function that selects the number in a `State`, such as
         ``lambda state: state.bodies["arm"].spin[2]``. The others, and the errors, are as in
-        `Parameter`.
+        `Parameter`; by default, `value` is that in the initial state.
         """
         return Parameter(StateNumber(path, unit), scale, value=value)
 
@@ -319,7 +322,8 @@ class Parameter:
 
         **Arguments:**
 
-        - `series`: names in `Measurements`, at least one; several series share one clock.
+        - `series`: names of the series in `Measurements`, the measured data of the fit; at least
+          one. Several series share one clock.
         - `value`: first guess, s.
         - `scale`: `Linear()` by default; `Bounded(-1e-3, 1e-3)` keeps the delay within 1 ms.
 

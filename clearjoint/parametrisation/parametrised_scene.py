@@ -31,7 +31,8 @@ class ParametrisedScene(eqx.Module):
     - `scales`: for each parameter, the map from coordinate to value.
     - `patterns`: folded constants of the scene: components of its vectors and matrices that are
       exactly 0 or 1 and compiled as such. For each leaf, a tuple of the components' values, with
-      ``None`` for those that are not folded; or ``None`` for a leaf without any.
+      ``None`` for those that are not folded; or ``None`` for a leaf without any. An empty tuple
+      stands for no folded constants at all.
     """
 
     values: Coordinates
@@ -60,7 +61,8 @@ class ParametrisedScene(eqx.Module):
         **Returns:** a PyTree of booleans with the structure of the scene.
         """
         structure = jax.tree.structure(self.base[0])
-        # If all parameters are numbers, their locations tell which leaves change.
+        # If all parameters are numbers, their locations tell which leaves change: `set_value` has
+        # the indices of these leaves.
         setters = [change for change in self.changes if isinstance(change, NumberSetter)]
         if len(setters) == len(self.changes):
             set_value = {
@@ -89,7 +91,8 @@ class ParametrisedScene(eqx.Module):
         return unpack(ConstantFolded(self.scene_and_state(values)[0], self.patterns))
 
     def start(self, values: Coordinates) -> State:
-        """Return the initial state at coordinates (p,), with vectors as separate scalars."""
+        """Return the initial state at coordinates (p,), with its vectors and Euler parameters as
+        separate scalars."""
         return unpack(self.scene_and_state(values)[1])
 
     def pushed(
@@ -105,14 +108,15 @@ class ParametrisedScene(eqx.Module):
 
         **Arguments:**
 
-        - `function`: function of the scene and of `primals`. It returns a pair: the value, which is
-          differentiated, and an auxiliary result, which is not.
+        - `function`: function of the scene, as returned by `scene`, and of `primals`. It returns a
+          pair: the value, which is differentiated, and an auxiliary result, which is not.
         - `primals`: further arguments of the function, after the scene; they may depend on the
           parameters.
         - `tangents`: derivatives of `primals` by the parameters, (p, ...) for each array.
 
         **Returns:** the value, the auxiliary result, and the value's derivatives, (p, ...) for each
-        array. Derivatives are by the coordinates, not by the values.
+        array. All are computed at the coordinates `self.values`, and derivatives are by these
+        coordinates, not by the parameters' values.
         """
 
         def along(seed: jax.Array, tangents: tuple[PyTree, ...]) -> PyTree:

@@ -52,7 +52,7 @@ def numbers_at(tree: PyTree, path: NumberPath) -> list[Number]:
     """Return the locations of the numbers that a path selects in a scene or state.
 
     **Raises:** `ValueError` if the path names an unknown element or field, or if it returns a
-    computed value, an element, or nothing.
+    computed value, a whole element such as a joint, or nothing.
     """
     try:
         # The path runs on a tree whose leaves are their own locations, so that it returns
@@ -100,8 +100,9 @@ def _refuse_missing(tree: PyTree, error: AttributeError | KeyError) -> NoReturn:
 def set_value(tree: PyTree, path: NumberPath, value: Leaf) -> PyTree:
     """Return a copy of a scene or state with another value at a path.
 
-    Only the shape of the value is checked. The constructors' checks, such as that a mass is
-    positive, are not repeated.
+    The value is in the SI unit of the number that it replaces; tied numbers all receive it. Only
+    the shape of the value is checked. The constructors' checks, such as that a mass is positive,
+    are not repeated.
 
     **Raises:** `ValueError` if the path leads to no number, and if the value has another shape than
     the number that it replaces.
@@ -178,8 +179,8 @@ def _replaced(leaf: Leaf, component: tuple[Index, ...], value: Leaf) -> Leaf:
 
 
 def unit_at(tree: PyTree, path: NumberPath) -> str:
-    """Return the SI unit, as text, of the number that a path selects; "1" for a number without
-    unit.
+    """Return the SI unit, as text, of the number that a path selects, or of the first of tied
+    numbers; "1" for a number without unit.
 
     **Raises:** `ValueError` if the path leads to no number, see `numbers_at`.
     """

@@ -54,7 +54,8 @@ class AbstractVariation(abc.ABC):
         shape of `example`. Equal variations return equal functions for equal structures, so that
         JAX reuses compiled programs.
 
-        **Raises:** `ValueError` for a path without numbers, or with numbers of another shape.
+        **Raises:** `ValueError` for a path without numbers, or with numbers of another shape, and
+        for a delay, which changes no scene.
         """
 
 
@@ -87,7 +88,10 @@ class AbstractNumber(AbstractVariation):
         return self.path
 
     def unit_in(self, scene: Scene, state: State) -> str:
-        """Return `unit`, or the SI unit of the number if `unit` is ``None``."""
+        """Return `unit`, or the SI unit of the number if `unit` is ``None``.
+
+        **Raises:** `ValueError` for a path without numbers, if `unit` is ``None``.
+        """
         return unit_at(self.tree(scene, state), self.path) if self.unit is None else self.unit
 
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
@@ -162,7 +166,7 @@ class SeriesDelay(AbstractVariation):
 
     The delay changes no scene: only fits, which have measurements, can use it.
 
-    `series`: names of the series in `Measurements`.
+    `series`: names of the series in `Measurements`, the measured data of a fit.
     """
 
     series: tuple[str, ...]
@@ -177,7 +181,10 @@ class SeriesDelay(AbstractVariation):
         return "s"
 
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
-        """Raise a `ValueError`, because a scene has no such number."""
+        """Raise a `ValueError`, because a scene has no such number.
+
+        Fits don't call it: they evaluate the outputs at the samples' times less the delay.
+        """
         del scene, state, example
         series = ", ".join(map(repr, self.series))
         raise ValueError(

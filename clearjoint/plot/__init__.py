@@ -1,10 +1,11 @@
 """Figures of simulated mechanisms with clearance joints.
 
-Every function draws existing data (an `Observation`, a `Solution`, `Impacts`, a `Fit`, or the data
-set of a sweep) into matplotlib axes, the argument `axes`, or into new ones, and returns them;
-`fitted`, `journal_frames` and `report` make new figures. No function simulates or shows anything;
-only `animate_journal` and `report` write files. Arguments are in SI units; axes have units with
-suitable prefixes.
+The functions in the tables draw existing data (an `Observation`, a `Solution`, `Impacts`, a `Fit`,
+or the data set of a sweep) into matplotlib axes, the argument `axes`, or into new ones, and return
+them; `fitted`, `journal_frames` and `report` make new figures. Of the other functions, some
+draw in the same way, and some return the numbers to draw, such as `enclosed_energy`. No function
+simulates or shows anything; only `animate_journal` and `report` write files. Arguments are in SI
+units; axes have units with suitable prefixes.
 
 | of a run | functions |
 |---|---|
@@ -31,7 +32,7 @@ suitable prefixes.
 Curves also differ by line style, and areas by grey value and hatching, for print without colours.
 The argument `window` is the start and the end of the drawn time, s; by default all is drawn.
 
-**Examples** in docstrings of this module also assume these lines:
+**Examples** in docstrings of this module assume these lines after those of `clearjoint`:
 
 >>> pendulum, hanging = cj.mechanisms.double_pendulum()
 >>> save = cj.Saving(np.linspace(0, 0.02, 2001), steps=True, impacts=True)

@@ -119,6 +119,7 @@ def animate_journal(
 
     >>> plot.animate_journal(observed, "shoulder", 0.5e-3, "journal.gif", np.linspace(0, 0.02, 5))
     """
+    # Inches: two square pictures, and above them space for their titles and the time.
     figure = Figure(figsize=(5.0, 2.9))
     pair = figure.subplots(1, 2)
     figure.subplots_adjust(left=0.02, right=0.98, bottom=0.02, top=0.8, wspace=0.05)

@@ -1,4 +1,4 @@
-"""Draw fits to measurements, the accuracy of estimated parameters, and the longest run to fit.
+"""Draw fits to measurements, the accuracy of estimated parameters, and limits of a fit by one run.
 
 The accuracy of a parameter refers to its coordinate: its value on its scale, such as the logarithm
 of the value for the scale `Log`, on which a small difference is a relative error.
@@ -37,7 +37,8 @@ class FittedModel(Protocol):
 
     @cached_property
     def predictions(self) -> dict[str, np.ndarray]:
-        """Values (N,) that the fitted model predicts, by name of the series, in its SI unit."""
+        """Values (N,) that the fitted model predicts at the N sample times of a series, by name of
+        the series, in its SI unit."""
         ...
 
     @cached_property
@@ -184,8 +185,8 @@ def growth(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
     Each parameter has a line over time: the root mean square displacement of points of the bodies
     per unit of the parameter's coordinate (for the scale `Log`, per relative change). A further
     line is the displacement per m/s of initial velocity. Vertical lines mark the times beyond which
-    a fit by a single run fails, because it may not converge from a wrong guess, or because of
-    integration errors.
+    a fit by a single run may not converge from a wrong guess, or integration errors are too large;
+    a time that the record does not reach has no line.
 
     **Arguments:** `horizon`: from `cj.fit_horizon`; `axes`: axes to draw on, new ones by default.
 
@@ -203,8 +204,9 @@ def integration_error(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
     over time.
 
     Errors of outputs are in units of the measurement noise, errors of derivatives are relative;
-    both are bounds. Vertical lines are the times beyond which a fit by a single run fails, because
-    it may not converge from a wrong guess, or because of these errors.
+    both are upper bounds. Vertical lines mark the times beyond which a fit by a single run may not
+    converge from a wrong guess, or these errors are too large; a time that the record does not
+    reach has no line.
 
     **Arguments:** `horizon`: from `clearjoint.fit_horizon`; `axes`: by default those of a new
     figure.
@@ -231,8 +233,9 @@ def _over_time(
     times, if finite, from which on fits from wrong guesses may fail, or integration errors are too
     large.
 
-    **Arguments:** `curves`: label and values (N,) of each curve; `quantity`: text of the vertical
-    axis; `title`: title of the legend.
+    **Arguments:** `curves`: label and values (N,) of each curve at the N times of `horizon`, where
+    values of zero are gaps; `quantity`: text of the vertical axis; `title`: title of the legend,
+    without one for None.
     """
     axes = axes_or_new(axes)
     times = horizon.times * 1e3  # ms

@@ -51,7 +51,7 @@ def contact_and_reaction(
 
     **Returns:** the axes; time in ms or s, forces in N or kN. The legend gives the peaks.
 
-    **Raises:** `ValueError` for unknown names.
+    **Raises:** `ValueError` for unknown names, and for a window without observed times.
 
     >>> axes = plot.contact_and_reaction(observed, ("shoulder", "V"), ("elbow", "arm 3"))
     """
@@ -95,7 +95,7 @@ def contact_forces(
     - `joint`: name of the clearance joint.
     - `logarithmic`: whether the force axis is logarithmic; zero force is then not visible. By
       default it is logarithmic if one peak is so large that the other forces would be invisible on
-      a linear axis.
+      a linear axis. Without any force in the drawn time it is always linear.
     - `window`: start and end of the drawn time, s, by default all observed times; `axes`: axes to
       draw on, by default new ones.
 
@@ -118,7 +118,7 @@ def joint_forces(
     axes: Axes | None = None,
 ) -> Axes:
     """Draw one curve over time for each joint with contacts: the largest of the normal forces of
-    its contacts at each instant.
+    its contacts at each instant. Joints with equal curves share one.
 
     **Arguments:** `observation`, `logarithmic`, `window`, `axes`: see `contact_forces`.
 
@@ -171,7 +171,7 @@ def _over_time(
         usual = np.quantile(values[acting], 0.5, weights=weights[acting], method="inverted_cdf")
         largest = peaks.max()
         # On a linear axis, half of the peaks would be in the lowest sixth of its height, or half of
-        # the forces in its lowest twentieth.
+        # the forces in its lowest twentieth. Among fewer than three peaks none is an exception.
         has_outlier = len(peaks) >= 3 and largest > 6.0 * np.median(peaks)
         if logarithmic or has_outlier or largest > 20.0 * usual:
             # The axis begins somewhat below the smallest peak and the usual force, but it spans at
@@ -196,7 +196,7 @@ def hysteresis(
     - `observation`: from `cj.observe`, at every accepted step or at instants that resolve the
       impacts.
     - `impacts`: impacts of one contact: ``solution.impacts.of(joint, contact)``.
-    - `count`: number of impacts to draw, 1 or more, from the first one on.
+    - `count`: largest number of impacts to draw, 1 or more, from the first one on.
     - `axes`: axes to draw on, by default new ones.
 
     **Returns:** the axes; penetration with a suitable prefix of m, force in N or kN.
@@ -370,6 +370,7 @@ def motion_timeline(
     """
     observed.require_contacts(observation)
     names = tuple(observation.contacts) if joints is None else joints
+    # Inches: 0.45 for each row, and 1.3 for the legend above and the time axis below.
     axes = axes_or_new(axes, (6.4, 1.3 + 0.45 * len(names)))
     times = np.asarray(observation.times)
     first, last = (times[0], times[-1]) if window is None else window

@@ -69,7 +69,8 @@ def eccentricities(
 
     **Returns:** the axes; time in ms or s, eccentricity in mm or µm.
 
-    **Raises:** `ValueError` for the name of a joint without a journal.
+    **Raises:** `ValueError` for the name of a joint without a journal, and for a window without
+    observed times.
 
     >>> axes = plot.eccentricities(observed, "shoulder", 0.5e-3)
     """
@@ -110,7 +111,8 @@ def eccentricity_vectors(
     - `section`: two perpendicular unit vectors across the bearing's axis, by their labels: (3,)
       each in global axes, or (N, 3) if the bearing turns. By default the x and y axes of the
       bearing's own frame, which turn with the bearing; if the bearing's axis is the z axis of its
-      body, these are the x and y axes of the body.
+      body, these are the x and y axes of the body. With a `section`, the vector of a joint with
+      profiles (deviations from circles) has the direction of the nearest wall, not of the centre.
 
     **Returns:** (N, 2) m: the components along the first and the second unit vector.
 
@@ -122,7 +124,8 @@ def eccentricity_vectors(
     observed = contact(observation, joint, base)
     if section is None:
         return np.asarray(observed.offset)[:, :2]  # the third component is along the axis
-    # The normal is the direction from the bearing's axis to the contact, and thus to the centre.
+    # The normal is the direction from the bearing's axis to the contact, and thus, if both surfaces
+    # are circles, to the centre.
     vectors = observed.normal * np.asarray(observed.eccentricity)[:, None]
     components = [np.sum(vectors * np.asarray(direction), axis=1) for direction in section.values()]
     return np.stack(components, axis=1)
@@ -158,7 +161,8 @@ def journal_orbit(
     **Returns:** the axes, of equal scale; eccentricities in mm, or in µm for a clearance below
     0.2 mm.
 
-    **Raises:** `ValueError` for an unknown joint, and for a joint without a journal.
+    **Raises:** `ValueError` for an unknown joint, for a joint without a journal, and for a window
+    without observed times.
 
     >>> axes = plot.journal_orbit(observed, "shoulder", 0.5e-3)
     """
@@ -196,7 +200,8 @@ def orbit_in_contact(
     **Returns:** the axes, of equal scale; eccentricities in mm, or in µm for a clearance below
     0.2 mm.
 
-    **Raises:** `ValueError` for an unknown joint or base, and for a joint without a journal.
+    **Raises:** `ValueError` for an unknown joint or base, for a joint without a journal, and for a
+    window without observed times.
 
     >>> axes = plot.orbit_in_contact(observed, "shoulder", "V", 0.5e-3)
     """
@@ -243,8 +248,8 @@ def length_unit(clearance: float) -> tuple[float, str]:
 def observed_clearance(observation: Observation, joint: str) -> float:
     """Return the radial clearance of a joint, m: the eccentricity of a base less its penetration.
 
-    This difference varies if the bearing or the journal has a profile. The result is its median
-    over the observed times.
+    This difference varies if the bearing or the journal has a profile, a deviation from its
+    circle. The result is its median over the observed times.
 
     **Raises:** `ValueError` for an unknown joint, and for a joint without a journal.
     """
@@ -294,7 +299,8 @@ def orbit(
     **Returns:** the axes, of equal scale; offsets in mm, or in µm for a clearance below 0.2 mm. A
     dot marks the start.
 
-    **Raises:** `ValueError` for unknown names of the output or of its channels.
+    **Raises:** `ValueError` for unknown names of the output or of its channels, and for a window
+    without saved times.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> x, y = [cj.quantities.JournalOffset("shoulder", axis) for axis in ("x", "y")]

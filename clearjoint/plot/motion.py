@@ -108,7 +108,8 @@ def path(
     **Returns:** the axes, of equal scale; positions in m. A dot marks the start. No legend is
     drawn; `axes.legend()` adds one.
 
-    **Raises:** `ValueError` for an unknown body or coordinate.
+    **Raises:** `ValueError` for an unknown body or coordinate, and for a window without times of a
+    trajectory.
 
     >>> axes = plot.path({"with clearance": solution.saved}, "arm 3", ("Y", "Z"))
     """
@@ -166,8 +167,10 @@ def _over_time(
 ) -> Axes:
     """Draw one component of vectors over time.
 
-    **Arguments:** `curves`: times (N,), s, and vectors (N, 3), by the curve's label; `quantity`:
-    text of the vertical axis after "X-", say; `width`: of the lines, points.
+    **Arguments:** `curves`: times (N,), s, and vectors (N, 3), by the curve's label;
+    `component`: "X", "Y" or "Z"; `quantity`: name and unit of the vectors, which follow the
+    component in the text of the vertical axis: "Y-position of arm's centre, m"; `width`: width of
+    the lines, points.
     """
     axis = _number(component)
     axes = axes_or_new(axes)

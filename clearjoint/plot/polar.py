@@ -48,7 +48,7 @@ def contact_rose(
 
     - `observation`: from `cj.observe`, along every accepted step, or at instants that resolve the
       impacts.
-    - `joint`: name of the clearance joint. Contacts between its bases are left out.
+    - `joint`: name of the clearance joint. Contacts at points between its bases are left out.
     - `weight`: "impulse", the time integral of the normal force in each sector, with base W stacked
       on base V; or "force", the largest normal force of each base in each sector. Bases with equal
       forces share their bars, which show the sum of the impulses, or the force of one base.
@@ -238,7 +238,7 @@ def _dressed(
     covered = np.where(np.abs(distance) < 22.5, heights, 0.0).sum(axis=1)
     axes.set_rlabel_position(float(middles[np.argmin(covered)]))
     axes.tick_params(axis="y", labelsize="small", colors=DARK)
-    legend_above(axes, 2, height=1.08)
+    legend_above(axes, 2, height=1.08)  # above the text of the direction 90°
     axes.set_xlabel(label)
     names = {0: f"{right}, ", 90: f"{up}, "}
     degrees = [round(np.degrees(tick)) for tick in axes.get_xticks()]

@@ -106,8 +106,8 @@ def _single(owner: object, field: str) -> float | None:
 
 
 def _play(joint: AbstractContactJoint) -> str:
-    """Return the joint's clearance or play with its unit, such as "0.5 mm"; "yes" if the joint has
-    no field of one of these names that is a single number with a unit."""
+    """Return the joint's clearance, play or backlash with its unit, such as "0.5 mm"; "yes" if the
+    joint has no field of one of these names that is a single number with a unit."""
     units = {field.name: field.metadata.get("unit", "") for field in fields(joint)}
     texts = []
     for name in ("clearance", "play", "backlash"):
@@ -152,8 +152,11 @@ def _counted(number: int, name: str, one: str = "", many: str = "s") -> str:
 
 
 def _tolerances(solution: Solution) -> list[str]:
-    """Return the solver and its tolerances, or its step-size controller, as one text in a list; an
-    empty list if the solution does not contain its settings."""
+    """Return a list with one text: the solver, and the step-size controller if one was given, else
+    the relative tolerance, and the absolute one if it was given.
+
+    The list is empty if the solution does not contain its settings.
+    """
     notes = {name.removeprefix("setting_"): value for name, value in solution.settings}
     if "solver" not in notes:
         return []
@@ -294,6 +297,7 @@ def report(
         middle: SubFigure = grid[1, 0]
         page = middle.subfigures(1, 3, width_ratios=(MARGIN, width, MARGIN), squeeze=False)[0, 1]
         names = ", ".join(shown(name) for name in scene.bodies)
+        # At this size of the font, about 70 letters fit into the width of the page.
         page.suptitle(fill(literal(title) or f"Run of {names}", 70), fontsize=12)
         rows = page.subfigures(len(parts), 1, height_ratios=heights, squeeze=False)[:, 0]
         for row, part in zip(rows, parts, strict=True):
@@ -322,7 +326,7 @@ def _parts(scene: Scene, solution: Solution, record: xr.DataArray) -> list[_Part
 
     Forces need clearance joints, and the table of impacts needs recorded impacts.
 
-    **Arguments:** `record`: quantity of the spectrum over time.
+    **Arguments:** `record`: values (N,) over "time", s, of the quantity whose spectrum is drawn.
 
     **Raises:** `ValueError` for a solution without states.
     """
@@ -467,7 +471,8 @@ def _bodies(axes: Axes, trajectory: Trajectory) -> None:
     in which all paths together extend farthest.
 
     If no coordinate of a centre varies by more than a fiftieth of the largest of these extents,
-    draw the magnitudes of the angular velocities over time instead.
+    the bodies do little more than turn: draw the magnitudes of their angular velocities over time
+    instead.
     """
     bodies = trajectory.states.bodies
     paths = {name: np.asarray(body.position) for name, body in bodies.items()}
@@ -508,7 +513,12 @@ def draw_over_time(row: SubFigure, observed: Observation) -> None:
 
 def draw_energies(row: SubFigure, observed: Observation, record: xr.DataArray) -> None:
     """Draw the energies and the error of their balance on the left, and on the right the amplitude
-    spectrum of `record` (N,) over "time", s."""
+    spectrum of `record` (N,) over "time", s.
+
+    A note replaces the spectrum if there are fewer than four times, or if they are not at equal
+    intervals. `observed` is the observation at saved states or at ends of steps, where the energies
+    are known.
+    """
     panels = row.subplot_mosaic([["stored", "lines"], ["drift", "lines"]], height_ratios=(2.0, 1.0))
     panels["stored"].sharex(panels["drift"])
     energy_ledger(observed, axes=np.array([panels["stored"], panels["drift"]]))

@@ -166,7 +166,7 @@ def section_points(
     clearance: float | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw two channels of section crossings as points.
+    """Draw two channels of section crossings as points, and return the axes.
 
     **Arguments:**
 
@@ -231,8 +231,8 @@ def bifurcation(
     - `section`: name under which the `Section` was passed to `Saving`. `channel`: name of the
       section's channel to draw.
     - `axis`: name of the swept parameter to draw over; by default the only axis of the sweep.
-    - `number`: whether colours show the numbers of the crossings, from 1 on, such as for a motion
-      that decays.
+    - `number`: whether colours show the numbers of the crossings, from 1 on; this helps for a
+      motion that decays, whose crossings depend on the time.
     - `axes`: axes to draw on, by default new ones.
 
     **Returns:** the axes. An axis is logarithmic if all its values are positive and the largest

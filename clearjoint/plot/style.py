@@ -41,7 +41,7 @@ def lines() -> Iterator[tuple[str, Dashes]]:
 
 
 def next_colour(axes: Axes) -> str:
-    """Return the first colour without a line on the axes, or the colour with the fewest lines."""
+    """Return the first colour of `LINES` that no line on the axes has, or else the rarest one."""
     drawn = [line.get_color() for line in axes.get_lines()]
     return min((colour for colour, _ in LINES), key=drawn.count)
 
@@ -71,8 +71,11 @@ def polar_or_new(axes: Axes | None) -> PolarAxes:
 
 
 def dress(axes: Axes, x: str, y: str) -> Axes:
-    """Give axes the common look of figures, and return them: the texts `x` and `y` as labels, a
-    faint grid behind the curves, and no frame above and on the right."""
+    """Give axes the common look of figures, and return them.
+
+    The texts `x` and `y` become the labels, in several lines if they are long. A faint grid lies
+    behind the curves, and the frame has no lines above and on the right.
+    """
     axes.set_xlabel(broken(x))
     axes.set_ylabel(broken(y))
     axes.grid(True, color="0.9", linewidth=0.8)
@@ -176,18 +179,20 @@ def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
 
     **Arguments:**
 
-    - `data`: any shape, with its SI unit in ``attrs["units"]``; without it, "1".
+    - `data`: any shape; its name is used in the label. Its SI unit is in ``attrs["units"]``, "1" if
+      this is missing.
     - `present`: label of the axes, such as "force, kN", if these already show other data; empty
       for new axes. The unit of this label is then used, and the new label has both names.
 
-    **Raises:** `ValueError` if the label's unit is not that of the data with some prefix.
+    **Raises:** `ValueError` if the unit of `present` is not that of the data with some prefix. Data
+    in "1" are not checked.
     """
     values = np.asarray(data.values, dtype=float)
     exponent, unit = _prefixed(values, data.attrs.get("units", "1"))
     name = shown(str(data.name).replace("_", " "))
     if present:  # both data have one axis, and thus one prefix
         names = present.replace("\n", " ")
-        if unit != "1":
+        if unit != "1":  # only labels of data with a unit end with one
             base = unit.removeprefix(PREFIXES[exponent])
             exponents = {prefix + base: power for power, prefix in PREFIXES.items()}
             names, _, unit = names.rpartition(", ")
@@ -279,8 +284,9 @@ def _prefixed(values: np.ndarray, unit: str) -> tuple[int, str]:
 def suits_logarithm(values: np.ndarray, swept: bool = False) -> bool:
     """Return whether an axis for values (any shape) should be logarithmic.
 
-    All finite values must be positive, and the largest must exceed 12 times the smallest, or, for
-    the values of a `swept` parameter, they must form a geometric series.
+    All finite values must be positive, and the largest must exceed 12 times the smallest. For a
+    `swept` parameter it is enough if at least three different values form a geometric series.
+    Without finite values the result is false.
     """
     finite = values[np.isfinite(values)]
     if finite.size == 0 or finite.min() <= 0.0:
@@ -297,8 +303,10 @@ def suits_logarithm(values: np.ndarray, swept: bool = False) -> bool:
 
 
 def scale_axes(axes: Axes, x: np.ndarray, y: np.ndarray, swept: str = "x") -> None:
-    """Make the x and the y axis logarithmic where their values suit, see `suits_logarithm`, and
-    linear where some value is not positive; otherwise keep the scale.
+    """Choose linear or logarithmic scales for the x and the y axis from the drawn values.
+
+    An axis becomes logarithmic if `suits_logarithm` is true of its values, and linear if some value
+    is not positive. Otherwise it keeps its scale, such as that of earlier curves.
 
     **Arguments:** `x`, `y`: drawn values, any shape; `swept`: letters of the axes that show swept
     parameters, "x", "y" or "xy".

@@ -130,9 +130,10 @@ def against(
     exceeds 12 times the smallest one; that of the parameter also if its values form a geometric
     series.
 
-    **Raises:** `ValueError` for unknown names, without `axis` for a sweep with several axes, for an
-    output that is not one number for each value of the parameter, for a `median` below 1 or above
-    the number of finite values, and for axes whose units the values cannot be converted to.
+    **Raises:** `KeyError` for an unknown `axis`. `ValueError` for an unknown `variable`, without
+    `axis` for a sweep with several axes, for an output that is not one number for each value of the
+    parameter, for a `median` below 1 or above the number of finite values, and for axes whose units
+    the values cannot be converted to.
 
     >>> drawn = plot.against(found, "speed")
     """
@@ -219,8 +220,8 @@ def parameter_map(
     largest exceeds 12 times the smallest one; axes also if the values of the parameter form a
     geometric series.
 
-    **Raises:** `ValueError` for unknown names, and for an output that is not one number for each
-    pair of values.
+    **Raises:** `KeyError` for an unknown `x` or `y`. `ValueError` for an unknown `variable`, and
+    for an output that is not one number for each pair of values.
 
     >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
     >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
@@ -246,7 +247,7 @@ def parameter_map(
         patch.set(**MISSING)
         legend_above(axes, handles=[patch])
     dress(axes, x_data.label, y_data.label)
-    axes.grid(False)
+    axes.grid(False)  # the grid of `dress` would be seen through the cells without a number
     return axes
 
 
@@ -278,9 +279,10 @@ def convergence(
 
     **Returns:** the axes, both logarithmic.
 
-    **Raises:** `ValueError` for unknown names, without `axis` for a sweep with several axes, for
-    fewer than two lanes to fit whose parameter and output are positive, and for axes with another
-    unit.
+    **Raises:** `KeyError` for an unknown `axis`. `ValueError` for an unknown `variable`, without
+    `axis` for a sweep with several axes, for an output that is not one number for each value of the
+    parameter, for fewer than two lanes to fit whose parameter and output are positive, and for axes
+    with another unit.
 
     >>> drawn = plot.convergence(found, "speed")
     """
@@ -313,12 +315,13 @@ def power_law_exponent(
     """Return the exponent p of the power law C a^p that fits an output of a sweep over its
     parameter a, by least squares of logarithms.
 
-    **Arguments:** `variable`: name of the output; `axis`: name of the parameter, by default the
-    only axis of the sweep; `within`: smallest and largest parameter of the lanes that are fitted,
-    by default all are.
+    **Arguments:** `dataset`: from `sweep` or `open_sweep`; `variable`: name of the output; `axis`:
+    name of the parameter, by default the only axis of the sweep; `within`: smallest and largest
+    parameter of the lanes that are fitted, in the unit of the data set, by default all are.
 
-    **Raises:** `ValueError` for unknown names, without `axis` for a sweep with several axes, and
-    for fewer than two lanes to fit whose parameter and output are positive.
+    **Raises:** `KeyError` for an unknown `axis`. `ValueError` for an unknown `variable`, without
+    `axis` for a sweep with several axes, for an output that is not one number for each value of the
+    parameter, and for fewer than two lanes to fit whose parameter and output are positive.
 
     >>> print(f"{plot.power_law_exponent(found, 'speed'):.3f}")  # 0.1 m times sqrt(k/m)
     0.500

@@ -2,9 +2,9 @@
 
 A quantity is a scalar function of the state of the mechanism at an instant, such as a position.
 
-The energy ledger of a run consists of the integrals that ``Settings(ledger=True)`` adds to its
-variables: the energies dissipated by damping, friction, films and stabilisation, and the work of
-drivers and loads.
+The energy ledger of a run consists of energies that are integrated together with the motion if
+its settings have ``ledger=True``: those dissipated by damping, friction, films and stabilisation,
+and the work of drivers and loads.
 """
 
 import re
@@ -50,7 +50,8 @@ def series(
 
     - `scene`: the simulated scene.
     - `solution`: from `cj.simulate` with `save`, so that states are saved.
-    - `quantity`: one of `clearjoint.quantities`, or another scalar function of an `Instant`.
+    - `quantity`: one of `clearjoint.quantities`, or another scalar function of an `Instant`,
+      which gives the motions and forces at one time.
     - `unit`: SI unit of the values, for a quantity that does not declare its unit.
     - `trajectory`: N states at which the quantity is evaluated; by default the saved states. Pass
       `solution.steps` for the state after every accepted step.
@@ -58,7 +59,8 @@ def series(
     **Returns:** array (N,) with the coordinate "time", s; its name is that of the quantity, its
     unit is in ``attrs["units"]``.
 
-    **Raises:** `ValueError` for a solution without states, and for a quantity without a unit.
+    **Raises:** `ValueError` for a solution without states, for a quantity without a unit, and for a
+    quantity of an element that the scene lacks.
 
     >>> save = cj.Saving(np.linspace(0, 0.5, 101))
     >>> solution = cj.simulate(scene, state, 0.5, save=save, progress=False)
@@ -178,7 +180,7 @@ def phase_portrait(
     **Returns:** the axes, in units with suitable prefixes. A dot marks the start, a square the end.
     Angles continue beyond a full turn.
 
-    **Raises:** see `plot.series`.
+    **Raises:** see `plot.series`; also `ValueError` for a window without states.
 
     >>> save = cj.Saving(np.linspace(0, 0.5, 101))
     >>> solution = cj.simulate(scene, state, 0.5, save=save, progress=False)
@@ -304,7 +306,11 @@ def spectrum_of(record: xr.DataArray, *, taper: str = "hann", axes: Axes | None 
     **Arguments:** `record`, `taper`: see `plot.amplitude_spectrum`; `axes`: axes to draw on, new
     ones by default.
 
-    **Returns:** the axes, see `plot.spectrum`. **Raises:** see `plot.amplitude_spectrum`.
+    **Returns:** the axes, see `plot.spectrum`. The amplitude axis begins at 1e-8 of the largest
+    amplitude or above, and is linear if all amplitudes are zero. A title names the taper and the
+    distance of the frequencies.
+
+    **Raises:** see `plot.amplitude_spectrum`.
 
     >>> import xarray as xr
     >>> times = np.arange(1000) / 1000.0
@@ -355,11 +361,14 @@ def energy_ledger(
     instant, the elastic energy (of springs, contacts, and bristles of friction laws), the energy
     dissipated since the start (by normal damping, friction, films, and the stabilisation of
     constraints) and the work of drivers and loads since the start. Energies that the scene does not
-    have are left out. The drift is the change since the start of kinetic, potential, elastic and
-    dissipated energy together, minus the work; it would be zero for an exact integration. A title
-    gives its largest magnitude as a fraction of the largest change of a curve above. In a run
-    without ``Settings(ledger=True)``, dissipated energy and work are unknown: the lower axes then
-    show the change of kinetic, potential and elastic energy together.
+    have are left out.
+
+    The drift is the change since the start of kinetic, potential, elastic and dissipated energy
+    together, minus the work; it would be zero for an exact integration. A title gives its largest
+    magnitude in the window as a fraction of the largest change (maximum minus minimum) of a curve
+    above over all observed times. In a run without ``Settings(ledger=True)``, dissipated energy and
+    work are unknown: the lower axes then show the change of kinetic, potential and elastic energy
+    together.
 
     **Arguments:**
 
@@ -403,6 +412,7 @@ def energy_ledger(
     below.margins(x=0.0)
     # Only a run with an energy ledger has these energies.
     has_ledger = not energies.keys().isdisjoint({*ENERGIES["dissipated"], "supplied"})
+    # Over all times, because the energies may hardly change in a window, which inflates the share.
     largest_change = max(np.ptp(values) for values in changes.values())
     if has_ledger and largest_change > 0.0:  # a title tells how large the drift is relatively
         share = np.abs(drift).max(initial=0.0) / largest_change

@@ -1,7 +1,9 @@
-"""Scalar quantities of a mechanism at an instant, for reductions, sections and measurements.
+"""Scalar quantities of a mechanism at an instant, such as a position or a contact force.
 
-Any function of an `Instant`, one time of a run, can be used as a quantity. The classes below know
-their units. They compare by value, so that a program is not compiled again for an equal quantity.
+Runs evaluate them for reductions (results such as a peak, updated at every step), for Poincaré
+sections and as measured signals. Any function of an `Instant`, one time of a run, can be used as a
+quantity. The classes below declare their units. They compare by value, so that a run is not
+compiled again for an equal quantity.
 
 | sensor | quantity |
 |---|---|

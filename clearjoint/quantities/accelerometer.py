@@ -108,9 +108,10 @@ def accelerometer(
     """Attach an accelerometer to a body: a mass that slides along an axis on a spring and a damper.
 
     It measures the specific force along its axis, acceleration minus gravity, with a second-order
-    low-pass 1 / (1 + 2 z s/w + s^2/w^2), where w = 2 pi `frequency` and z is the damping ratio. The
-    default z = sqrt(1/2) is a Butterworth filter. Impacts that last microseconds thus become
-    signals as long as the sensor's response, which can be sampled and fitted.
+    low-pass 1 / (1 + 2 z s/w + s^2/w^2), where s is the variable of the Laplace transform,
+    w = 2 pi `frequency`, and z is the damping ratio. The default z = sqrt(1/2) is a Butterworth
+    filter. Impacts that last microseconds thus become signals as long as the sensor's response,
+    which can be sampled and fitted.
 
     The sensor is part of the mechanism, so that derivatives of its signal by parameters are exact.
     Its frequency and damping can be estimated, as the ``stiffness`` and ``damping`` of its spring.
@@ -132,12 +133,12 @@ def accelerometer(
 
     - `scene`, `state`: of the mechanism without the sensor.
     - `body`: name of the body.
-    - `point`: position of the sensor, (3,) m in body axes.
+    - `point`: position of the sensor, (3,) m in body axes; by default the centre of mass.
     - `axis`: direction of measurement, (3,) in body axes, any length.
     - `frequency`: Hz, of the mass on its spring; with the default damping ratio the attenuation
       there is 3 dB.
     - `damping_ratio`: positive.
-    - `mass`: of the sensor, kg; by default a millionth of the body's mass, which doesn't affect the
+    - `mass`: of the sensor, kg; by default a millionth of the body's mass, which hardly affects the
       motion.
     - `name`: of the sensor's body and of its joint; by default the body's name followed by
       " accelerometer". The spring's name is this name followed by " spring".

@@ -38,8 +38,9 @@ class Instant:
     computes several of the same kind together, as arrays.
 
     - `time`: s.
-    - `work[name]`: energies that have been dissipated or supplied since the start, J; "friction"
-      includes the energy in bristles. Empty unless the run keeps this ledger.
+    - `work[name]`: energies since the start, J: dissipated by "normal damping", "friction", "film"
+      and "stabilisation", or "supplied" by drives and loads; "friction" includes the energy in
+      bristles. Empty unless the run keeps this ledger.
 
     Runs create instants. The example makes one from a `System`, which evaluates the equations of
     motion, and its variables, which are the coordinates and velocities. An instant is a PyTree;
@@ -122,12 +123,19 @@ class Instant:
 
     @cached_property
     def motions(self) -> Motions:
-        """Motion of each body by name: position, rotation matrix, velocity and spin."""
+        """Motion of each body and of "ground" by name.
+
+        It has the `position` of the centre of mass, m, and its `velocity`, m/s, in global axes, the
+        `rotation` matrix from body axes to global axes, and the `spin`, rad/s in body axes.
+        """
         return by_name(self._motions)
 
     @cached_property
     def bodies(self) -> dict[str, BodyState]:
-        """State of each body by name: position, Euler parameters, velocity and spin."""
+        """State of each body by name, with the units and axes of `motions`.
+
+        Its `orientation` has Euler parameters, scalar first, instead of the rotation matrix.
+        """
         return by_name(self._system.decode(self._variables))
 
     @cached_property
@@ -136,7 +144,10 @@ class Instant:
 
     @cached_property
     def contacts(self) -> dict[str, dict[str, LoadedContact]]:
-        """Geometry, normal force and friction of all contacts, ``contacts[joint][contact]``."""
+        """Geometry and forces, N, of all contacts, ``contacts[joint][contact]``.
+
+        Contacts whose surfaces are apart are included, with forces of zero.
+        """
         forces = self._system.contact_forces(self._variables, self._entry_speeds, self._bristles)
         return by_name(forces)
 
@@ -149,9 +160,10 @@ class Instant:
 
     @cached_property
     def contact_gaps(self) -> ContactGaps:
-        """Penetration of each contact and its rate, m/s, ``contact_gaps[joint][contact]``.
+        """Penetration of each contact, m, and its rate, m/s, ``contact_gaps[joint][contact]``.
 
-        The penetration is measured from the depth at which the contact's force begins, m.
+        The penetration is measured from the depth at which the contact's force begins; it is
+        negative before.
         """
         return by_name(contact_gaps(self._system.scene, self._motions))
 

@@ -274,7 +274,11 @@ class Angle(AbstractBodyQuantity):
     - `reference`: the fixed direction of zero angle, (3,) in global axes; by default its components
       are those of `axis`.
     - `axis`: the body's direction, (3,) in body axes. The default is perpendicular to `about`: for
-      a body that only rotates about the fixed axis, the angle is then its angle of rotation.
+      a body that only rotates about the fixed axis, the angle is then its angle of rotation, if
+      `reference` is left out too.
+
+    The angle is undefined while the body's direction is parallel to `about`, and changes abruptly
+    as the direction passes there.
 
     **Raises:** `ValueError` for a direction that is not three finite numbers or has zero length,
     and for a `reference` or an `axis` that is parallel to `about`.

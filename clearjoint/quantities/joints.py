@@ -1,7 +1,8 @@
 """Quantities of joints: contacts, the journal in its bearing, reactions, films and angles.
 
-A contact has a label; those of a clearance joint are "V" and "W", the names of the journal's two
-ends.
+A contact has a label. Those of a clearance joint are "V" and "W", the names of the journal's two
+ends, and further ones if the joint has contacts between the ends or shoulders, such as "point 2"
+and "lower shoulder".
 """
 
 import math
@@ -238,7 +239,8 @@ class JournalOffset(AbstractJournalQuantity):
     - `joint`: name of a clearance joint.
     - `component`: "x", "y" or "z" of the bearing's frame, which moves with the bearing's body: z is
       the bearing's axis, x and y are perpendicular to it. For a bearing axis of (0, 0, 1) they are
-      the axes of the body.
+      the axes of the body. For others, x and y are two directions fixed in the body, by the formula
+      of T. Duff et al. (Building an orthonormal basis, revisited, 2017).
     - `base`: "V" or "W", one end of the journal, or ``None``, the default, for its centre.
 
     **Raises:** `ValueError` for another component or base.
@@ -279,13 +281,14 @@ class Eccentricity(AbstractJournalQuantity):
 class Multiplier(AbstractJointQuantity):
     """Lagrange multiplier of a constraint row: the force or moment by which the joint satisfies it.
 
-    The unit is N for a row in m, otherwise N m. For a driver, the multiplier is the driving force
-    or moment. In joint coordinates, joints with a motion subspace have no multipliers; use
+    The row's Jacobian times the multiplier is the reaction on the bodies. The multiplier's unit is
+    N for a row in m, otherwise N m. For a driver, it is the driving force or moment. In joint
+    coordinates, the joints that the coordinates satisfy by themselves have no multipliers; use
     `Reaction` for them.
 
     **Arguments:** `joint`: name of the joint. `row`: name of its constraint row, a key of the
-    dictionary that the joint's method `rows` returns. An unknown row raises a ``KeyError`` in the
-    run; `check` doesn't test it.
+    dictionary that the joint's method `rows` returns. A row that is unknown or has no multiplier
+    raises a ``KeyError`` in the run; `check` doesn't test it.
 
     >>> torque = cj.quantities.Multiplier("motor", "angle")
     >>> torque.check(cj.mechanisms.slider_crank()[0])  # does the scene have this joint?
@@ -452,8 +455,9 @@ class HasRelativeAngle(Protocol):
         """Return the second body's angle relative to the first, in the form of a constraint row.
 
         The `value` of the row is the angle, rad. Its `jacobian` has the derivatives of the angle's
-        rate by the bodies' velocities. `motions` has positions and velocities of the bodies by
-        name.
+        rate by the bodies' velocities, and its `bias` is the angle's second time derivative without
+        accelerations of the bodies, rad/s^2. `motions` has positions and velocities of the bodies
+        by name.
         """
         ...
 

@@ -64,7 +64,8 @@ class LineOfCentres:
 
 
 def _require_teeth(argument: str, value: ArrayLike) -> None:
-    """Raise a ``ValueError`` unless a value is one whole number, positive or negative."""
+    """Raise a ``ValueError``, which names `argument`, unless `value` is a whole number other than
+    zero."""
     require_shape(argument, value, (), "pass a number of teeth")
     require_numbers(
         lambda number: (number == number.round()) & (abs(number) >= 1.0),
@@ -82,9 +83,9 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
     \cos \alpha$$
 
     Each flank touches along its line of action, a common tangent of the base circles of radii
-    r = m z cos(alpha)/2. Let theta be the gears' angles from the line of centres, whose length is
-    a. The displacement s along the line of action and the penetrations delta of the upper (+) and
-    lower (-) flank are
+    r = m z cos(alpha)/2, with the module m and the numbers of teeth z. Let theta be the gears'
+    angles from the line of centres, whose length is a. The displacement s along the line of action
+    and the penetrations delta of the upper (+) and lower (-) flank are
 
         s = r1 theta1 + r2 theta2, modulo the base pitch pi m cos(alpha),
         delta = +-s - (r1 + r2)(inv(alpha') - inv(alpha)) - j cos(alpha)/2,
@@ -104,8 +105,8 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
     - `first`, `second`: names of the gears' bodies.
     - `point_first`, `point_second`: the gears' centres, (3,) m in body axes.
     - `axis_first`, `axis_second`: their axes, (3,) in body axes, parallel to each other.
-    - `teeth_first`, `teeth_second`: numbers of teeth; `teeth_second` is negative for an internal
-      second gear, as in ISO 21771.
+    - `teeth_first`, `teeth_second`: z1 and z2, numbers of teeth; `teeth_second` is negative for an
+      internal second gear, as in ISO 21771.
     - `module`: m.
     - `backlash`: j, m, along the pitch circle, from flank to flank, at the centre distance
       m |z1 + z2|/2.
@@ -222,7 +223,10 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         return LineOfCentres(axis, along, axis.cross(along), distance, height)
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Return the contacts of both flanks by label; both forces act at the pitch point."""
+        """Return the contacts of both flanks by label; both forces act at the pitch point.
+
+        The penetration is infinite if the gears are too close to mesh.
+        """
         first, second = motions[self.first], motions[self.second]
         line, displacement = self._line(first, second), self.displacement(first, second)
         # The pitch point divides the line of centres in the ratio of the teeth. For an internal
@@ -250,15 +254,21 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         for label, side in FLANKS.items():
             # The line of action has the angle alpha' from the tangent of the pitch circles.
             push = line.across * (side * tangential) + line.along * radial
+            # The second gear penetrates the first against `push`, an internal one along it.
             normal = push * -sense
             # An infinite penetration is beyond every limit, so that a run refuses such gears.
             depth = where(meshes, side * displacement - opening, math.inf)
             gap = Gap(depth, sliding.dot(normal))
+            # The mesh has no friction, so that its slip is ``None``.
             contacts[label] = Contact(gap, normal, at_first, at_second, None)
         return contacts
 
     def centred_rows(self, motions: Motions) -> dict[str, Row]:
-        """Return the row "mesh": the displacement from the middle of the play, m."""
+        """Return the constraint row "mesh": the displacement from the middle of the play, m.
+
+        `assemble`, which corrects initial states, uses it to move gears that start outside the play
+        into its middle.
+        """
 
         def residual(first: Pose, second: Pose) -> tuple[Scalar]:
             # The displacement depends on positions only, so that the velocities may be zero.

@@ -75,7 +75,12 @@ class GroupedContactJoint(AbstractContactJoint):
         return {groups[name]: wrench for name, wrench in wrenches.items()}
 
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
-        """Return the friction forces, N in global axes; ``None`` without friction."""
+        """Return the friction forces on the second bodies, N in global axes, with components (N,);
+        ``None`` without friction.
+
+        **Arguments:** `name`: label of the contact. `contact`: its geometry, with arrays (N,).
+        `normal_force`: (N,) N.
+        """
         given = self.joint, contact, normal_force
         return each(lambda joint, *given: joint.friction_force(name, *given), *given)
 

@@ -119,12 +119,12 @@ class LubricatedJoint(AbstractContactJoint):
     - `dry`: the `ClearanceJoint` without the film, which defines the geometry.
     - `film`: the `AbstractFilm`.
     - `transition`: m, depth at which contact has replaced the film; a few hundredths of the
-      clearance. ``None`` for contact beside the film (mixed lubrication): neither is faded out. Use
-      it with a law that carries load before the film is gone, such as
+      clearance. With ``None``, the default, contact acts beside the film (mixed lubrication), and
+      neither is faded out. Use it with a law that carries load before the film is gone, such as
       `clearjoint.laws.RoughCylinders`. The film is then that of smooth surfaces, and the ratio of
       the smallest film thickness to the roughness determines the shares of film and asperities.
-    - `largest_ratio`: largest eccentricity ratio used for the film, 0.5 to 0.999. The limit is
-      approached smoothly over a tenth of the remaining gap.
+    - `largest_ratio`: largest eccentricity ratio used for the film, 0.5 to 0.999; 0.99 by default.
+      The limit is approached smoothly over a tenth of the remaining gap.
 
     **Raises:** `ValueError` if `dry` or `film` is of another class, or a number is outside its
     range. **Warns:** `LawRangeWarning` if the bearing is outside the validity range of the film
@@ -274,8 +274,8 @@ class CarriedJournal(NamedTuple):
     - `stiffness`: (2, 2) N/m, minus the derivative of the force by the offset.
     - `damping`: (2, 2) N s/m, minus the derivative of the force by the offset's rate.
     - `moment`: N m, on the journal about z. The friction coefficient of the bearing is the amount
-      of this moment, divided by the load and by the bearing's radius. Its curve over the speed is
-      Stribeck's.
+      of this moment, divided by the load and by the bearing's radius. Plotted over the speed, this
+      coefficient gives Stribeck's curve.
 
     >>> scene, _ = cj.mechanisms.rotor_in_bearing(film=cj.films.CaponeFilm(0.02))
     >>> carried = cj.carried_journal(scene.joints["bearing"], load=(0.0, -196.2), speed=200.0)
@@ -338,6 +338,7 @@ def carried_journal(joint: LubricatedJoint, load: ArrayLike, speed: Scalar) -> C
 @Compiled
 def _solve_equilibrium(joint: LubricatedJoint, load: jax.Array, speed: jax.Array) -> CarriedJournal:
     """Return the result of `carried_journal`, whose arguments have been checked."""
+    # Joints and films compute with scalars: `unpack` replaces the joint's arrays (3,) by `Vector`s.
     joint, rest = unpack(joint), jnp.zeros(2)
     clearance, size = joint.dry.clearance, jnp.linalg.norm(load)
 
@@ -348,7 +349,8 @@ def _solve_equilibrium(joint: LubricatedJoint, load: jax.Array, speed: jax.Array
 
     def residual(point: jax.Array, _: None) -> jax.Array:
         force = _load(joint, speed, offset_of(point), rest)[0]
-        # Relative to the load, so that one tolerance suits all loads; absolute for a zero load.
+        # Relative to the size of the load, so that one tolerance suits all loads; absolute for a
+        # zero load.
         return (force + load) / jnp.where(size > 0.0, size, 1.0)
 
     solver = optimistix.LevenbergMarquardt(rtol=TOLERANCE, atol=TOLERANCE)

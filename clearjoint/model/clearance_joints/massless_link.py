@@ -17,22 +17,23 @@ from .journal_bases import BASES
 class MasslessLink(AbstractConstraint):
     """A `ClearanceJoint` in permanent contact: the eccentricity of both bases equals the clearance.
 
-    At each base the eccentricity vector acts as a massless rod between the axes; two rows (S. W. E.
-    Earles, C. L. S. Wu 1973; R. S. Haines 1985). The model has no impacts and no separation. A
-    tensile force in a rod indicates that the journal would leave the wall, where the model is
-    invalid.
+    At each base the eccentricity vector acts as a massless rod between the axes (S. W. E. Earles,
+    C. L. S. Wu 1973; R. S. Haines 1985), which is one constraint row. The model has no impacts and
+    no separation. A tensile force in a rod indicates that the journal would leave the wall, where
+    the model is invalid.
 
     **Arguments:**
 
     - `bearing_body`, `journal_body`: names of the bodies; one may be the ground.
     - `clearance`: radius of the bearing less that of the journal, m.
     - `journal_length`: distance between the bases, m.
-    - `bearing_point`, `bearing_axis`: centre (m) and axis of the bearing, (3,) in its body's axes.
-    - `journal_point`, `journal_axis`: centre (m) and axis of the journal, (3,) in its body's axes.
+    - `bearing_point`, `bearing_axis`: centre (m) and axis of the bearing, (3,) in its body's axes;
+      the centre of mass and z by default.
+    - `journal_point`, `journal_axis`: the same of the journal.
     - `axial`: `FreeAxially()`, the default, or `FixedAxially()`.
 
-    The journal must start at the wall: call `assemble` with a state that is closer to the intended
-    side.
+    The journal must start at the wall: call `assemble`, which corrects initial states, with a state
+    that is closer to the intended side.
 
     **Raises:** `ValueError` if a value is outside its range, both bodies are the same, or `axial`
     has shoulders.

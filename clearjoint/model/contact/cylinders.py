@@ -44,7 +44,8 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
     """Base class of elasticities for a journal that touches its bearing along a line.
 
     An elasticity is the elastic force of a contact law as a function of the penetration. A subclass
-    defines `line_force`; the energy is integrated numerically by default.
+    defines `line_force`, for which `compliance()` gives 1/E*; the energy is integrated numerically
+    by default.
 
     **Arguments:**
 
@@ -97,8 +98,11 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
         return None
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """Return the range of penetrations for which the formula is valid, m; an empty tuple if it
-        has no limit."""
+        """Return the penetration and its valid range, m, as one `Limit`; an empty tuple if the
+        formula has no limit.
+
+        A run that records impacts warns of penetrations outside this range.
+        """
         deepest = self.deepest(gap)
         if deepest is None:
             return ()
@@ -235,7 +239,10 @@ class PerssonCylinder(AbstractCylinder):
         return jnp.arccos(clearance / (clearance + jnp.maximum(gap.depth, 0.0)))
 
     def load(self, half_angle: Scalar, clearance: Scalar) -> Scalar:
-        """Return the force in N for a contact half-angle, rad, and a radial clearance, m."""
+        """Return the force in N for a contact half-angle, rad, and a radial clearance, m.
+
+        The formula holds for half-angles below 84.8 degrees, where the force becomes infinite.
+        """
         return self.length * self._line_load(jnp.tan(0.5 * half_angle) ** 2, clearance)
 
     def _line_load(self, square: Scalar, clearance: Scalar) -> Scalar:
@@ -264,8 +271,8 @@ _STEPS = 5
 def inverse_of_load(ratio: Scalar) -> Scalar:
     """Return the solution u > 1 of u exp(1 - u) = ratio, for a ratio between zero and one.
 
-    It inverts the law of a line contact: the ratio is that of the penetration to its maximum, and u
-    is ln(A/P) + k, which gives the load P per length.
+    It inverts the formula of `AbstractLogarithmicCylinder`: the ratio is that of the penetration to
+    its maximum, and u is ln(A/P) + k, which gives the load P per length.
     """
     q = -jnp.log(ratio)
     # Newton's method for u - 1 - ln u = q, started from an upper bound.
@@ -285,6 +292,8 @@ def _inverse_along(primals: tuple[Scalar], tangents: tuple[Scalar]) -> tuple[Sca
 
 class AbstractLogarithmicCylinder(AbstractCylinder):
     """Base class of line contacts with delta = P S [ln(A/P) + k] for the load P per length, N/m.
+
+    delta is the penetration, m, and S = 1/(pi E*), 1/Pa.
 
     A subclass declares
 
@@ -326,6 +335,9 @@ class JohnsonCylinder(AbstractLogarithmicCylinder):
 
     $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{4 \pi E^* \Delta R}{P} - 1\right)$$
 
+    P is the force per length, dR the clearance, and 1/E* the sum of (1 - nu^2)/E of both materials.
+    The arguments are those of `AbstractCylinder`.
+
     >>> cylinder = cj.laws.JohnsonCylinder(207e9, 0.3, length=20e-3)
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
     >>> print(f"{cj.laws.Hertz(cylinder).elastic_force(gap):.0f} N")
@@ -339,6 +351,9 @@ class EsduCylinder(AbstractLogarithmicCylinder):
     r"""Line contact of ESDU 78035, valid for penetrations up to four clearances.
 
     $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{4 \pi E^* \Delta R}{P} + 1\right)$$
+
+    P is the force per length, dR the clearance, and 1/E* the sum of (1 - nu^2)/E of both materials.
+    The arguments are those of `AbstractCylinder`.
 
     >>> cylinder = cj.laws.EsduCylinder(207e9, 0.3, length=20e-3)
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
@@ -355,9 +370,11 @@ class RadzimovskyCylinder(AbstractLogarithmicCylinder):
     $$\delta = \frac{P}{\pi E^*} \left(\frac{2}{3} + \ln \frac{4 R_i}{b} + \ln \frac{4
     R_j}{b}\right), \quad b = 1.60 \sqrt{\frac{P R}{E^*}}$$
 
-    P is the force per length, and R = R_i R_j/dR the relative radius of bearing and journal. The
-    formula is used as printed. The factor 1.60 in Roark's handbook refers to diameters; with 2.26
-    the penetration would be smaller by P/(pi E*) ln 2.
+    P is the force per length, b the width of the contact, R_i and R_j the radii of bearing and
+    journal, R = R_i R_j/dR their relative radius, and 1/E* the sum of (1 - nu^2)/E of both
+    materials. The formula is used as printed, and is valid for penetrations up to 1.425 clearances.
+    The factor 1.60 in Roark's handbook refers to diameters; with 2.26 the penetration would be
+    smaller by P/(pi E*) ln 2. The arguments are those of `AbstractCylinder`.
 
     >>> cylinder = cj.laws.RadzimovskyCylinder(207e9, 0.3, length=20e-3)
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
@@ -371,7 +388,11 @@ class RadzimovskyCylinder(AbstractLogarithmicCylinder):
 
 
 class AbstractLoadByLength(AbstractLogarithmicCylinder):
-    """Base class of formulas with the load A = L^2 dR/(R_i R_j S), for the length L, and k = 1."""
+    """Base class of formulas with the load A = L^2 dR/(R_i R_j S), for the length L, and k = 1.
+
+    R_i and R_j are the radii of bearing and journal. S = 1/(pi E*), 1/Pa, and k are those of
+    `AbstractLogarithmicCylinder`.
+    """
 
     constant = 1.0
 
@@ -386,7 +407,9 @@ class DubowskyFreudensteinCylinder(AbstractLoadByLength):
 
     $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{L^3 \Delta R}{F R_i R_j S} + 1\right)$$
 
-    F = P L is the force, and S = 1/(pi E*).
+    F = P L is the force, L the length, dR the clearance, R_i and R_j the radii of bearing and
+    journal, S = 1/(pi E*), and 1/E* the sum of (1 - nu^2)/E of both materials. The formula is valid
+    for penetrations up to L^2 dR/(R_i R_j). The arguments are those of `AbstractCylinder`.
 
     >>> cylinder = cj.laws.DubowskyFreudensteinCylinder(207e9, 0.3, length=20e-3)
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
@@ -401,8 +424,9 @@ class GoldsmithCylinder(AbstractLoadByLength):
     $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{L^3}{F R S} + 1\right), \quad R = \frac{R_i
     R_j}{\Delta R}$$
 
-    F = P L is the force, and S = 1/(pi E*). The exponent of L is printed as 1, which is
-    dimensionally inconsistent. With 3, used here, the law equals that of Dubowsky and Freudenstein.
+    The symbols, the arguments and the valid penetrations are those of
+    `DubowskyFreudensteinCylinder`. The exponent of L is printed as 1, which is dimensionally
+    inconsistent. With 3, used here, the law equals that of Dubowsky and Freudenstein.
 
     >>> cylinder = cj.laws.GoldsmithCylinder(207e9, 0.3, length=20e-3)
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
@@ -440,8 +464,8 @@ class GreenwoodTripp(AbstractConverting):
 
     - `roughness`: sigma, m: the root of the sum of the squares of both surfaces' roughness (rms).
     - `modulus`: E', Pa, with 1/E' = (1 - nu1^2)/E1 + (1 - nu2^2)/E2; 1.14e11 Pa for steel on steel.
-    - `density`: sigma beta eta, without unit; usually 0.03 to 0.05.
-    - `sharpness`: sigma/beta, without unit; usually 1e-4 to 1e-2.
+    - `density`: sigma beta eta, without unit; usually 0.03 to 0.05, by default 0.04.
+    - `sharpness`: sigma/beta, without unit; usually 1e-4 to 1e-2, by default 1e-3.
 
     **Raises:** `ValueError` if a value is not positive.
 

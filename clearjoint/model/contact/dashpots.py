@@ -31,9 +31,9 @@ from .laws import (
 class AbstractDashpotLaw(AbstractPowerLaw):
     """Base class of laws F = max(0, K delta^n + D delta^m rate) for a penetration delta > 0.
 
-    A subclass declares the class constants `exponent` n and `damping_exponent` m, and defines
-    `damping`, which returns D. With m = 0 the force jumps at the onset: declare
-    ``force_jumps = True``.
+    A subclass declares the field `stiffness`, K, and the class constants `exponent` n and
+    `damping_exponent` m, and defines `damping`, which returns D. With m = 0 the force jumps at the
+    onset: declare ``force_jumps = True``.
 
     ```python
     import clearjoint as cj
@@ -116,8 +116,8 @@ class AbstractTunedDashpotLaw(AbstractDashpotLaw):
     - `effective_mass`: kg; m1 m2/(m1 + m2) for two colliding bodies, the body's mass for an impact
       against a wall.
 
-    **Raises:** `ValueError` if the restitution is not in (0, 1], the mass is not positive, or the
-    stiffness is an elasticity that is not a power of the penetration.
+    **Raises:** `ValueError` if the restitution is not in (0, 1], the mass or the stiffness is not
+    positive, or the stiffness is an elasticity that is not a power of the penetration.
     """
 
     restitution: Single = quantity("1", within=(0.0, 1.0), remedy="1 is elastic")
@@ -298,8 +298,9 @@ class Ristow(AbstractGivenDashpotLaw):
 class AbstractBoundedDampingLaw(AbstractPowerLaw):
     """Base class of laws with the elastic force K delta^n and a damping that a subclass defines.
 
-    The force must not jump at the onset of a contact, and does not use the entry speed, the rate at
-    the onset.
+    A subclass declares the fields `stiffness`, K, and `exponent`, n, and defines `force`. The force
+    must not jump at the onset of a contact, and does not use the entry speed, the rate at the
+    onset.
 
     **Raises:** `ValueError` if the exponent n is below 1.
     """

@@ -6,8 +6,8 @@ load.
 
 Bristle laws model sticking. The deflection of the bristles is an additional state of a contact,
 integrated with the motion: a load below the breakaway force deflects them and then causes no
-motion. Their coefficients are over the
-normal force, so that friction starts and ends with the contact.
+motion. The friction is proportional to the normal force, so that it starts and ends with the
+contact.
 """
 
 import abc
@@ -353,9 +353,10 @@ class AbstractBristleFriction(AbstractConverting):
 
     @abc.abstractmethod
     def ratio(self, deflection: Vector, rate: Vector, slip: Vector) -> Vector:
-        """Return the vector of friction over normal force, in the direction of the slip.
+        """Return the vector of friction over normal force.
 
-        The friction force on the second body is minus this vector times the normal force.
+        It points along the slip in steady sliding. The friction force on the second body is minus
+        this vector times the normal force.
 
         **Arguments:** `deflection`: m. `rate`: of the deflection, m/s. `slip`: tangential velocity
         of the second body relative to the first, m/s.
@@ -383,7 +384,8 @@ class AbstractBristleFriction(AbstractConverting):
     def force(self, normal_force: Scalar, slip: Vector) -> Vector:
         """Return the friction force on the second body in steady sliding, N.
 
-        It is used where deflections are not integrated, such as for rigid contacts.
+        It is zero without slip. It is used where deflections are not integrated, such as for rigid
+        contacts.
 
         **Arguments:** `normal_force`: N. `slip`: velocity of the second body relative to the first,
         m/s.

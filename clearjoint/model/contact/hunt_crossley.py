@@ -8,7 +8,8 @@ and `exponent` is n, 1.5 unless a class says otherwise. chi is dimensionless.
 ratio follows from chi alone, and most of the published factors meet the request only approximately.
 The examples print the ratio that a law delivers, which `delivered_restitution` computes.
 `ExactRestitution` delivers the requested value. All arguments, and the values that are refused, are
-described in `AbstractDampedLaw`.
+described in `AbstractDampedLaw`. Subclasses of `AbstractReboundingLaw` also refuse c = 0, for which
+chi would be infinite.
 """
 
 import abc
@@ -78,9 +79,10 @@ def _solve_restitution(damping_factor: jax.Array) -> jax.Array:
 
 
 def _residual(y: Scalar, loss: Scalar) -> Scalar:
-    """Return the residual y - 1 + exp(-y) - loss of the unknown y.
+    """Return the residual y - 1 + exp(-y) - loss of the unknown y = -ln(1 - chi e).
 
-    It increases with y > 0 and is convex, so that Newton's method converges.
+    `loss` is chi - ln(1 + chi). The residual increases with y > 0 and is convex, so that Newton's
+    method converges.
     """
     return y + jnp.expm1(-y) - loss
 
@@ -111,12 +113,12 @@ def exact_damping_factor(restitution: Float[ArrayLike, ""]) -> Scalar:
 
 @jax.custom_jvp
 def _logarithm(e: Scalar) -> Scalar:
-    """Return y = -ln(1 - chi e) for a restitution e.
+    """Return y = -ln(1 - chi e) for a restitution e and its exact damping factor chi.
 
     Unlike chi e, y doesn't lose digits where chi e rounds to one.
     """
     # Start from the factor of Carvalho and Martins, which is accurate to four digits above 0.5, or
-    # for e up to 0.4 from one above the asymptote y = 1 + 1/e - ln(1 + 1/e). The minimum keeps the
+    # for e up to 0.4 from 1 above the asymptote y = 1 + 1/e - ln(1 + 1/e). The minimum keeps the
     # logarithm finite where the other start is used.
     approximate = 1.5 * (1.0 - e) * (11.0 - e) / (1.0 + 9.0 * e)
     start = jnp.where(
@@ -171,8 +173,9 @@ _COEFFICIENTS = np.array([2.0 * (-1.0) ** k / (k + 2) for k in range(_SERIES_TER
 class AbstractHertzianLaw(AbstractElasticLaw):
     """Base class of laws F = K delta^n (1 + chi rate/entry speed), which is never negative.
 
-    delta is the penetration and chi the damping factor. A subclass declares the fields below and
-    implements `damping_factor`. The ratio of rebound speed to entry speed in a free impact is then
+    delta is the penetration and chi the damping factor. A subclass declares the fields below, sets
+    the class attribute `uses_entry_speed` (whether the force needs the entry speed) and implements
+    `damping_factor`. The ratio of rebound speed to entry speed in a free impact is then
     `delivered_restitution`, which may differ from the requested restitution.
 
     - `stiffness`: an `AbstractStiffness`, a number in N/m^n, or an `AbstractCylinder`, whose force
@@ -185,8 +188,8 @@ class AbstractHertzianLaw(AbstractElasticLaw):
       by such a ramp of the factor, with the dimensionless width w/(w + delta); delta counts as zero
       in it before contact.
 
-    **Raises:** `ValueError` if n is below 1, or the width is not positive or given with a stiffness
-    that is not an `AbstractStiffness`.
+    **Raises:** `ValueError` if n is below 1, a number given as stiffness is not positive, or the
+    width is not positive or given with a stiffness that is not an `AbstractStiffness`.
 
     ```python
     import clearjoint as cj
@@ -227,13 +230,15 @@ class AbstractHertzianLaw(AbstractElasticLaw):
             require(fine, "smoothing", self.smoothing, expected, remedy)
 
     def onset_offset(self) -> Scalar:
-        """Return the distance of the surfaces at which the force begins, m: the smoothing width."""
+        """Return the distance of the surfaces at which the force begins, m: the smoothing width, or
+        0 without smoothing."""
         return 0.0 if self.smoothing is None else self.smoothing
 
     def slope_jumps(self) -> bool:
         """Return whether the derivative of the force by the penetration may jump at the onset.
 
-        It doesn't for a smoothed law, or for an exponent above one.
+        It doesn't for a smoothed law, or if the method `begins_flat` of the stiffness returns
+        ``True``, as for K delta^n with n above one.
         """
         return self.smoothing is None and not self.stiffness.begins_flat(self.exponent)
 
@@ -280,8 +285,9 @@ class Hertz(AbstractHertzianLaw):
     $$F = K \delta^n$$
 
     **Arguments:** `stiffness`: K, a number in N/m^n, an `AbstractStiffness`, or an
-    `AbstractCylinder`. `exponent`: n, at least 1; 1.5 by default. `smoothing`: width in m over
-    which the force begins smoothly, or ``None``, the default.
+    `AbstractCylinder`. `exponent`: n, at least 1; 1.5 by default. `smoothing`: positive width in m
+    over which the force begins smoothly, or ``None``, the default; an `AbstractCylinder` needs
+    ``None``.
 
     **Raises:** `ValueError` if a value is outside its range.
 
@@ -307,9 +313,10 @@ class MemorylessHuntCrossley(AbstractHertzianLaw):
 
     The damping a doesn't depend on the entry speed. It equals that of `HuntCrossley` at the entry
     speed v, the `design_speed`, m/s. The `restitution` c is requested for this speed, at which
-    impacts have the restitution `delivered_restitution`. Slower impacts lose less and faster
-    impacts more, as with metals. Unlike with `HuntCrossley`, a contact with a slow onset has no
-    large damping, which would make the differential equations stiff.
+    impacts have the restitution `delivered_restitution`. Slower impacts lose a smaller part of
+    their energy and faster impacts a larger one, as with metals. Unlike with `HuntCrossley`, a
+    contact with a slow onset has no large damping, which would make the differential equations
+    stiff.
 
     **Arguments:**
 
@@ -317,7 +324,8 @@ class MemorylessHuntCrossley(AbstractHertzianLaw):
     - `stiffness`: K, a number in N/m^n, an `AbstractStiffness`, or an `AbstractCylinder`.
     - `design_speed`: v, m/s, positive.
     - `exponent`: n, at least 1; 1.5 by default.
-    - `smoothing`: width in m over which the force begins smoothly, or ``None``, the default.
+    - `smoothing`: positive width in m over which the force begins smoothly, or ``None``, the
+      default; an `AbstractCylinder` needs ``None``.
 
     **Raises:** `ValueError` if a value is outside its range.
 
@@ -361,7 +369,8 @@ class AbstractDampedLaw(AbstractHertzianLaw):
     - `restitution`: requested ratio of rebound speed to entry speed, c, 0 to 1.
     - `stiffness`: K, a number in N/m^n, an `AbstractStiffness`, or an `AbstractCylinder`.
     - `exponent`: n, at least 1; 1.5 by default.
-    - `smoothing`: width in m over which the force begins smoothly, or ``None``, the default.
+    - `smoothing`: positive width in m over which the force begins smoothly, or ``None``, the
+      default; an `AbstractCylinder` needs ``None``.
     - `entry_speed_floor`: m/s, positive, 1e-6 by default; slower entry speeds are replaced by it,
       because the damping diverges at zero entry speed.
 

@@ -1,4 +1,4 @@
-"""Penetrations and slips of contacts, and interfaces of the laws of normal and elastic force.
+"""Penetration and slip of a contact, and base classes of the laws of its normal force.
 
 A law computes the force from the penetration delta, m, its rate, m/s, and the entry speed, m/s,
 which is the rate at the onset of the contact. Laws of the Hunt-Crossley family are in
@@ -299,8 +299,9 @@ class AbstractContactLaw(AbstractConverting):
       determined at the onset and kept until separation.
     - `force_jumps`: whether the force may be nonzero right after the onset or before separation, as
       with a parallel damper. Derivatives by parameters then include the effect of the jump, at the
-      cost of one more evaluation per step. A class that defines `force` without this attribute is
-      assumed to jump: set ``force_jumps = False`` if the force starts and ends at zero.
+      cost of one more evaluation of the equations of motion per step. A class that defines `force`
+      without this attribute is assumed to jump: set ``force_jumps = False`` if the force starts and
+      ends at zero.
 
     ```python
     import clearjoint as cj
@@ -353,7 +354,7 @@ class AbstractContactLaw(AbstractConverting):
 
     @abc.abstractmethod
     def stored_energy(self, gap: Gap) -> Scalar:
-        """Return the elastic energy at a gap, J, zero without contact."""
+        """Return the elastic energy at a gap, J, zero before the force begins."""
 
     def onset_offset(self) -> Scalar:
         """Return the distance of the surfaces at which the force begins, m; 0 by default.
@@ -374,9 +375,9 @@ class AbstractContactLaw(AbstractConverting):
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
         """Return the quantities on which the validity of the law depends, with their ranges.
 
-        A warning is issued for a clearance outside its range when a `ClearanceJoint` or
-        `BallInSocket` is made, and for a penetration outside its range after a run that records
-        impacts. The default is an empty tuple.
+        A warning is issued for a clearance outside its range when a joint with clearance
+        (`ClearanceJoint` or `BallInSocket`) is made, and for a penetration outside its range after
+        a run that records impacts. The default is an empty tuple.
         """
         return ()
 
@@ -392,7 +393,11 @@ class AbstractElasticLaw(AbstractContactLaw):
 
     @classmethod
     def field_converter(cls, name: str) -> Callable[[PyTree], PyTree]:
-        """Return a converter that wraps a number given as `stiffness` in a `GivenStiffness`."""
+        """Return the function that converts values of the field `name`, when a class is defined.
+
+        It makes a `GivenStiffness` of a number given as `stiffness`. Other fields are converted as
+        in the base class.
+        """
         return as_stiffness if name == "stiffness" else super().field_converter(name)
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
@@ -411,7 +416,11 @@ class AbstractPowerLaw(AbstractElasticLaw):
     exponent: eqx.AbstractVar[float]
 
     def slope_jumps(self) -> bool:
-        """Return ``False`` if the exponent is above one: the force then starts with zero slope."""
+        """Return whether the derivative of the force by the penetration may jump at the onset.
+
+        It doesn't if the method `begins_flat` of the stiffness returns ``True``, as for K delta^n
+        with n above one.
+        """
         return not self.stiffness.begins_flat(self.exponent)
 
     def elastic_force(self, gap: Gap) -> Scalar:
@@ -455,11 +464,14 @@ def require_instance(argument: str, value: object, *kinds: type, remedy: str = "
 
 
 def require_flat_law(law: object, surfaces: str) -> None:
-    """Check that a law can be used between flat surfaces: its stiffness must not depend on radii.
+    """Check that a law can be used between flat surfaces, which have no radii.
+
+    The stiffness of an `AbstractElasticLaw` must be given as a number, since others may depend on
+    radii. Other laws are accepted unchecked.
 
     **Arguments:** `surfaces`: their names in the error message.
 
-    **Raises:** `ValueError` if the value is no law, or its stiffness is computed from radii.
+    **Raises:** `ValueError` if the value is no law, or its stiffness is not given as a number.
     """
     require_instance("law", law, AbstractContactLaw)
     # Other laws have no `stiffness`; whether they read the radii is not visible from outside.
@@ -550,5 +562,8 @@ class WeightedLaw(AbstractLawAround):
 
 
 def whole_law(law: AbstractContactLaw) -> AbstractContactLaw:
-    """Return the law of the whole contact for a `WeightedLaw`, and any other law unchanged."""
+    """Return the law of the whole contact for a `WeightedLaw`, and any other law unchanged.
+
+    Reports show this law, which is the one that the user gave.
+    """
     return law.law if isinstance(law, WeightedLaw) else law

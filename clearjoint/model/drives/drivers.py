@@ -47,7 +47,8 @@ class AbstractDrive(AbstractPair):
     - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
       body's frame to the first body's frame at angle zero.
 
-    **Raises:** `ValueError` if the bodies are the same, or the axis or orientation is invalid.
+    **Raises:** `ValueError` if the bodies are the same, the axis is zero, or the orientation does
+    not have unit norm.
     """
 
     axis: eqx.AbstractVar[Triple]
@@ -62,6 +63,8 @@ class AbstractDrive(AbstractPair):
 
         The row holds the angle, rad within (-pi, pi], right-handed about the axis, and the
         derivatives of its rate by the velocities of both bodies.
+
+        **Arguments:** `motions`: positions and velocities of each body, by its name.
         """
         return angle_about(*self._between(motions), self.axis, self.orientation)
 
@@ -205,7 +208,7 @@ class AbstractDriveTorque(AbstractDrive, AbstractForce):
 
 
 class DriveTorque(AbstractDriveAboutAxis, AbstractDriveTorque):
-    """A torque that is constant or a function of time.
+    """A torque on the second body about an axis of the first, constant or a function of time.
 
     For a torque that depends on angle or speed subclass `AbstractDriveTorque`, or use `Motor`.
 
@@ -270,13 +273,13 @@ class PrescribedAngle(AbstractDriveAboutAxis, AbstractRotationDriver):
     - `axis`: of rotation, (3,) in the first body's axes, any length.
     - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
       body's frame to the first body's frame at angle zero; parallel frames by default.
-    - `function`: the angle in rad as a function of time in s: a `Spline` through a table, a
-      `Polynomial`, a user-defined `AbstractFunctionOfTime`, or a Python function that JAX can
-      differentiate twice. A Python function is part of the compiled program, has no parameters to
-      vary or fit, and can't be saved in a scene file.
+    - `function`: the angle in rad as a function of time in s: a `Spline` or `PiecewiseLinear`
+      table, a `Polynomial`, a user-defined `AbstractFunctionOfTime`, or a Python function that JAX
+      can differentiate twice; or a number for a constant angle. A Python function is part of the
+      compiled program, has no parameters to vary or fit, and can't be saved in a scene file.
 
-    **Raises:** `ValueError` if `function` is not a continuous function of time, or another value is
-    invalid.
+    **Raises:** `ValueError` if `function` is neither a number nor a continuous function of time, or
+    another value is invalid.
     """
 
     function: FunctionOfTime = quantity("rad", converter=as_function_of_time)

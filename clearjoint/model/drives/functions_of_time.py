@@ -44,7 +44,8 @@ class AbstractFunctionOfTime(AbstractConverting):
 
     @abc.abstractmethod
     def __call__(self, t: Scalar) -> Scalar:
-        """Return the value at a time in s."""
+        """Return the value of the function, a number or the three components of a vector, at a time
+        in s."""
 
     def breakpoints(self) -> PyTree:
         """Return the times in s of the function's kinks and jumps; an empty tuple by default.
@@ -57,7 +58,7 @@ class AbstractFunctionOfTime(AbstractConverting):
 class PlainFunction(AbstractFunctionOfTime):
     """A Python function of the time in s, which becomes part of the compiled program.
 
-    Arguments of drives and loads are converted to it.
+    A Python function that is passed to a drive or load is converted to it.
     """
 
     function: Callable[[jax.Array], PyTree] = eqx.field(static=True)
@@ -173,8 +174,8 @@ class Spline(AbstractTable):
     def breakpoints(self) -> PyTree:
         """Return an empty tuple, since integration steps need not end at the times of the table.
 
-        The method declares this; for a function that searches a table and does not define it, runs
-        with derivatives raise an error.
+        Runs with derivatives raise an error for a function that searches a table, unless its class
+        defines this method.
         """
         return ()
 
@@ -206,7 +207,7 @@ def as_function_of_time(value: FunctionOfTime) -> AbstractFunctionOfTime:
 def require_table(times: ArrayLike, values: ArrayLike) -> None:
     """Check that a table consists of at least two increasing times, (N,) s, and their values.
 
-    `values` has the shape (N,), or (N, 3) for vectors.
+    All numbers must be finite. `values` has the shape (N,), or (N, 3) for vectors.
 
     **Raises:** `ValueError` that names the argument `times` or `values`.
     """

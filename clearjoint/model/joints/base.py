@@ -81,13 +81,15 @@ class AbstractElement(AbstractConverting):
         """Return the times in s at which the element is not a smooth function of time; the default
         is an empty tuple.
 
-        A breakpoint is a jump or kink of the force, or a kink of the prescribed angle. Return a
-        number, an array of any shape, or a tuple of numbers and arrays, in any order. The times may
-        be parameters: compute them from the element's fields to get derivatives by them.
+        A breakpoint is a jump or kink of the force, or a kink of the angle or distance that a
+        driver prescribes. Return a number, an array of any shape, or a tuple of numbers and arrays,
+        in any order. The times may be parameters: compute them from the element's fields to get
+        derivatives by them.
 
         Integration steps end at breakpoints, so that each step uses the function on one side only,
         and derivatives by parameters include the effect of the jump. A jump at an undeclared time
-        costs many short steps, and `sensitivities` raises an error for it.
+        costs many short steps, and `sensitivities`, which computes these derivatives, raises an
+        error for it.
         """
         return ()
 
@@ -99,9 +101,11 @@ class AbstractElement(AbstractConverting):
         return ()
 
     def draw(self, pen: AbstractPen) -> None:
-        """Draw the element with a pen, for figures and for a first arrangement of the bodies.
+        """Draw the element with a pen, whose methods draw symbols at points of bodies.
 
-        The default marks each point of `attachments`.
+        Figures are drawn with it. It also serves to guess the positions of the bodies, by bringing
+        together the two points at which each joint is drawn. The default marks each point of
+        `attachments`.
         """
         for _, body, point in self.attachments():
             pen.mark(Marker(body, point))
@@ -191,8 +195,8 @@ class AbstractForce(AbstractElement):
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
         """Return the wrench on each body by name, at time `t` in s.
 
-        A wrench is a force at the centre of mass, N, and a moment, N m. One on the ground is
-        ignored. `motions` contains the motion of each body by name.
+        A wrench is a force at the centre of mass, N in global axes, and a moment, N m in body axes.
+        One on the ground is ignored. `motions` contains the motion of each body by name.
         """
 
     def stored_energy(self, motions: Motions, t: Scalar) -> Scalar:
@@ -352,8 +356,8 @@ class AbstractContactJoint(AbstractElement):
         return {}
 
     def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        """Return the quantities on which the validity of a contact's law depends, with their
-        ranges; an empty tuple by default.
+        """Return the quantities on which the validity of a contact's law depends, each with its
+        value at the penetration `depth` and its valid range; an empty tuple by default.
 
         A run that records impacts warns of penetrations outside their range.
 
@@ -374,15 +378,17 @@ class AbstractContactJoint(AbstractElement):
         """Return the ideal joint that holds the second body midway between its contacts; ``None``
         by default.
 
-        `assemble` moves a body that starts outside its clearance to this position.
+        `assemble`, which corrects initial states, moves a body that starts outside its clearance to
+        this position.
         """
         return None
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
         """Return the ideal joint that holds the second body where it rests under a load.
 
-        `assemble` uses it for the joints in its argument `resting`. Return ``None``, the default,
-        if there is no position of rest. Unlike in most methods, vectors are arrays here, (3,).
+        `assemble`, which corrects initial states, uses it for the joints in its argument `resting`.
+        Return ``None``, the default, if there is no position of rest. Unlike in most methods,
+        vectors are arrays here, (3,).
 
         **Arguments:** `load`: (3,) N, force of the second body on the first, in the first body's
         axes.
@@ -390,12 +396,13 @@ class AbstractContactJoint(AbstractElement):
         return None
 
     def anchor(self) -> tuple[str, Vector, Vector] | None:
-        """Return the points of a joint with the ground near which rounding errors are reduced;
-        ``None`` by default.
+        """Return the two points of a joint between a moving body and the ground; ``None`` by
+        default.
 
-        They consist of the name of the moving body, the joint's point on this body, m in its axes,
-        and the joint's point on the ground, m in global axes. The small distance of the two points
-        is then computed without the difference of large coordinates.
+        The result consists of the name of the moving body, the joint's point on this body, m in its
+        axes, and the joint's point on the ground, m in global axes. Where the position of the body
+        is an integration variable, the vector between the two points replaces it. As a difference
+        of large coordinates, this small vector would lose digits.
         """
         return None
 
@@ -442,9 +449,11 @@ class AbstractPair(AbstractElement):
 class AbstractPairAtPoints(AbstractPair):
     """Base class of elements between a point of one body and a point of another.
 
-    `point_first` and `point_second` are the points, (3,) m in each body's axes.
+    `first` and `second` are the names of the bodies, `point_first` and `point_second` the points,
+    (3,) m in each body's axes.
 
-    **Raises:** `ValueError` if the names of the bodies are equal, or a point is invalid.
+    **Raises:** `ValueError` if the names are equal or not strings, or a point does not have three
+    finite coordinates.
     """
 
     first: str = eqx.field(static=True)
@@ -474,8 +483,11 @@ class AbstractPairAtPoints(AbstractPair):
 def each_label(
     function: Callable[[str, str], T], tables: Mapping[str, Iterable[str]]
 ) -> ByLabel[T]:
-    """Return the results of a function of the name of a joint and the label of one of its contacts
-    or rows, by name and label, for all labels in `tables[joint]`."""
+    """Call a function for each contact or row, and return the results by name of joint and label.
+
+    **Arguments:** `function`: gets the name of a joint and the label of one of its contacts or
+    rows. `tables`: labels of each joint, by its name.
+    """
     return {
         name: {label: function(name, label) for label in labels} for name, labels in tables.items()
     }

@@ -137,7 +137,9 @@ def point_in_plane(
     normal = first.direction(axis)
     arm = first.components(second.point(local) - first.position)
     along, bias_second = _along(second, local, normal)
-    # The plane rotates with the first body, so that its spin adds centripetal and Coriolis terms.
+    # `arm` has components in the axes of the first body, in which the plane is at rest, and
+    # `relative` is their rate. These axes rotate, so that the second derivative lacks the
+    # centripetal and Coriolis terms of their spin.
     velocity = first.components(second.velocity_at(local) - first.velocity)
     relative = velocity - first.spin.cross(arm)
     spin = first.spin
@@ -274,7 +276,8 @@ def rows_from_residual(
     - `labels`: of the rows, in the order of the residual's values.
     - `residual`: function that returns a scalar for each label, zero if the constraint is
       satisfied. Its two arguments are the poses of the first and the second body: a pair of the
-      position, m in global axes, and the rotation matrix from body to global axes.
+      position, m in global axes, and the rotation matrix from body to global axes. The function
+      must not depend on time, by which it is not differentiated.
     - `first`, `second`: motions of the bodies.
 
     >>> names, ground = ("ground", "ball"), still
@@ -286,6 +289,7 @@ def rows_from_residual(
     0.1 m
     """
     pair = first, second
+    # JAX needs values and tangents of one type, but some components may be Python numbers.
     poses = _as_arrays(tuple((motion.position, motion.rotation) for motion in pair))
     velocities = _as_arrays(tuple((motion.velocity, motion.spin) for motion in pair))
 
@@ -304,6 +308,7 @@ def rows_from_residual(
     columns = [rate(poses, direction) for direction in _unit_velocities()]
     rows = {}
     for k, label in enumerate(labels):
+        # As in `_unit_velocities`: velocity and spin of the first body, then of the second.
         v = [column[k] for column in columns]
         vectors = [Vector(*v[j : j + 3]) for j in range(0, 12, 3)]
         jacobian = {names[0]: Wrench(*vectors[:2]), names[1]: Wrench(*vectors[2:])}
@@ -334,7 +339,7 @@ def distance_row(components: Iterable[Row], length: Scalar, motions: Motions) ->
     The row's value is (x^2 + y^2 + ... - length^2)/(2 length), m.
 
     **Arguments:** `components`: rows whose values x, y, ... are the vector's components, m.
-    `length`: required length, m. `motions`: motion of each body by name.
+    `length`: required length, m, positive. `motions`: motion of each body by name.
     """
     # The squared length is differentiable everywhere. Dividing by 2 length gives a row in m, whose
     # derivative along the vector is 1, so that the multiplier is the force in N.
@@ -353,8 +358,9 @@ def distance_row(components: Iterable[Row], length: Scalar, motions: Motions) ->
 def row_following(row: Row, function: Callable[[Scalar], Scalar], t: Scalar) -> Row:
     """Return a row less a prescribed function of time, so that its value follows the function.
 
-    **Arguments:** `row`: of the quantity to prescribe, such as an angle. `function`: its value in
-    the row's unit, from the time in s; JAX must be able to differentiate it twice. `t`: s.
+    **Arguments:** `row`: of the quantity to prescribe, such as an angle; its own `time_rate` must
+    be zero. `function`: the quantity in the row's unit, from the time in s; JAX must be able to
+    differentiate it twice. `t`: s.
     """
 
     def rate(t: Scalar) -> Scalar:
@@ -370,8 +376,11 @@ def _scaled(wrench: Wrench, factor: Scalar) -> Wrench:
 
 
 def plus_multiple(first: Row, second: Row, factor: Scalar) -> Row:
-    """Return the sum of a row and a constant times another: of their values, Jacobians, biases and
-    time rates."""
+    """Return the row `first` plus a constant `factor` times the row `second`.
+
+    Such a sum of two angles, or of a distance and an angle, couples the two motions. The factor
+    multiplies the value, Jacobian, bias and time rate of `second`.
+    """
     jacobian = dict(first.jacobian)
     for name, wrench in second.jacobian.items():
         jacobian[name] = jacobian.get(name, NO_WRENCH) + _scaled(wrench, factor)

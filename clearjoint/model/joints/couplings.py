@@ -69,7 +69,8 @@ class GearJoint(AbstractConstraint):
 
     - `carrier`, `first`, `second`: names of the carrier's and the two gears' bodies.
     - `axis_first`, `axis_second`: axis of each gear, (3,) in the carrier's axes, any length.
-    - `teeth_first`, `teeth_second`: numbers of teeth, whole and positive.
+    - `teeth_first`, `teeth_second`: numbers of teeth, whole and positive; for two pulleys, whole
+      numbers in the ratio of their radii.
     - `internal`: whether the gears rotate in the same sense; by default they don't.
     - `offset`: rad, the first gear's angle when the second gear's angle is zero.
     - `orientation_first`, `orientation_second`: (4,) Euler parameters, scalar first, that transform
@@ -77,7 +78,7 @@ class GearJoint(AbstractConstraint):
       default.
 
     **Raises:** `ValueError` if two of the bodies are the same, a number of teeth is not whole and
-    positive, or an axis or orientation is invalid.
+    positive, or an axis, an orientation or the offset is invalid.
     """
 
     carrier: str = eqx.field(static=True)
@@ -192,7 +193,8 @@ class ScrewJoint(AbstractAxisJoint):
     - `point_first`, `point_second`: a point of the axis on each body, (3,) m in body axes. The two
       points coincide at angle zero.
     - `axis_first`, `axis_second`: direction of the axis on each body, (3,) in body axes, any
-      length. At angle zero, the frames differ by the shortest rotation that makes them parallel.
+      length. At angle zero, the bodies' frames differ by the shortest rotation that makes the two
+      directions parallel.
     - `lead`: advance of the second body per revolution, m, positive for a right-handed thread and
       negative for a left-handed one.
 
@@ -262,7 +264,11 @@ class UniversalMotion(AbstractMotionAtPoints):
     arm_child: Vector
 
     def _reference(self) -> EulerParameters:
-        """Return the orientation of the child if both angles are zero, as Euler parameters."""
+        """Return the Euler parameters that transform components in the child's axes to the parent's
+        if both angles are zero.
+
+        The child's arm then has the direction of the first transverse axis of the parent's arm.
+        """
         return aligning(transverse_axes(self.arm_parent)[0], self.arm_child)
 
     def _about_child(self, reference: EulerParameters) -> Hinge:
@@ -316,7 +322,7 @@ class UniversalMotion(AbstractMotionAtPoints):
         return Twist(change * (state.speeds[0] * state.speeds[1]), ZERO)
 
     def without_drift(self, position: Angles) -> Angles:
-        """Return the angles within (-2 pi, 2 pi], without further revolutions."""
+        """Return the angles less multiples of 4 pi, within [-2 pi, 2 pi]."""
         return within_two_turns(position[0]), within_two_turns(position[1])
 
 
@@ -347,7 +353,8 @@ class UniversalJoint(AbstractPairJoint):
     axis_second: Triple = quantity("1", check=require_axis)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return three translations, m, and "cross", the cosine of the angle between the arms."""
+        """Return three components of the vector between the two points, m, and "cross", the cosine
+        of the angle between the arms."""
         arms = self._perpendicular(motions, unit(self.axis_first), unit(self.axis_second))
         return self._coincidence(motions) | {"cross": arms}
 

@@ -1,4 +1,4 @@
-"""Ideal joints: spherical, revolute, fixed, inline, cylindrical, prismatic, planar, a massless rod.
+"""Ideal joints that hold points, lines or planes of two bodies together, and a massless rod.
 
 Equation numbers are those of P. Flores, J. Ambrosio, J. C. P. Claro, H. M. Lankarani, Spatial
 revolute joints with clearances for dynamic analysis of multi-body systems, 2006.
@@ -63,9 +63,10 @@ class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
         return perpendicular(*self._between(motions), a, b)
 
     def _in_plane(self, motions: Motions, normal: Vector) -> Row:
-        """Return the row that keeps the second point in a plane through the first, m.
+        """Return the row that keeps the second body's point in a plane through the first body's.
 
-        `normal` is the plane's unit normal in the first body's axes.
+        Its value is the point's distance from the plane, m, positive on the side of `normal`, the
+        plane's unit normal in the first body's axes.
         """
         points = self.point_first, normal, self.point_second
         return point_in_plane(*self._between(motions), *points)
@@ -86,12 +87,12 @@ class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
         }
 
     def _same_orientation(self, motions: Motions, orientation: EulerParameters) -> dict[str, Row]:
-        """Return the rows "rotation x", "rotation y" and "rotation z", which keep two orientations
-        equal.
+        """Return the rows "rotation x", "rotation y" and "rotation z", which keep a frame that is
+        fixed to the second body parallel to the first body's frame.
 
-        Each keeps one axis of the first body's frame perpendicular to another axis of a frame that
-        is fixed to the second body. `orientation` transforms components in the second body's axes
-        to this frame.
+        Each value is the scalar product of one axis of the first body's frame and another axis of
+        the fixed frame. `orientation` transforms components in the second body's axes to the fixed
+        frame.
         """
         relative = rotation_matrix(orientation)
         # Parallel frames have y perpendicular to z, z to x, and x to y. A small rotation about x
@@ -136,7 +137,7 @@ class AbstractAxisJoint(AbstractPairJoint):
 
 
 class SphericalJoint(AbstractPairJoint):
-    """Keeps a point of one body at a point of the other; three rows (eq. 25).
+    """Keeps a point of one body at a point of the other; three rows (Flores et al. 2006, eq. 25).
 
     **Arguments:**
 
@@ -169,7 +170,7 @@ class RevoluteJoint(AbstractAxisJoint):
 
     Eq. 26 of Flores et al. 2006 is the cross product of the two axes, whose three rows are linearly
     dependent. Instead, two rows keep the first body's axis perpendicular to two directions across
-    the second body's axis. They are linearly independent in every orientation.
+    the second body's axis. They are linearly independent while the axes are parallel.
 
     **Arguments:**
 
@@ -512,7 +513,7 @@ class PlanarMotion(AbstractTurning):
         return Twist(ZERO, spin.cross(spin.cross(apart) - velocity * 2.0))
 
     def without_drift(self, position: Position) -> Position:
-        """Return the position with the angle within (-2 pi, 2 pi], without further revolutions."""
+        """Return the position with the angle less a multiple of 4 pi, within [-2 pi, 2 pi]."""
         return position[0], position[1], within_two_turns(position[2])
 
     def _in_child(self, across: tuple[Scalar, Scalar], position: Position) -> Vector:

@@ -41,9 +41,12 @@ from ...math.vectors import (
 
 @dataclass(frozen=True, slots=True)
 class Twist:
-    """Spin of a child body, rad/s, and velocity of the joint's point on it, m/s.
+    """Velocity of a child body relative to its parent, in the child's axes.
 
-    Both are relative to the parent, as vectors in the child's axes.
+    - `angular`: relative spin, rad/s.
+    - `linear`: rate, m/s, of the components of the vector from the joint's point on the parent to
+      its point on the child. These components are in the child's axes, which rotate: the velocity
+      of the child's point relative to the parent is `linear` + `angular` x vector.
 
     >>> twist = extend.Twist(angular=extend.UNIT_Z, linear=extend.ZERO) * 2.0
     >>> twist.angular.z
@@ -142,8 +145,8 @@ class AbstractMotionSubspace(eqx.Module):
     def after_displacement(self, position: PyTree, changes: tuple[Scalar, ...]) -> PyTree:
         """Return the position after a small motion along the columns.
 
-        Assembly and projection correct positions with it. `changes` are in rad or m, one for each
-        speed. The default adds each to one number of the position.
+        It is called to correct positions so that they satisfy the constraints. `changes` are in rad
+        or m, one for each speed. The default adds each to one number of the position.
         """
         numbers, structure = jax.tree.flatten(position)
         return jax.tree.unflatten(structure, map(add, numbers, changes))
@@ -273,7 +276,7 @@ class Hinge(AbstractTurning):
         return (Twist(self.axis, ZERO),)
 
     def without_drift(self, position: Scalar) -> Scalar:
-        """Return the angle within (-2 pi, 2 pi], without further revolutions."""
+        """Return the angle less a multiple of 4 pi, within [-2 pi, 2 pi]."""
         return within_two_turns(position)
 
 
@@ -353,10 +356,12 @@ def aligning(first: Vector, second: Vector) -> EulerParameters:
 
 
 def _from_zeta(axis: Vector) -> EulerParameters:
-    """Return Euler parameters, not normalised, of a rotation from the z axis to a unit vector.
+    """Return Euler parameters, not normalised, of a rotation that turns the z axis into a unit
+    vector.
 
-    It is the shortest rotation. For a vector with a negative z component, half a revolution about x
-    precedes it, because the shortest rotation is singular for the direction -z.
+    It is the shortest rotation, unless the vector has a negative z component: the shortest rotation
+    is singular for the direction -z. Half a revolution about x then turns the z axis into -z, and
+    the shortest rotation from -z to the vector follows.
     """
     forwards = EulerParameters(1.0 + axis.z, -axis.y, axis.x, 0.0)
     shortest = EulerParameters(1.0 - axis.z, axis.y, -axis.x, 0.0)

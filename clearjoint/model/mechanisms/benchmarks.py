@@ -75,12 +75,13 @@ TORQUE, STIFFNESS, FREE_LENGTH = 0.033, 4530.0, 0.07785
 
 
 def andrews_squeezer() -> tuple[Scene, State]:
-    """Return Andrews' squeezing mechanism, the IFToMM benchmark A03: seven planar bodies, a spring.
+    """Return Andrews' squeezing mechanism, the IFToMM benchmark A03, and its initial state.
 
-    A motor drives the crank K1 in the origin with a constant torque, from rest. A rod K2 connects
-    the crank to the point P, where three chains meet: K3 from the pivot B, loaded by a spring, and
-    K4 with K5 and K6 with K7 from the pivot A. The crank makes two and a half revolutions in 30 ms.
-    There is no gravity. The joints hold all bodies in the plane, and no constraint is redundant.
+    Seven bodies move in the XY plane. A motor drives the crank K1 in the origin with a constant
+    torque, from rest. A rod K2 connects the crank to the point P, where three chains meet: K3 from
+    the pivot B, loaded by a spring, and K4 with K5 and K6 with K7 from the pivot A. The crank makes
+    two and a half revolutions in 30 ms. There is no gravity. The joints hold all bodies in the
+    plane, and no constraint is redundant.
 
     Source: W. Schiehlen (ed.), Multibody Systems Handbook, 1990, and E. Hairer, G. Wanner, Solving
     Ordinary Differential Equations II, section VII.7. The initial state is that of the Test Set for
@@ -105,6 +106,8 @@ def andrews_squeezer() -> tuple[Scene, State]:
         joints[f"{link.parent}-{name}"] = RevoluteJoint(
             link.parent, name, (*link.hinge_of_parent, 0.0), (*link.hinge, 0.0), Z_AXIS, Z_AXIS
         )
+    # The revolute joints already hold all bodies in the plane. Inline joints, which only keep a
+    # point on a line along Z, act as pins without repeating these constraints.
     for name, point in P.items():
         joints[f"K2-{name}"] = InlineJoint("K2", name, (*P_OF_K2, 0.0), (*point, 0.0), Z_AXIS)
     ends = (*HOOK, 0.0), (*SPRING_END, 0.0)

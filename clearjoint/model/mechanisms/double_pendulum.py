@@ -24,15 +24,16 @@ def double_pendulum(
 
     A joint with clearance and the axis Z connects arm 2 to the ground, and an ideal revolute joint
     about X connects arm 3 to arm 2. The paper doesn't name the second axis; X is the only one that
-    reproduces its statements. Gravity is 9.81 m/s^2 along +Y. Both arms start at rest in the XZ
-    plane with a centred journal. They are 1 m long.
+    reproduces its statements. Gravity is 9.81 m/s^2 along +Y. Both arms are 1 m long and start at
+    rest with a centred journal: arm 2 from the origin along +X, arm 3 from its end along +Z.
 
     Source: P. Flores, J. Ambrosio, J. C. P. Claro, H. M. Lankarani, Spatial revolute joints with
     clearances for dynamic analysis of multi-body systems, 2006, section 6, Tables 1 and 2.
 
     **Arguments:**
 
-    - `clearance`: radial, m; ``None`` for an ideal ground joint.
+    - `clearance`: radial, m; ``None`` for an ideal ground joint, on which the other arguments
+      have no effect.
     - `restitution`: requested of the default law, which is that of Lankarani and Nikravesh; 0 to 1.
     - `bearing_radius`, `journal_length`: m.
     - `law`: replaces the default law.

@@ -106,8 +106,8 @@ def four_bar(
         if pin in clearance:
             at = {"bearing_point": on_first, "journal_point": on_second}
             joints[pin] = ClearanceJoint(*pair, **at, **options, clearance=clearance[pin])
-        # Four ideal pins with five rows each would close the loop with three redundant constraints.
-        # An inline joint, which only holds the point in the plane, has three rows fewer.
+        # Four ideal pins with five constraints each would close the loop with three redundant ones.
+        # An inline joint, which only keeps a point on a line along Z, has two constraints.
         elif pin == "rocker pin" and not clearance:
             joints[pin] = InlineJoint(*pair, on_first, on_second, Z_AXIS)
         else:
@@ -123,7 +123,7 @@ def four_bar(
 
 
 def _state(lengths: tuple[float, ...], angle: float, speed: float) -> State:
-    """Return the ideal linkage's state at an angle, rad, and a speed, rad/s, of the crank."""
+    """Return the ideal linkage's state at the start; the arguments are those of `four_bar`."""
     crank, coupler, rocker, feet = lengths
     foot = np.array([feet, 0.0])
     tip = crank * np.array([math.cos(angle), math.sin(angle)])
@@ -190,7 +190,7 @@ def spatial_four_bar(
 
     A crank of 20 mm and 0.1960 kg rotates about X in the origin, a rocker of 74 mm and 0.3157 kg
     about Z in (122, -54, 0) mm. A coupler of 122 mm and 1.4158 kg connects their ends by ball
-    joints: an ideal one at the crank, and a ball of 9.8 mm radius in a socket of 10 mm at the
+    joints: an ideal one at the crank, and a ball with clearance in a socket of 10 mm radius at the
     rocker. The coupler rotates freely about its own axis. Moments of inertia are those of round
     bars of 10 mm radius. Gravity is 9.81 m/s^2 along -Z.
 

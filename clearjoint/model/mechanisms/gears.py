@@ -44,9 +44,9 @@ def gear_pair(
     add one to the scene's forces, such as a `DriveTorque`.
 
     The default law has the stiffness 1.8e11 N/m^1.5, whose deflection at 2 kN is that of ISO 6336's
-    mean stiffness of 20 N/(mm um), and free impacts have exactly the given restitution. If the
-    teeth cross the backlash j at a speed v along the line of action, which takes the time j cos(20
-    degrees)/v, they rebound at the restitution times v.
+    mean stiffness of 20 N/(mm um), and an impact without other forces has exactly the given
+    restitution. If the teeth cross the backlash j at a speed v along the line of action, which
+    takes the time j cos(20 degrees)/v, they rebound at the restitution times v.
 
     **Arguments:**
 
@@ -88,7 +88,8 @@ def gear_pair(
 THICKNESS = 10e-3
 """Thickness of the disc, m."""
 END_STIFFNESS = 5e8
-"""Stiffness at each end of a pin in its hole, N/m: half of (pi/4) E* times the thickness."""
+"""Stiffness at each end of a pin in its hole, N/m: half of (pi/4) E* times the thickness, rounded,
+where 1/E* is the sum of (1 - nu^2)/E of both parts, here steel."""
 
 
 def cycloid_stage(
@@ -115,14 +116,15 @@ def cycloid_stage(
 
     While the output has the same angle as the disc, all pins are at the distance `play` from the
     walls of their holes. The output may rotate against the disc by an angle of about
-    play/(pitch_radius cos(q)) to either side, where q, for an even number of pins at most
-    pi/`pins`, is the angle between the eccentric and the nearest of the directions in which the
-    pins move. There is no gravity.
+    play/(pitch_radius cos(q)) to either side, until the first pin touches its hole. Here q, at most
+    pi/`pins`, is the angle between the motion of this pin and the line from the disc's centre to
+    the shaft's axis. There is no gravity.
+
     Sizes and masses are an example: a shaft of 0.2 kg, a disc of 0.25 kg and an output of 0.4 kg.
 
     **Arguments:**
 
-    - `play`: m, of a pin and its hole beside the eccentricity.
+    - `play`: radius of a hole minus that of a pin and the eccentricity, m.
     - `pins`: number of output pins. `lobes`: number L of lobes of the disc.
     - `eccentricity`, `pitch_radius`, `pin_radius`: m.
     - `speed`, `angle`: of the shaft, rad/s, and rad at the start. The output begins with the angle
@@ -152,6 +154,7 @@ def cycloid_stage(
         "motor": PrescribedRotation(GROUND, "shaft", Z_AXIS, speed, initial_angle=angle),
     }
     if law is None:
+        # The force of a line contact is nearly proportional to the depth.
         law = HuntCrossley(restitution=0.8, stiffness=GivenStiffness(END_STIFFNESS), exponent=1.0)
     # The holes are so much larger than the pins on purpose, which is unusual for bearings.
     with quiet():

@@ -27,7 +27,9 @@ Components: TypeAlias = Float[np.ndarray, "3"]
 class ArmLink:
     """A link: its standard Denavit-Hartenberg parameters, its mass and its inertia.
 
-    The frame of the link is that of Denavit and Hartenberg.
+    The frame of the link is at its far end. It is the parent's frame after a rotation about the z
+    axis by the joint's angle, translations by d along this axis and by a along the new x axis, and
+    a rotation about the new x axis by alpha.
 
     - `offset` d and `length` a: m. `twist` alpha: rad.
     - `mass`: kg.
@@ -120,7 +122,7 @@ BASE = LinkFrame(np.zeros(3), EulerParameters(1.0, 0.0, 0.0, 0.0))
 
 
 def frames(links: Sequence[ArmLink], angles: Sequence[float]) -> list[LinkFrame]:
-    """Return the frames of a chain of links, after the base frame from which the chain starts.
+    """Return the base frame, from which a chain of links starts, and then the frame of each link.
 
     **Arguments:** `links`: from the base to the end; `angles`: of each link relative to the one
     before, rad.
@@ -234,14 +236,14 @@ def robot_arm(
     the output of its gearbox ("flange 1" to "flange 3", 1 g). The backlash ("play 1" to "play 3")
     is between flange and link. Its angle and its contacts, which have a stiffness of 1e9 N/m^1.5
     and are 50 mm from the axis, are our choice. The hinges are "joint 1" to "joint 3"; their
-    `JointAngle` is that of Denavit and Hartenberg.
+    angle, which the quantity `JointAngle` gives, is that of Denavit and Hartenberg.
 
     **Arguments:**
 
     - `play`: total angle of the backlash in each of the three joints, rad; with ``None`` there are
       no flanges, and the motors drive the links directly.
     - `restitution`: of the default law of the backlash, above 0 and at most 1.
-    - `angles`, `speeds`: of the motors at the start, rad and rad/s.
+    - `angles`: of the motors at the start, rad. `speeds`: of the motors, constant, rad/s.
     - `law`: replaces the default law.
 
     **Returns:** the scene and the initial state, in the middle of the play.
@@ -262,6 +264,7 @@ def robot_arm(
         foot = np.zeros(3) if k == 0 else -LUMPS[k - 1].centre
         on_link = ARM[k].joint() - LUMPS[k].centre
         joints[f"joint {k + 1}"] = RevoluteJoint(parent, link, foot, on_link, Z_AXIS, axis)
+        # The orientation of the driven body relative to its parent while the motor's angle is zero.
         driven, zero = link, ARM[k].tilt()
         if play is not None:
             # The motor drives the flange, which has a bearing of its own on the parent.

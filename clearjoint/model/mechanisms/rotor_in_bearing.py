@@ -38,8 +38,8 @@ def rotor_in_bearing(
     The rotor is a steel disc of 20 kg with a radius of 100 mm, 0.061 kg m^2 about a diameter and
     0.1 kg m^2 about its axis; `mass` doesn't change these moments. The bearing is in the disc's
     middle plane, and an ideal constraint holds the rotor axially. With the film `CaponeFilm(0.02)`,
-    for example, the journal rises to its equilibrium position. The equilibrium is stable up to
-    about 1220 rad/s; above, the journal whirls at half the speed.
+    for example, whose viscosity is 0.02 Pa s, the journal rises to its equilibrium position. The
+    equilibrium is stable up to about 1220 rad/s; above, the journal whirls at half the speed.
 
     **Arguments:**
 
@@ -50,7 +50,7 @@ def rotor_in_bearing(
       touches the wall at the lowest point.
     - `restitution`: requested of the default law, which is that of Lankarani and Nikravesh.
     - `law`: of the contact with the wall; replaces the default law.
-    - `friction`: at the dry wall; none by default.
+    - `friction`: of the contact with the wall, also with a film; none by default.
     - `gravity`: (3,) m/s^2, along -Y by default; ``None`` for none.
 
     **Raises:** `ValueError` if a value is outside its range.

@@ -174,7 +174,8 @@ def guided_slider_crank(
 
     - `clearance`: m, on either side of the slider; ``None`` for an ideal guide.
     - `pin_clearance`: radial clearance of the pin between rod and slider, m, in a bearing of 10 mm
-      radius and 20 mm length; ``None``, the default, for an ideal pin.
+      radius and 20 mm length; ``None``, the default, for an ideal pin. With a clearance, the ideal
+      joints "plane along" and "plane across" are added, which hold the slider in the plane.
     - `law`: of the slider's corners on the walls; by default a restitution of 0.4, as published.
     - `friction`: of the guide; coefficient 0.01 by default, as published; ``None`` for none.
     - `pin_law`: of the pin; by default that of Lankarani and Nikravesh for steel with a restitution
