@@ -166,16 +166,17 @@ class Compiled(Generic[Arguments, Result]):
     program. JAX's cache on disk saves compiled programs. Python's garbage collector is off during a
     call.
 
-    **Arguments:** `function`: function of PyTrees that JAX can trace.
+    **Arguments:** `function`: function of PyTrees that JAX can trace; `compiler_options`: options
+    of XLA besides `OPTIONS`.
     """
 
     __wrapped__: Callable[Arguments, Result]
 
-    def __init__(self, function: Callable[Arguments, Result]):
-        traced = begins_a_program(function)
+    def __init__(self, function: Callable[Arguments, Result], **compiler_options: str | bool):
+        traced, chosen = begins_a_program(function), OPTIONS | compiler_options
         # JAX accepts compiler options only for programs that are not part of another one.
         self._inner = eqx.filter_jit(traced)
-        self._outermost = eqx.filter_jit(traced, compiler_options=OPTIONS)  # pyright: ignore
+        self._outermost = eqx.filter_jit(traced, compiler_options=chosen)  # pyright: ignore
         update_wrapper(self, function)
 
     def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:

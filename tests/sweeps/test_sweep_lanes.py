@@ -137,3 +137,21 @@ def test_lanes_by_xla_are_those_of_native_code_whatever_runs_beside_them(lanes, 
     same(found, swept(STIFFNESS[::-1]).isel(lane=slice(None, None, -1)))
     same(found.isel(lane=[1, 6]), swept(STIFFNESS[[1, 6]]))
     same(found, swept(STIFFNESS, threads=2))
+
+
+@pytest.mark.slow
+def test_lanes_by_xla_save_states_of_a_scene_with_contacts(monkeypatch):
+    """For a loop that XLA cannot compile as one function."""
+    scene, state = cj.mechanisms.double_pendulum()
+    [joint] = scene.contact_joints()
+    axes = {"clearance": cj.Axis(lambda s: s.joints[joint].clearance, [4e-4, 5e-4])}
+    saving = cj.Saving(np.linspace(0.0, 0.02, 21))
+
+    def found():
+        return cj.sweep(scene, state, 0.02, axes, save=saving, progress=False)
+
+    native = found()
+    monkeypatch.setenv("CLEARJOINT_NATIVE", "0")
+    by_xla = found()
+    for name in native.data_vars:
+        np.testing.assert_allclose(by_xla[name], native[name], rtol=1e-7, atol=1e-9, err_msg=name)

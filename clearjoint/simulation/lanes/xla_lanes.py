@@ -178,7 +178,10 @@ def _turns(
     return count, state, status(own, state)
 
 
-_TURNS_IN_ONE_FUNCTION, _TURNS = Compiled(in_one_function(_turns)), Compiled(_turns)
+_TURNS_IN_ONE_FUNCTION = Compiled(in_one_function(_turns))
+# With its fusion emitters, XLA (jaxlib 0.10.2) ends the process while it compiles a loop that saves
+# states at given times.
+_TURNS = Compiled(_turns, xla_cpu_use_fusion_emitters=False)
 
 
 @Compiled
