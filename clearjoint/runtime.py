@@ -135,10 +135,12 @@ def _keep() -> bool:
 
 
 def _usable(cache: str) -> str | None:
-    """Return the folder `cache`, which is made if it does not exist; if it must not be used, warn
-    and return ``None``.
+    """Return the folder `cache`, which is made if it does not exist. If it can't be made, or other
+    users may write to it, warn and return ``None``.
 
     A path with "://", as of a cloud storage, is returned as it is: JAX handles it.
+
+    **Raises:** `ValueError` if the path is that of a file, or leads through a file.
     """
     problem = None if "://" in cache else prepare_folder(Path(cache))
     if problem is None:

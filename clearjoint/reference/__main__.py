@@ -18,16 +18,16 @@ except ImportError as error:
 
 
 def main() -> None:
-    """Write the pages into the folder that the command line names, and print the path of the first
-    one."""
+    """Write the pages into the folder that the command line names, ``results/reference`` by
+    default, and print the path of the first one."""
     parser = argparse.ArgumentParser(prog="python -m clearjoint.reference", description=__doc__)
     parser.add_argument(
         "folder", nargs="?", type=Path, default=Path("results/reference"), help="%(default)s"
     )
     folder = parser.parse_args().folder
     folder.mkdir(parents=True, exist_ok=True)
-    # The package, its public modules, of which it does not import two itself, and the module that
-    # describes the presets.
+    # The package, its public modules, and the module that describes the presets get pages. The
+    # package does not import `plot` and `testing` itself: this import makes them its attributes.
     inner = ("plot", "testing", "simulation.step.presets")
     *_, presets = (importlib.import_module(f"clearjoint.{name}") for name in inner)
     modules = [clearjoint, presets, *(getattr(clearjoint, name) for name in dir(clearjoint))]

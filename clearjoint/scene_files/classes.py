@@ -41,18 +41,20 @@ class Expectation:
     """Values that an argument of a constructor, or an entry of a table or list, may have in a file.
 
     They are derived from the annotation of the argument, and from the unit and shape of the field
-    with its name.
+    with its name. Numbers need no entry: they are refused only where nothing but `options` is
+    allowed, and otherwise the constructor checks them.
 
     - `unit`: SI unit of numbers; None if no unit is declared.
     - `shapes`: shapes that arrays of numbers may have, () for a single number; empty if unknown.
     - `is_array`: whether numbers, also a single one, are converted to an array.
     - `classes`: base classes of the objects that are allowed.
-    - `options`: for an argument with a fixed set of texts, the value of each text.
+    - `options`: for an argument with a fixed set of texts, the value of each text; else None.
     - `is_text`: whether any text is allowed.
     - `is_flag`: whether true and false are allowed.
     - `is_anything`: whether any value is allowed, because the argument has no annotation.
-    - `by_name`: expectation for the entries of a table whose keys are names, such as `bodies`.
-    - `item`: expectation for the entries of a list.
+    - `by_name`: expectation for the entries of a table whose keys are names, such as `bodies`; None
+      if the argument is no such table.
+    - `item`: expectation for the entries of a list; None unless the annotation is a sequence.
     - `default`: default value of the argument, or `REQUIRED`.
     """
 
@@ -93,9 +95,11 @@ def makers(families: tuple[type, ...], given: Classes) -> dict[str, Maker]:
     """Return the makers that a file may name as `kind`, by their names, such as "Body" and
     "Body.rod".
 
-    They are the readable classes of this package, the `families` themselves unless they are
-    abstract, and the classes in `given`, of which a user-defined class has two names, with and
-    without its module.
+    They are the classes of this package that derive from one of the `families` and from
+    `AbstractReadable` (the base class of laws, joints, bodies and others), those of the package
+    among the `families` themselves, and the classes in `given` that derive from one of the
+    `families`. Abstract and private classes are left out. A user-defined class has two names, with
+    and without its module.
 
     **Arguments:** `families`: base classes of the objects, or none for any object; `given`:
     user-defined classes that the caller passes.
@@ -150,7 +154,7 @@ def find_maker(
     **Arguments:**
 
     - `name`: the name in the file. A script saves its own class as "__main__:Class"; for such a
-      name, a class "Class" of any module is found.
+      name, a class "Class" in `given` is found, whatever its module.
     - `families`, `given`: as for `makers`.
     - `location`: location of the name in the file, for error messages.
 
@@ -195,7 +199,8 @@ def arguments(make: Maker) -> dict[str, Expectation]:
 
 
 def _with_unit(expected: Expectation, metadata: Mapping) -> Expectation:
-    """Return the expectation with the unit and shape of a field that `quantity` declares.
+    """Return the expectation with the unit and shape of a field that `quantity`, the package's
+    function for fields of numbers with units, declares.
 
     **Arguments:** `metadata`: metadata of the field; without a unit, the expectation is unchanged.
     """
@@ -241,8 +246,9 @@ def expectation(annotation: object) -> Expectation:
         return Expectation(classes=(AbstractQuantity,))
     if origin in (Union, UnionType):
         parts = [expectation(kind) for kind in inner if kind is not NoneType]
-        # The shapes and classes of all parts are allowed. Of every other property, the first value
-        # is taken that is not a default.
+        # None needs no part: unless texts are allowed, the reader takes the text "none" for it. The
+        # shapes and classes of all parts are allowed. Of every other property, the first value is
+        # taken that is not a default, so that a flag is true if it is for any part.
         merged: dict[str, Any] = {}
         for entry in fields(Expectation):
             given = [value for part in parts if (value := getattr(part, entry.name))]

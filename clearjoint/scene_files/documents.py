@@ -251,8 +251,8 @@ def parse(text: str, suffix: str, file: str) -> Document:
 
     **Arguments:** `suffix`: ".toml" or ".json"; `file`: path of the file, for messages.
 
-    **Raises:** `ValueError` with line and column for text that is not valid, and for more than
-    `DEEPEST` nested tables and lists.
+    **Raises:** `ValueError` with line and column for text that is not valid; also for more than
+    `DEEPEST` nested tables and lists, and for JSON that is not an object.
     """
     try:
         is_deep = suffix == ".toml" and DEEP_KEY.search(text) is not None
@@ -319,7 +319,8 @@ def format_document(document: Document, suffix: str, units: Units, schema: str |
     tables: PyTree = tomlkit.item(document)
     for (*parents, last), unit in units.items():
         # Only entries of tables can have comments; entries of lists and of inline tables share a
-        # line with others.
+        # line with others, and are skipped like texts and tables, which have no unit: the empty
+        # text stands for them.
         parent = reduce(getitem, parents, tables) if isinstance(last, str) else None
         item: PyTree = parent[str(last)] if isinstance(parent, Table) else ""
         if isinstance(item, str | Mapping):

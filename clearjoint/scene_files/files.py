@@ -57,10 +57,13 @@ class Writer:
 
     def table(self, instance: PyTree, location: FileLocation) -> dict[str, object]:
         """Return the table of an object: the arguments with which its constructor makes the object
-        again. Arguments whose default and value are None or empty are left out.
+        again. Arguments whose default and value are None or empty are left out, and those with a
+        default that the object does not store in a field of the same name.
 
-        **Raises:** `ValueError` for arguments that the object does not store in a field of the same
-        name, and for values that a file can't hold.
+        **Arguments:** `location`: location of the table in the file.
+
+        **Raises:** `ValueError` for arguments without default that the object does not store in a
+        field of the same name, for an argument `kind`, and for values that a file can't hold.
         """
         kind = type(instance)
         if not is_from_package(kind):
@@ -102,6 +105,7 @@ class Writer:
                     location.refuse(key, "a name", "use text for the keys of dictionaries")
             return {key: self._value(one, inner, location.at(key)) for key, one in value.items()}
         if isinstance(value, tuple | list):
+            # Rows of an array have the unit of the whole array.
             inner = expected.item or expected
             return [self._value(item, inner, location.at(k)) for k, item in enumerate(value)]
         # The table need not name the class that the reader takes for this argument by default.
@@ -152,8 +156,9 @@ def save(scene: Scene, state: State, path: FilePath, *, schema: bool = False) ->
       editors complete and check the file: "pendulum.schema.json" for "pendulum.toml".
 
     **Raises:** `ValueError` for another suffix, for a state that lacks bodies of the scene or has
-    others, and for a value that a file can't hold: a function, NaN, or an object that its class
-    does not make again from its fields. The message names the location of the value.
+    others, and for a value that a file can't hold: a function, NaN, a number that JAX traces, or an
+    object that its class does not make again from its fields. The message names the location of the
+    value.
 
     >>> cj.save(*cj.mechanisms.double_pendulum(), "pendulum.toml")
     >>> scene, state = cj.load("pendulum.toml")
@@ -214,7 +219,8 @@ def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
     ``{axis = [0, 0, 1], angle = "30 deg"}`` may replace the Euler parameters of an orientation.
     Numbers are in SI units, or texts with another unit that pint reads. "none" is ``None``. Bodies
     without a state start at rest; their positions and orientations are found by following the
-    joints from the ground, and `assemble` then closes loops.
+    joints from the ground, and `assemble` then closes loops. In a scene of more than 50 bodies,
+    each body needs a state.
 
     User-defined classes are passed in `classes`: a file never imports or runs code. `quantity`
     declares the units of their fields. The file above needs
@@ -245,9 +251,10 @@ def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
 
     **Returns:** the scene and its state, complete for all bodies.
 
-    **Raises:** `ValueError` for another suffix, for `classes` that are no collection of classes,
-    and for content that does not describe a scene. The message about the content names the location
-    in the file, the value found there, the expected values and a remedy.
+    **Raises:** `ValueError` for another suffix, for a file of more than 200 MB, for `classes` that
+    are no collection of classes, and for content that does not describe a scene. The message about
+    the content names the location in the file, the value found there, the expected values and a
+    remedy.
     """
     makers((), classes)  # raises an error for wrong classes
     document, location = read_document(Path(path))

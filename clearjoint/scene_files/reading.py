@@ -45,7 +45,8 @@ NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf)(?:
 def axis_and_angle(
     axis: Annotated[Float[np.ndarray, "3"], "1"], angle: Annotated[float, "rad"]
 ) -> tuple:
-    """Return the Euler parameters, four numbers, of a rotation by `angle`, rad, about `axis`, (3,).
+    """Return the Euler parameters, four numbers, scalar first, of a rotation by `angle`, rad, about
+    `axis`, (3,) of any length but zero.
 
     In a file, a table with these two arguments may replace Euler parameters.
     """
@@ -67,7 +68,8 @@ class Reader:
         **Arguments:** `content`: the value as parsed, a number, text, list or table; `expected`:
         values that are allowed; `location`: location of the value.
 
-        **Returns:** an object, a tuple, a dictionary, an array, a number or a text.
+        **Returns:** an object, a tuple, a dictionary, an array, a number, a text, true or false; or
+        ``None``, for the text "none" where no texts are allowed.
 
         **Raises:** `ValueError` if the content is not as expected.
         """
@@ -95,6 +97,7 @@ class Reader:
             # Finite numbers need no conversion: fast for long tables, without a location for each.
             if all(type(v) in (int, float) and abs(v) <= sys.float_info.max for v in content):
                 return tuple(content)
+            # Without `item` the list is an array: its entries are numbers, or rows of them.
             inner = expected.item or expected
             return tuple(self._item(v, inner, location.at(k)) for k, v in enumerate(content))
         if isinstance(content, str):
@@ -118,7 +121,8 @@ class Reader:
         """Convert a table to an object, to Euler parameters, or to a dictionary.
 
         A table whose keys are names becomes a dictionary. Otherwise its class is the one that it
-        names, or the only one that is allowed; an axis and an angle become Euler parameters.
+        names, or the only one that is allowed; an axis and an angle become Euler parameters. Where
+        anything is allowed, a table without class becomes a dictionary, too.
 
         **Raises:** `ValueError` for a table that needs a class and names none, or an unknown one,
         and where no table is expected.
@@ -169,7 +173,8 @@ class Reader:
                 remedy = nearest(name, keys, "leave it out")
                 location.at(name).refuse(item, f"one of the keys {listed(keys)}", remedy)
             given[name] = self.value(item, known[name], location.at(name))
-        # The unit of a reduction may be omitted: it is that of its quantity.
+        # A reduction is a result that is updated at every step, such as the peak of a quantity. Its
+        # unit may be omitted: it is that of its quantity.
         unit = getattr(given.get("quantity"), "unit", None)
         is_required = "unit" in known and known["unit"].default is REQUIRED
         if is_required and "unit" not in given and unit is not None:
@@ -226,8 +231,9 @@ def number_of_text(text: str, unit: str | None, location: FileLocation) -> float
     **Arguments:** `unit`: the SI unit, None if no unit is declared; `location`: location of the
     text, for messages.
 
-    **Raises:** `ValueError` for a text without a number, for a unit of another dimension than
-    `unit`, and for a unit where none is declared.
+    **Raises:** `ValueError` for a text without a number or of more than 200 characters, for a
+    finite number that is too large for a float, for a unit that is not a multiple of `unit`, and
+    for a unit where none is declared.
     """
     expected = "a number" if unit is None else f"a number in {unit}"
     # Longer texts are no numbers that a user means, and exact computation with them may be slow.

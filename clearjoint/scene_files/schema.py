@@ -115,7 +115,9 @@ class Catalogue:
                 self.definitions[known[-1]] = {}  # the definition may refer to itself
                 properties = {KIND: {"enum": sorted(known)}} | self.properties(make)
                 needed = [] if make is implied else [KIND]
-                # The unit of a reduction may be omitted: it is that of its quantity.
+                # A reduction is a result that is updated at every step, such as the peak of a
+                # quantity, and has arguments of these names. Its unit may be omitted: it is that of
+                # its quantity.
                 omitted = "unit" if "quantity" in properties else None
                 given = {name: one for name, one in arguments(make).items() if name != omitted}
                 needed += [name for name, one in given.items() if one.default is REQUIRED]
@@ -148,8 +150,11 @@ def _reference(name: str) -> Schema:
 
 
 def _numbers(shapes: tuple[tuple[int, ...], ...]) -> Schema:
-    """Return the schema of arrays of numbers, or of texts with units, with one of the given shapes;
-    of any shape if `shapes` is empty."""
+    """Return the schema of arrays of numbers, or of texts with units, with one of the given shapes.
+
+    If `shapes` is empty, any shape is allowed, and also true and false, whose expectation has no
+    shape either.
+    """
     if not shapes:
         return {"anyOf": [{"type": "boolean"}, _reference(ROWS)]}
     schemas = []

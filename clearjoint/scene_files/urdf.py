@@ -171,6 +171,7 @@ def load_urdf(
         scene_joint = _joint(joint, frames, clearance, joint_location)
         if scene_joint is not None:  # floating joints and joints within a body have none
             joints[joint.name] = scene_joint
+        # Only hinges pass `_checked`, and without a clearance they are always revolute joints.
         if given is not None and has_backlash and isinstance(scene_joint, RevoluteJoint):
             backlash = _backlash(joint, scene_joint, given, joint_location)
             joints[f"{joint.name} {BACKLASH}"] = backlash
@@ -269,6 +270,9 @@ def _backlash(
     joint: "yourdfpy.Joint", hinge: RevoluteJoint, given: Play, location: FileLocation
 ) -> Backlash:
     """Return a `Backlash` between the bodies of a hinge, about the hinge's axis.
+
+    If neither a law nor a stiffness is given, the stiffness follows from the joint's effort limit,
+    as `load_urdf` describes.
 
     **Arguments:** `joint`, `hinge`: the joint of URDF, and the joint of the scene made from it;
     `given`: arguments of the backlash, checked by `_checked`.

@@ -347,7 +347,7 @@ class Common(eqx.Module):
     - `start_time`: s, start of all runs.
     - `capacity[log]`: largest number of rows of each log of crossings or impacts.
     - `channels[log][name]`: quantities whose values are reported for each recorded state of a log.
-    - `saved`: name of the log of saved states.
+    - `saved`: name of the log of saved states; empty if no states are saved.
     - `tables[name]`: for each table of impacts, the names of the logs of its contacts.
     - `programs`: pairs of name and digest of the traced programs; empty if unknown. A compiled
       program is reused only for equal digests, so that no program runs that was traced from code

@@ -132,7 +132,8 @@ class Batch:
         self._made: _Programs | None = None
 
     def with_tasks(self, tasks: Task) -> "Batch":
-        """Return a batch of other lanes, which shares the compiled programs of this one.
+        """Return a batch of other lanes, which uses the compiled programs of this one if this one
+        has run.
 
         **Arguments:** `tasks`: data of any number of lanes, whose arrays have the shapes of this
         batch's arrays apart from their first axis.
@@ -143,7 +144,8 @@ class Batch:
 
     def next_saves(self, lanes: int | slice, first: int) -> np.ndarray:
         """Return the `WINDOW` times at which states of lanes are to be saved, s, from the time with
-        the index `first` on; infinite where no such time is left."""
+        the index `first` on; infinite where no such time is left. The shape is (`WINDOW`,) for one
+        lane, and (n, `WINDOW`) for a slice of n lanes."""
         times = self._save_at[lanes, first : first + WINDOW]
         window = np.full((*times.shape[:-1], WINDOW), np.inf)
         window[..., : times.shape[-1]] = times
@@ -202,6 +204,10 @@ class Batch:
 
 class _Programs:
     """Compiled programs of a batch, and the layout of lanes in cells of 8 bytes.
+
+    **Arguments:** `native`: whether the programs are native code; otherwise XLA compiles them.
+
+    **Raises:** `UnsupportedPrimitiveError` if native code lacks a primitive of the programs.
 
     - `loop`: the loop over lanes.
     - `own_cells`: layout of the data that Python gives a lane: the cells of its task, then those of
@@ -262,8 +268,8 @@ class _Programs:
 
 
 def _shifted(cells: PyTree, by: int) -> PyTree:
-    """Return a PyTree of indices of cells with `by` added to each index, the place in a column at
-    which the cells begin."""
+    """Return a PyTree of indices of cells with `by` added to each index: in a column, these cells
+    begin at the index `by`."""
     return jax.tree.map(lambda cell: cell + by if eqx.is_array(cell) else cell, cells)
 
 
@@ -292,6 +298,7 @@ of the recorded blocks, (blocks, cells), with the number of rows."""
 class _Shared:
     """State that the groups of a batch share.
 
+    - `batch`, `programs`: the batch and its compiled programs.
     - `waiting`: numbers of the lanes that have not begun.
     - `records`: lanes that have ended and that were not handed over yet.
     - `own`: (L, cells), data of each lane: the cells of its task, then those of its request.
@@ -339,6 +346,9 @@ class _Shared:
 
 class _Group:
     """A group of columns, whose lanes one thread runs.
+
+    **Arguments:** `shared`: state that all groups share; `number`: number of the group, from 0 on,
+    which selects its accelerator.
 
     - `turns`: number of turns so far, the sum over all columns.
     - `error`: the exception that ended the thread, or ``None``.

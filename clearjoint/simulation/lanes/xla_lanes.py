@@ -43,13 +43,15 @@ class XlaLaneLoop(AbstractLaneLoop):
 
     - `turn`: function (shared, own, state) that returns the state of a lane after a turn.
     - `status`: function (shared, own, state) that returns scalars by name, among them "goes", which
-      is false if the lane waits for Python.
-    - `shared`, `own`, `state`: examples of the data of all lanes, the data of one lane, and the
-      state of one lane, as PyTrees of arrays.
+      is false if the lane waits for Python, for instance to empty a buffer of results.
+    - `shared`: data of all lanes, a PyTree of arrays.
+    - `own`, `state`: examples of the constant data and of the state of one lane, as PyTrees of
+      arrays, for their structures and shapes.
 
-    The attributes are those of `AbstractLaneLoop`: the number of lanes, `width`; the places of
-    data, state and status of a lane in its column; and `occupied`, the cell that is 1 if the column
-    has a lane, else 0.
+    The attributes are those of `AbstractLaneLoop`, the interface of all loops over lanes: `width`,
+    the number of lanes; `own_cells`, `state_cells` and `status`, the places of data, state and
+    status of a lane in its column; and `occupied`, the cell that is 1 if the column has a lane,
+    else 0.
     """
 
     def __init__(
@@ -72,8 +74,11 @@ class XlaLaneLoop(AbstractLaneLoop):
         }
 
     def columns(self, shared: PyTree) -> Memory:
-        """Return memory for the data of a group of lanes, in which all columns are empty."""
-        del shared  # which is the same in all calls
+        """Return memory with one column for each of `width` lanes, in which all columns are empty.
+
+        **Arguments:** `shared`: not used, because the loop has these data already.
+        """
+        del shared
         return Memory(self.occupied + 1 + len(self.status), self.width)
 
     def run(self, columns: Memory) -> int:

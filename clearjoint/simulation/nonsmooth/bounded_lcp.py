@@ -40,8 +40,8 @@ class BoxProblem:
     n bounds of the impulses, N s, which may be infinite.
 
     A row with equal bounds is fixed: its impulse is this bound, and its velocity is free. A
-    diagonal element that is zero, as of a contact without a normal, counts as 1. All diagonal
-    elements are raised by `RELATIVE_SHIFT`.
+    diagonal element that is zero, as for a centred journal, whose contact has no direction, counts
+    as 1. All diagonal elements are raised by `RELATIVE_SHIFT`.
     """
 
     def __init__(self, matrix: Rows, lower: Sequence[Scalar], upper: Sequence[Scalar]):
@@ -56,8 +56,8 @@ class BoxProblem:
         **Arguments:** `start`: the n velocities q without impulses, m/s.
 
         **Returns:** n impulses x, N s, and the residual: the largest violation of a condition,
-        relative to the largest magnitude of q among rows that are not fixed. A residual above
-        `TOLERANCE` means that the iteration did not converge.
+        relative to the largest magnitude of q among rows that are not fixed (in m/s, if q is zero
+        there). A residual above `TOLERANCE` means that the iteration did not converge.
         """
         scale = self._scale(start)
 
@@ -69,8 +69,8 @@ class BoxProblem:
             x = self._least_inside(self._swept(now[0], start), start)
             return x, self._residual(x, start) / scale, now[2] + 1
 
-        # Begin with the impulses nearest to zero. Mostly no contact is closed. The residual of
-        # these impulses is then zero, and no iteration is made.
+        # Begin with the impulses nearest to zero. In most steps all contacts are open and their
+        # impulses fixed at zero, so that the residual is zero and no iteration is made.
         nothing = [jnp.clip(0.0, *bounds) for bounds in self._bounds]
         residual = self._residual(nothing, start) / scale
         begin: tuple[Impulses, Scalar, Scalar] = nothing, residual, jnp.zeros((), int)

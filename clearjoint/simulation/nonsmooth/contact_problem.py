@@ -1,4 +1,5 @@
-"""Contact problem of one time step: the impulses at closed rigid contacts.
+"""Contact problem of one time step: the impulses at closed rigid contacts. A contact is closed if
+its gap in the middle of the step is not positive.
 
 Along the normal of each closed contact, Signorini's condition with Newton's restitution e holds:
 the velocities U- before and U+ after the step (positive if the contact opens) and the impulse P
@@ -94,8 +95,11 @@ class Touch:
 
 
 def touches(scene: Scene, motions: Motions) -> list[Touch]:
-    """Return all contacts of a scene's joints, open or closed, at the poses of the bodies in
-    `motions`."""
+    """Return all contacts of a scene's joints, open or closed, at the poses and velocities of the
+    bodies in `motions`.
+
+    **Raises:** `ValueError` for a thrust face whose friction has a moment, which is not supported.
+    """
     return [
         _touch(name, label, joint, contact, motions)
         for name, joint in scene.contact_joints().items()
@@ -106,10 +110,10 @@ def touches(scene: Scene, motions: Motions) -> list[Touch]:
 def _touch(
     name: str, label: str, joint: AbstractContactJoint, contact: Contact, motions: Motions
 ) -> Touch:
-    """Return the rows of one contact, along its normal and along the directions of friction.
+    """Return one contact as a `Touch`, with rows along its normal and the directions of friction.
 
-    **Arguments:** `name`: of the joint. `label`, `contact`: of the contact. `motions`: pose and
-    velocities of the bodies.
+    **Arguments:** `name`, `joint`: the joint and its name; `label`, `contact`: the contact and its
+    label; `motions`: pose and velocities of the bodies.
 
     **Raises:** `ValueError` for a thrust face whose friction has a moment, which is not supported.
     """
@@ -144,7 +148,8 @@ def _touch(
         return Touch(name, label, *size, normal, (), 0.0)
     along = _slip_direction(contact.slip, contact.normal)
     across = contact.normal.cross(along)
-    # Friction laws are regularised at low slip; far above that they give Coulomb's coefficient.
+    # Friction laws are regularised at low slip; far above that they give Coulomb's coefficient. It
+    # is the magnitude of the friction at a normal force of 1 N.
     fast = Contact(contact.gap, contact.normal, contact.arm_first, contact.arm_second, along * FAST)
     friction = joint.friction_force(label, fast, 1.0)
     coefficient = 0.0 if friction is None else norm_and_direction(friction)[0]
@@ -167,7 +172,7 @@ class ContactProblem:
 
     **Arguments:** `system`: the system, whose ideal joints constrain the changes; `mechanics`:
     masses and Jacobians of the system at the positions in the middle of the step; `contacts`: all
-    contacts there; `t`: s, the middle of the step.
+    contacts there, at least one; `t`: s, the middle of the step.
 
     `rows`: the directions of the contacts: the normal of each contact, then both slip directions of
     each contact with friction. All lists of velocities and impulses have this order.
@@ -241,10 +246,11 @@ class ContactProblem:
     def normal_impulses(
         self, closed: Sequence[Condition], aims: Sequence[Scalar]
     ) -> tuple[Impulses, Scalar]:
-        """Return normal impulses of the closed contacts in N s, and the relative residual.
+        """Return normal impulses of all contacts in N s, zero at open ones, and the residual.
 
         With these impulses, each closed contact opens at least with the smallest velocity that is
-        allowed.
+        allowed. The residual is the largest violation of the contact conditions along the normals,
+        relative to the largest magnitude among the `aims` of closed contacts.
 
         **Arguments:** `closed`: whether each contact is closed; `aims`: m/s, for each contact its
         opening velocity without impulses, less the smallest one that is allowed.
@@ -305,6 +311,7 @@ class ContactProblem:
         def goes(now: Alternation) -> Condition:
             return (now.residual > TOLERANCE) & (now.turns < ALTERNATIONS)
 
+        # The first turn is taken before the loop, because no residual is known until then.
         zero, none, nothing = jnp.zeros(()), jnp.zeros((), int), [jnp.zeros(())] * (size - count)
         start = Alternation([zero] * count, nothing, zero, none, nothing, nothing, zero + 1)
         found = jax.lax.while_loop(goes, go, go(start))

@@ -68,7 +68,8 @@ class StepEnd(eqx.Module):
     - `variables`: the variables of the motion at the end of the step.
     - `contacts[joint][contact]`: the `ContactStep` of each contact.
     - `residual`: largest violation of the contact conditions (no approach without an impulse, no
-      pulling impulse, Coulomb's law), over the largest contact velocity.
+      pulling impulse, Coulomb's law) by the impulses, or by the projection of the positions, each
+      relative to the largest contact velocity to be changed.
     - `shallow`: whether no penetration exceeds the bearing's clearance.
     """
 
@@ -196,7 +197,8 @@ def _contact_steps(
     **Arguments:** `impulses`: N s; `before`, `after`: m/s, contact velocities before and after the
     step. All three are lists in the order of `ContactProblem.rows`.
     """
-    # Positions move with the mean velocity, so that its product with the impulse is the work.
+    # Positions move with the mean velocity, so that its product with the impulse is the work. With
+    # the opposite sign, it is the energy dissipated.
     works = [
         -0.5 * impulse * (a + b) for impulse, a, b in zip(impulses, before, after, strict=True)
     ]

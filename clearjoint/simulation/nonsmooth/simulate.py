@@ -67,7 +67,8 @@ class RigidRun(eqx.Module):
 
 
 class RigidStop(eqx.Module):
-    """State of a run at a stop; at S stops, each array has an additional first axis of length S.
+    """State of a run at a stop, which is a time to save at or the end of the run. At S stops, each
+    array has an additional first axis of length S.
 
     - `bodies`: states of the bodies, whose vectors are arrays (3,).
     - `totals[joint][contact]`: sums and extreme values of each contact since the start of the run.
@@ -150,6 +151,8 @@ def _past_kink(system: System, now: RigidRun, start: Scalar, stop: Scalar) -> Ri
 
     **Arguments:** `start`, `stop`: s, the span of time that the run has just covered.
     """
+    # For each joint with breakpoints, `lands` tells whether one of them is in the span, and thus at
+    # its end, `stop`. Forces have breakpoints too, but prescribe no velocities.
     since = since_breakpoints(system, start, stop)
     joints = [lands for name, (lands, _) in since.items() if name in system.scene.joints]
     if not joints:
@@ -207,7 +210,9 @@ def _after_step(rigid: Rigid, now: RigidRun, t: Scalar, h: Scalar) -> RigidRun:
     """
     end = advance(rigid, now.variables, t, h)
     # A state that is not finite has its own result code, since the other conditions mean nothing
-    # then. If several of the others fail, the last one below gives the code.
+    # then. A penetration that is too deep has precedence over an unsolved contact problem, which
+    # has little meaning where the side of the contact is unknown. Drivers are judged only in a step
+    # that is good otherwise.
     finite = all_finite(end.variables)
     contacts, solved = end.contacts, end.residual <= SOLVED
 
@@ -296,7 +301,8 @@ def simulate_nonsmooth(
     - `end_time`, `start_time`: s.
     - `save`: the times at which to save the state; a step ends at each of them. Nothing else can be
       saved.
-    - `step`: s, length of the longest step. Between two times to save at, steps are equal.
+    - `step`: s, length of the longest step. Steps end at the times to save at and at breakpoints;
+      between two such times, all steps are equal.
     - `restitution`: Newton's coefficient of restitution of every contact, 0 to 1, in place of the
       restitutions that the contact laws deliver.
     - `coordinates`: coordinates of the equations of motion; `JointCoordinates` unless given.

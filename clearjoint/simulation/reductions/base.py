@@ -65,9 +65,10 @@ class AbstractReduction(AbstractConverting):
     needs_ledger: ClassVar[bool] = False
 
     def check(self, scene: Scene) -> None:
-        """Check that a scene has the elements that the reduction names.
+        """Check that a scene has the bodies, joints and contacts that the reduction names.
 
-        By default all fields that are quantities are checked; a subclass may check more.
+        It is called before a run. By default all fields that are quantities are checked; a subclass
+        may check more.
 
         **Raises:** `ValueError` that lists the known names.
         """
@@ -84,6 +85,9 @@ class AbstractReduction(AbstractConverting):
     @abc.abstractmethod
     def update(self, tally: PyTree, now: Instant) -> PyTree:
         """Return the tally after an accepted step.
+
+        After a rejected attempt at a step, the method is called too, with the time unchanged. The
+        tally that it returns is then discarded.
 
         **Arguments:** `tally`: the tally at the start of the step; `now`: the instant at the end of
         the step. `now.inside(x)` is the instant at which a part x, 0 to 1, of the step's time has
@@ -142,7 +146,7 @@ def optional_time(value: Instants) -> Instants:
 class Window(eqx.Module):
     """Window of time: the part of a run from `after`, inclusive, to `until`, exclusive, both s.
 
-    If both are ``None``, the window is the whole run, and reductions leave all operations on
+    If both are ``None``, the window is the whole run, and a reduction may leave all operations on
     windows out of the compiled program.
 
     **Raises:** `ValueError` if `after` or `until` is NaN or not a single number, or `until` is not
@@ -181,7 +185,8 @@ class Window(eqx.Module):
         **Arguments:** `begin`, `end`: start and end of the step, s.
 
         **Returns:** the fractions of the step's time at which this part begins and ends. They are
-        equal if no part of the step is in the window.
+        equal if no part of the step is in the window, and have no meaning if the step has no
+        length.
         """
         length = jnp.where(end > begin, end - begin, 1.0)
         first, last = (self.start - begin) / length, (self.end - begin) / length

@@ -255,7 +255,7 @@ class ArchardWear(AbstractWindowedReduction):
 
     **Arguments:**
 
-    - `joint`: name of a clearance joint with a journal.
+    - `joint`: name of a clearance joint with a journal that touches the wall at its bases only.
     - `coefficient`: k, without unit; `hardness`: H, Pa.
     - `sectors`: number of sectors of each base.
     - `after`, `until`: s, the window of time, by default the whole run. All results are NaN if the
@@ -369,10 +369,12 @@ class ArchardWear(AbstractWindowedReduction):
 
 
 def sliding_speed(now: Instant, joint: str, label: str) -> Scalar:
-    """Return the speed, m/s, at which the surfaces of a contact slide on each other, with or
-    without friction.
+    """Return the speed, m/s, at which the surfaces of a contact slide on each other.
 
-    **Arguments:** `joint`: name of the joint; `label`: of its contact, such as "V".
+    It is computed from the motion, because a contact without friction has no `slip` to read.
+
+    **Arguments:** `now`: the instant; `joint`: name of the joint; `label`: label of its contact,
+    such as "V".
     """
     contact = now.contacts[joint][label].contact
     pair = now.scene.contact_joints()[joint].pair()

@@ -249,7 +249,7 @@ class Quantiles(AbstractQuantityReduction):
     import clearjoint as cj
     import numpy as np
 
-    edges = [0.0, *np.geomspace(1.0, 1e5, 200)]  # N: error of 6 % at most
+    edges = [0.0, *np.geomspace(1.0, 1e5, 200)]  # N: error of 6 % at most above 1 N
     force = cj.quantities.ContactForce("shoulder")
     outputs = {"force": cj.Quantiles(force, "N", edges, levels=(0.5, 0.99), after=0.5)}
     ```

@@ -30,9 +30,10 @@ IMPACT_UNITS = {
 
 @dataclass(frozen=True)
 class Impacts(AbstractTabular):
-    """Table of the N finished contacts of a run, in the order of their onsets.
+    """Table of the N contacts that began and ended during a run, in the order of their onsets.
 
-    Each field is a column, an array (N,).
+    Contacts that touch at the start or at the end of the run are left out. Each field is a column,
+    an array (N,).
 
     - `joint`, `contact`: name of the joint and label of the contact, such as "V".
     - `onset`, `separation`: s, times at which the contact force began and ended.

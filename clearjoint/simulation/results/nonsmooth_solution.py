@@ -42,7 +42,8 @@ class ContactTotals(AbstractReadable):
     - `dissipated`: J, energy dissipated by restitution and friction.
     - `hardest`: N s, largest normal impulse of a step.
     - `fastest`: m/s, largest approach speed in a step with an impulse.
-    - `penetration`: m, largest penetration in the middle of a step.
+    - `penetration`: m, largest penetration in the middle of a step, where the contact conditions
+      are evaluated; zero if there was none.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> totals = cj.simulate_nonsmooth(scene, state, 0.02, step=1e-4).contacts["shoulder"]["V"]
@@ -79,8 +80,9 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
       there are any, the reactions are not unique.
 
     `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` export the saved states and the history.
-    `observe` accepts a `NonsmoothSolution`, but the contact forces that it computes are then
-    meaningless, because rigid contacts have impulses instead of forces.
+    `observe` accepts a `NonsmoothSolution`, but the contact forces that it computes, and the
+    accelerations and reactions that follow from them, are then meaningless, because rigid contacts
+    have impulses instead of forces.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate_nonsmooth(scene, state, 0.02, step=1e-4)
@@ -102,7 +104,7 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
 
     def __repr__(self) -> str:
         """Return text with the result code, the number of steps, the impacts of each contact, and
-        the final state of the bodies."""
+        the final state of the bodies; the fields if these are unknown, as while JAX traces."""
         if is_abstract(self):
             return super().__repr__()
         lines = [f"{self.steps} steps"]

@@ -99,10 +99,11 @@ class ContactObservation(eqx.Module):
 
     - `penetration`: (N,) m, depth of overlap, negative where the surfaces are apart (eq. 13).
     - `penetration_rate`: (N,) m/s, positive while the surfaces approach (eq. 21).
-    - `eccentricity`: (N,) m, distance of the base's centre from the bearing's axis (eq. 11);
-      ``None`` for contacts that are not bases of a journal or points between them.
-    - `offset`: (N, 3) m, the base's centre in the frame of the bearing: two components across the
-      bearing's axis, then the one along it; ``None`` where `eccentricity` is.
+    - `eccentricity`: (N,) m, distance of the base's centre from the bearing's axis (eq. 11). A
+      contact at a point of the journal's axis between the bases has that point in place of the
+      base's centre. ``None`` for all other contacts.
+    - `offset`: (N, 3) m, from the bearing's centre to the same point, in the frame of the bearing:
+      two components across its axis, then the one along it; ``None`` where `eccentricity` is.
     - `normal_force`: (N,) N, magnitude.
     - `friction_force`: (N, 3) N, on the journal, in global axes; ``None`` without a friction law.
     - `normal`: (N, 3), unit vector in global axes, the direction in which the second body
@@ -327,7 +328,9 @@ def observe(
     **Arguments:**
 
     - `scene`: the scene that was simulated.
-    - `solution`: the result of `simulate` or `simulate_nonsmooth`.
+    - `solution`: the result of `simulate` or `simulate_nonsmooth`. Contacts of the latter are rigid
+      and have impulses instead of forces, so that the contact forces, accelerations and reactions
+      computed here are meaningless while a contact touches.
     - `trajectory`: the N times and states to observe, such as `solution.steps` for every accepted
       step; by default the saved states, `solution.saved`.
 
@@ -466,6 +469,8 @@ def _contacts(scene: Scene, dynamics: Dynamics) -> dict[str, dict[str, ContactOb
         joint = scene.contact_joints()[name]
         first, second = (dynamics.motions[body] for body in joint.pair())
         observations[name] = {}
+        # Only bases, and points between them, lie on the journal's axis and so have an offset from
+        # the bearing's. Other contacts of a journal, such as its shoulders, have none.
         on_axis = axial_positions(family) if isinstance(joint, HasJournal) else {}
         for label, force in family.items():
             contact = force.contact

@@ -222,6 +222,8 @@ def _body(body: BodyState, left: Rows, x: np.ndarray, h: np.ndarray) -> BodyStat
     rates = 0.5 * _product(orientations, np.pad(spins, ((0, 0), (1, 0))))
     ends = Slope(first, rates[left]), Slope(sign * second, sign * rates[left + 1])
     orientation, rate = _along(*ends, x, h)
+    # The same relation gives the spin, (0, w) = 2 p^-1 dp/dt. Its scalar part is left out: it is
+    # not zero inside the step, only because the size of the interpolated p changes there.
     size = np.linalg.norm(orientation, axis=1, keepdims=True)
     conjugate = orientation * (1.0, -1.0, -1.0, -1.0) / size**2
     return BodyState(position, orientation / size, velocity, 2.0 * _product(conjugate, rate)[:, 1:])
@@ -380,10 +382,12 @@ class Solution(AbstractReadable, AbstractTabular):
     - `attempts`, `accepted`: numbers of steps that were tried, and that were accepted.
     - `steps`: the `Trajectory` of the start and the end of every accepted step; ``None`` unless
       requested.
-    - `impacts`: the table of all finished contacts; ``None`` unless requested.
+    - `impacts`: the table of all contacts that began and ended during the run; ``None`` unless
+      requested.
     - `sections[name]`: the `Crossings` of each requested Poincaré section.
-    - `outputs[name]`: the result of each requested reduction, a number. A reduction with several
-      results has further entries "name_part", such as "force_time" of a `Peak` named "force".
+    - `outputs[name]`: the result of each requested reduction, a number that is updated during the
+      run, such as the largest value of a quantity. A reduction with several results has further
+      entries "name_part", such as "force_time" of a `Peak` named "force".
     - `formulation`: the formulation of the equations of motion: their coordinates, how constraints
       are kept satisfied, and whether the energy ledger was integrated.
     - `redundant_constraints`: names of constraint equations that depend linearly on others. If
@@ -415,7 +419,7 @@ class Solution(AbstractReadable, AbstractTabular):
 
     def __repr__(self) -> str:
         """Return text with the result code, the numbers of steps and saved states, and the final
-        state of the bodies."""
+        state of the bodies; the fields if these are unknown, as while JAX traces."""
         if is_abstract(self):
             return super().__repr__()
         lines = [f"{self.accepted} steps, {self.attempts} tried"]

@@ -126,6 +126,8 @@ def segment(
     whether the run has reached each time, (N,). At other times its last state is repeated.
     """
     method, system = scheme.method, scheme.unpacked(folded_scene)
+    # Loops with checkpoints have a trial step of their own, whose derivatives are zero if its
+    # numbers overflow.
     loop = RunLoop(method, system, t_end, recorders, loops=loops, attempt=loops.attempt)
     if save_times is None:
         return loop.until(t_end, now, attempts, _has_room), None

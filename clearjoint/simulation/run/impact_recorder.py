@@ -163,8 +163,8 @@ class OpenContact(eqx.Module):
 
     - `instant`: its gap and entry speed at that time.
     - `begun`: whether it touches at that time and its onset was after the start of the run.
-    - `row`: its onset and its peaks so far. `separation` and `exit_speed` of this row become valid
-      in the step in which the contact ends.
+    - `row`: its onset and its peaks so far, valid only if `begun`. `separation` and `exit_speed`
+      are valid only in the row that `after` returns for the step in which the contact ends.
     """
 
     instant: ContactInstant
@@ -230,9 +230,9 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
     - `window`: span of time; only contacts with an onset in it are recorded. ``None`` records all.
     - `capacity`: number of rows of each contact's buffer. Further impacts are counted, but their
       rows are lost, so the caller must empty a full buffer, or repeat the run with more room.
-    - `wanted`: largest number of impacts to record until the buffer is emptied, by the contact's
-      label such as "pin V"; later ones are neither recorded nor counted. ``None`` for no such
-      limit.
+    - `wanted`: number of impacts that a sweep still asks for, by the contact's label such as
+      "pin V", from when the buffer was last emptied. Further impacts are neither recorded nor
+      counted. ``None``, as in a single run, for no such limit.
     """
 
     joint: str | None = eqx.field(default=None, static=True)

@@ -93,7 +93,8 @@ class LatestAttempt(AbstractRecorder[Attempt]):
     are computed by dense output."""
 
     def start(self, start: RunStart) -> Attempt:
-        """Return an attempt that contains the start of the run."""
+        """Return an attempt that ends at the start of the run and is zero otherwise, since the
+        state there may be needed before the first step."""
         return start.blank_attempt
 
     def after(self, record: Attempt, step_outcome: StepOutcome) -> Attempt:
@@ -106,7 +107,8 @@ class LatestDenseStep(AbstractRecorder[DenseStep]):
     output. The solver must be an explicit Runge-Kutta method."""
 
     def start(self, start: RunStart) -> DenseStep:
-        """Return a step of length zero at the start of the run."""
+        """Return a step that ends at the start of the run and is zero otherwise, since the state
+        there may be needed before the first step."""
         return DenseStep.of(start.blank_attempt)
 
     def after(self, record: DenseStep, step_outcome: StepOutcome) -> DenseStep:
@@ -115,8 +117,12 @@ class LatestDenseStep(AbstractRecorder[DenseStep]):
 
 
 class TimedState(eqx.Module):
-    """A time in s and the state then. Vectors are three separate scalars, and elements of the same
-    structure may be combined to groups."""
+    """A time `t` in s, and the `state` at that time. Its vectors are three separate scalars, and
+    its keys may name groups of elements of the same structure, whose numbers are arrays with one
+    entry for each element.
+
+    In a buffer of N rows, all arrays have an additional first axis of length N.
+    """
 
     t: Numbers
     state: State

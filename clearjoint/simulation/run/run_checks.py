@@ -76,7 +76,8 @@ def is_traced(tree: PyTree) -> bool:
 
 
 def check_numbers(scene: Scene, state: State) -> None:
-    """Check the numbers of a scene, and that a state has the scene's bodies and contacts.
+    """Check that the numbers of a scene satisfy the conditions of its constructors, and that a
+    state has exactly the scene's bodies and finite numbers.
 
     **Raises:** `ValueError` that names the element.
     """
@@ -107,7 +108,7 @@ def check_start(
 
     **Returns:** the names of the redundant constraints.
 
-    **Raises:** `ValueError` that names the cause.
+    **Raises**, **Warns:** as `check_numbers` and `check_structure`.
     """
     # The native check is fast, but cannot say why a start fails. A start that fails is therefore
     # checked again in Python, which raises the error.
@@ -128,6 +129,8 @@ def check_structure(
 
     **Raises:** `ValueError` if the state violates a constraint, if a journal is far outside its
     bearing, if redundancy cannot be decided, or if the coordinates cannot represent the state.
+
+    **Warns:** `UnusualValueWarning` for a journal that is less far outside, but deep in the wall.
     """
     if not scene.joints:
         return ()
@@ -208,6 +211,8 @@ def _passes(
     # A scene without variables is invalid, because nothing could move.
     holds.append(jnp.asarray(bool(jax.tree.leaves(variables))))
     for name, body in state.bodies.items():
+        # As in `require_representable`, only orientations are compared: with an axis reversed, a
+        # state may satisfy all constraints, but its orientation after the conversion is another.
         given, same = body.orientation, decoded[name].orientation
         # Both signs of Euler parameters are the same orientation.
         apart = jnp.minimum(jnp.abs(given - same).max(), jnp.abs(given + same).max())
@@ -238,6 +243,8 @@ class _Starts:
 
         The result is ``None`` if the start fails a check, if redundancy is uncertain, or if there
         is no native program for its structure. `t` is the start time, s.
+
+        **Raises:** the error of a user-defined class in the scene whose check fails.
         """
         scene, state = with_arrays((scene, state))
         given = FlatArguments.of((scene, state, np.asarray(t, float), coordinates))
@@ -264,8 +271,10 @@ class _Starts:
             _recheck(scene)
         if rows is None:
             return ()
+        # The search for redundant constraints depends only on `rows.left`, the derivatives of the
+        # constraint equations, so its results are cached by them. Without a limit, the cache would
+        # grow with each start whose constraints differ.
         known = self._distances.setdefault(given.key, {})
-        # Without a limit, the cache would grow with each start whose constraints differ.
         if len(known) > KEPT:
             known.clear()
         redundant, uncertain = dependent(rows.names, rows.left, known)

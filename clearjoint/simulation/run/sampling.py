@@ -70,8 +70,8 @@ class Sampled(eqx.Module):
     """Values of quantities at N times, and their derivatives with respect to p parameters.
 
     - `values[name]`: (N,), in the quantity's unit.
-    - `derivatives[name]`: (N, p), with respect to the parameters on their scales, such as
-      logarithms.
+    - `derivatives[name]`: (N, p), in the quantity's unit, with respect to the coordinates of the
+      parameters on their scales, which are pure numbers, such as logarithms of the values.
     - `reached`: (N,), whether the run reached each time. Values at other times are meaningless.
     - `time`: s, the time at which the run ended; `result`: its result code.
     - `attempts`, `accepted`: numbers of steps that were tried, and that were accepted.
@@ -109,7 +109,9 @@ def start_with_tangents(
         y = Variables(motion, {}, initial_bristles(system.scene, state.bristles))
         return jax.tree.map(jnp.asarray, (y, state.entry_speeds)), None
 
-    # The derivatives of the parameters with respect to themselves are the identity matrix.
+    # `pushed` evaluates a function of the system, and differentiates it with respect to the
+    # parameters. For this it takes the derivatives of the function's other arguments, which for the
+    # parameters themselves are the identity matrix.
     scenes, count = family.family, len(family.family.values)
     (y, entry_speeds), _, (y_along, entry_speeds_along) = family.pushed(
         initial, (scenes.values,), (jnp.eye(count),)
@@ -140,9 +142,9 @@ def look_at_tangents(method: Method, attempt: Attempt, t: Scalar) -> tuple[Varia
     """Return the derivatives of variables and entry speeds with respect to p parameters at a time
     t, s, of the accepted step of an `attempt`.
 
-    They are the derivatives of dense output, the results of `look_inside` before these are
-    corrected so that they satisfy the constraints. Each leaf has an additional first axis of length
-    p.
+    Inside the step they are derivatives of dense output, and at its end those of the stored state,
+    in both cases without the correction that makes the variables satisfy the constraints. Each leaf
+    has an additional first axis of length p.
     """
     end, inside, last = attempt.step.t, attempt.tangents, attempt.step.tangents
     assert inside is not None and last is not None
@@ -166,7 +168,8 @@ def followed(
     given times. This is the whole run of `sensitivities` and fits, as a function that JAX can
     trace.
 
-    The derivatives are with respect to parameters on their scales, such as logarithms.
+    The derivatives are with respect to the coordinates of the parameters on their scales, such as
+    logarithms of the values.
 
     **Arguments:**
 
@@ -198,7 +201,8 @@ def followed(
     def sample(now: Progress, row: tuple[Scalar, Condition]) -> tuple[Progress, PyTree]:
         """Continue the run to a time or beyond it.
 
-        **Arguments:** `row`: the time, s, and whether it differs from the time before it.
+        **Arguments:** `now`: the run so far; `row`: the time, s, and whether it differs from the
+        time before it.
 
         **Returns:** the run, and a tuple of values, derivatives and state at the time, and whether
         the run has reached it.
@@ -211,7 +215,8 @@ def followed(
         def observed(
             system: System, y: Variables, entry_speeds: EntrySpeeds
         ) -> tuple[dict[str, Scalar], None]:
-            """Return the quantities at the time, and no auxiliary result."""
+            """Return the quantities at the time for the variables `y` of dense output, and
+            ``None``, the auxiliary result, which `systems.pushed` expects."""
             # `dense` is corrected already, but its derivatives, `along`, are not. The correction is
             # repeated here, where it is differentiated.
             y = correct(system, y, time)

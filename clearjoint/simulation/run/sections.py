@@ -6,7 +6,7 @@ scalar function of an `Instant`, a scene with its motion at one time.
 
 Single runs and runs with derivatives compute the channels at each crossing. Lanes of sweeps record
 the state at each crossing, from which the channels are computed after the run. Lanes are computed
-side by side, so that otherwise every lane would have to compute the channels in every step.
+side by side, and in the run every lane would have to compute the channels in every step.
 """
 
 from collections.abc import Mapping
@@ -55,7 +55,7 @@ def check_channels(channels: Channels) -> None:
 def check_quantities(channels: Channels, scene: Scene) -> None:
     """Check that a scene has the elements that the quantities of channels name.
 
-    **Raises:** `ValueError` that names the first channel for which it has not.
+    **Raises:** `ValueError` that names the first channel with an element that the scene lacks.
     """
     for name, (quantity, _) in channels.items():
         check_quantity(f"channel {name!r}", quantity, scene)
@@ -79,7 +79,7 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
     - `quantity`: function of an `Instant`; its value is called the level. A step contains a
       crossing if the level is negative at its start, and positive or zero at its end. Further
       crossings inside the same step are not found.
-    - `earliest`: s, time before which crossings are ignored.
+    - `earliest`: s, time of the scene before which crossings are ignored.
     - `channels`: pairs of a name and a quantity. A row of the record contains the time and the
       values of all quantities, by name. If `channels` is ``None``, a row is a `Snapshot` of the
       state instead.
@@ -176,7 +176,8 @@ class Section:
     - `channels`: the quantities to evaluate at each crossing, as pairs (quantity, unit) by name.
       The names become those of arrays in results and files.
     - `count`: largest number of crossings; later ones are not kept.
-    - `after`: s, time before which crossings are ignored, to leave out a transient.
+    - `after`: s, time of the scene (not since the start of the run) before which crossings are
+      ignored, to leave out a transient.
 
     **Raises:** `ValueError` if `crossing` is not a function; if `channels` is not a mapping, is
     empty, or has a value that is not such a pair; for a name that is not a non-empty string,

@@ -72,8 +72,8 @@ class Settled:
     - `period`: s, the given period, or the mean time between the last crossings of the section;
       ``None`` with fewer than two crossings.
     - `changes`: (n,), the largest change of the motion since `multiple` periods earlier (one period
-      if not periodic), relative to the range of the motion; for each period except the first ones,
-      which have no earlier one to compare with.
+      if not periodic), relative to the sizes named at `tolerance` of `settle`; for each period
+      except the first ones, which have no earlier one to compare with.
     - `result`: the `RESULTS` code of the last run.
 
     >>> settled = cj.settle(scene, state, period=0.2 * np.pi, periods=20, progress=False)
@@ -175,6 +175,8 @@ def columns(states: State) -> dict[str, Float[np.ndarray, "N bodies components"]
 
     Each is an array (N, bodies, components). An orientation has as its 16 components the products
     of its Euler parameters, since these do not depend on the parameters' common sign.
+
+    **Arguments:** `states`: one state whose arrays have a first axis of length N.
     """
     parts = {
         name: np.stack([np.asarray(getattr(body, name)) for body in states.bodies.values()], axis=1)
@@ -209,10 +211,13 @@ def strobe_of(states: State, phases: int) -> Strobe:
 
 
 def stillness(states: State, last: int) -> float:
-    """Return the range of a motion in the last states, `last` in number, relative to the range in
-    all states. The result is small if the motion has come to rest.
+    """Return the range of a motion at its end, relative to the range in all states. The result is
+    small if the motion has come to rest.
 
     It is the largest of the relative ranges of positions, velocities, spins and orientations.
+
+    **Arguments:** `states`: N states in the order of time, as one state whose arrays have a first
+    axis of length N; `last`: number of states that count as the end.
     """
     parts = columns(states)
     sizes = ranges(parts)
@@ -258,7 +263,9 @@ def settle(
     With the `period` of a drive, the states at 16 phases of each period are compared with the
     states one period before, two periods before, and so on up to `largest_multiple`. With a
     `section`, the values of its channels at each crossing, and the time since the last crossing,
-    are compared with those one crossing before, two crossings before, and so on.
+    are compared with those one crossing before, two crossings before, and so on. A motion that
+    does not repeat within all `periods` is stationary if its means and standard deviations in the
+    third and the last quarter of them differ by at most a tenth of its range.
 
     ```python
     import math
@@ -284,8 +291,11 @@ def settle(
       is rounded up to a multiple of 10.
     - `largest_multiple`: largest number of periods after which the motion may repeat.
     - `tolerance`: relative. A motion repeats if its change is not above `tolerance` for at least
-      three periods. Changes are relative to the ranges of positions, velocities and spins: for a
-      motion over 0.1 m, 1e-5 is a micrometre. `settings.rtol` must be well below `tolerance`.
+      three periods. Changes are relative to the ranges of positions, velocities and spins in the
+      last three periods: for a motion over 0.1 m, 1e-5 is a micrometre. With a section, they are
+      relative to the mean time between crossings and to the largest magnitude of each channel. A
+      motion is at rest if its ranges in the last three periods are at most `tolerance` times those
+      of the whole motion. `settings.rtol` must be well below `tolerance`.
     - `progress`: show a progress bar.
 
     **Returns:** a `Settled`. A motion that does not settle, or a run that fails, raises no error;
@@ -302,6 +312,7 @@ def settle(
     settings = settings_or(settings, presets.accurate)
     blocks: list[Solution] = []
     time, kind, multiple = start_time, None, None
+    # If the first run fails, the result has no periods.
     strobe = Strobe(np.zeros((0, 1)), np.ones(1))
     text = "{l_bar}{bar}| {n_fmt} of {total_fmt} periods [{elapsed}]"
     shown = {"desc": "settle", "bar_format": text, "leave": False, "disable": not progress}

@@ -64,8 +64,8 @@ def simulate(
 
     - `scene`: the mechanism.
     - `state`: its initial state, which must satisfy the constraints (see `assemble`). The run
-      also continues from the entry speeds of closed contacts, the deflections of bristles and the
-      energy ledger, if the state contains them (see `State`).
+      also continues from the entry speeds of contacts that have begun, the deflections of bristles
+      and the energy ledger, if the state contains them (see `State`).
     - `end_time`, `start_time`: s; the end must be after the start.
     - `settings`: tolerances, solver and coordinates; `clearjoint.presets.default` unless given.
     - `save`: results to keep besides the final state: states at given times, every step, impacts,

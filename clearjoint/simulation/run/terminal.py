@@ -46,8 +46,8 @@ class ProgressBar(tqdm):
 
     @property
     def format_dict(self) -> dict[str, object]:
-        """The values of the fields in the text, by name; `left` is the time left, such as
-        "02:15"."""
+        """The values of the fields in the text, by name; `left` is the time left, such as "02:15",
+        or "?" if it is unknown."""
         fields = super().format_dict
         left = self.seconds_left
         return {**fields, "left": "?" if left is None else self.format_interval(left)}
@@ -55,6 +55,7 @@ class ProgressBar(tqdm):
     def display(self, msg: str | None = None, pos: int | None = None) -> bool:
         """Show `msg`, or by default the text of the bar, and return whether it was shown.
 
+        On a terminal, `pos` is the number of lines between the cursor and the text, as in tqdm.
         Where text cannot be overwritten, as in a log file, nothing is shown within `LINE_PERIOD`
         seconds after the start or the latest line, nor for an empty `msg`, with which tqdm clears
         a bar.
@@ -78,7 +79,7 @@ def is_live(stream: TextIO) -> bool:
 @contextmanager
 def telling_of_compiling(bar: tqdm) -> Iterator[tqdm]:
     """Return a context manager that shows a bar while its block runs, with a text such as
-    "compiling, 12 s" while a program is being compiled.
+    "compiling, 12 s" while a program is being compiled. Its value is the bar.
 
     If the bar is not to be shown (`bar.disable`), no thread is started.
     """

@@ -112,8 +112,9 @@ def _contact(
     **Arguments:** `bearing_radius`, `clearance`: m, or ``None``, as in `free_impact`;
     `longest_step`: s.
 
-    **Returns:** diffrax's solution with the times `ts` of all steps and the penetrations, m, and
-    their rates, m/s, in `ys`.
+    **Returns:** diffrax's solution with the times `ts` of all steps, (N,) s, and the penetrations,
+    m, and their rates, m/s, in `ys`, (N, 2). N is the limit of steps; rows of steps that were not
+    taken are infinite. `result` is `event_occurred` if the force ended within `LONGEST`.
     """
 
     def rates(t: Single, y: Float[jax.Array, "2"], args: None) -> Float[jax.Array, "2"]:
@@ -147,8 +148,11 @@ def _contact(
 
 
 def _crest(values: np.ndarray) -> float:
-    """Return the peak of a curve that is sampled at N >= 3 points, (N,). It is the peak of the
-    parabola through the largest value and the values beside it; at an end of the curve, of that
-    through the three values there."""
+    """Return the peak of a curve from N >= 3 values, (N,), at equal distances.
+
+    It is the largest value of a parabola through the largest of the values and both values beside
+    it. If the largest is the first or last one, the parabola goes through the three values at this
+    end.
+    """
     k = int(np.clip(np.argmax(values), 1, len(values) - 2))
     return float(Parabola.through(*values[k - 1 : k + 2]).extremes(0.0, 1.0)[1])

@@ -83,13 +83,16 @@ def decide_step(
 
     # 2. Length of the next step. The controller counts in its own time variable, in which the error
     # is smooth; the time map converts its proposal to seconds.
-    # The next step begins where this one ends, or where it began if it is rejected.
+    # The next step begins where this one ends, or where it began if it is rejected. `full_length`
+    # is the length that it would have if no event cut it short.
     full_length = t_next - jnp.where(keep, t1, step.t)
     if trial.time_map is not None:
         full_length = trial.time_map.next_length(full_length, keep)
 
     # 3. Contact events. A step past an event was computed with the wrong set of closed contacts; it
-    # is repeated up to the event. Without contacts only breakpoints can have cut the step short.
+    # is repeated up to the event. The first step after an onset is limited by `entry_length`, the
+    # length of the latest such step that no event cut short. Without contacts only breakpoints can
+    # have cut the step short.
     begins_contact, entry_length = last.begins_contact, last.entry_length
     if method.landing is not None and after:
         passes, landing_time = method.landing.retry(step.contact_gaps, after, step.t, t1)
@@ -150,8 +153,9 @@ def _controller_decision(
     """Return the decision of diffrax's step-size controller about a trial step from `step`.
 
     The controller gets the errors of variables and tangents together. Since it has one tolerance
-    for both, errors of tangents are divided by `derivative_tolerance` first. It relates errors to
-    the sizes of the variables; `magnitudes` gives all components of a vector the same size.
+    for both, errors of tangents are first divided by `method.derivative_tolerance`, the factor by
+    which the tolerances of tangents are larger. The controller relates errors to the sizes of the
+    variables; `magnitudes` gives all components of a vector the same size.
 
     **Returns:** whether the trial is accepted; the proposed end of the next step, s; whether the
     rates may jump at the start of the next step; the controller's new state; and its result code.

@@ -141,7 +141,7 @@ class DenseStep(eqx.Module):
     @staticmethod
     def of(tried: Attempt) -> "DenseStep":
         """Return the step of an accepted attempt. The solver of the run must be an
-        `UnrolledExplicit`."""
+        `UnrolledExplicit`, an explicit Runge-Kutta method whose stages can be kept."""
         step, inside = tried.step, tried.information
         return DenseStep(
             Snapshot(tried.t_start, inside["y0"], tried.entry_speeds_start),

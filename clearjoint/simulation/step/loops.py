@@ -110,14 +110,15 @@ def loops_for(adjoint: diffrax.RecursiveCheckpointAdjoint | None) -> Loops:
 
 @eqx.filter_custom_jvp
 def _attempt_without_overflow(method: Method, system: System, step: Step, t_end: Scalar) -> Attempt:
-    """Try one step, like `attempt` in `.stepping`; its derivatives are defined by the next
-    function."""
+    """Try one step, like `attempt` in `.stepping`, but with derivatives that stay finite if the
+    trial overflows; the next function computes them."""
     return _attempt(method, system, step, t_end)
 
 
 @_attempt_without_overflow.def_jvp
 def _(primals: tuple[PyTree, ...], tangents: tuple[PyTree, ...]) -> tuple[Attempt, Attempt]:
-    """Return the attempt and its tangents, which are zero for a trial that overflowed.
+    """Return the attempt and its tangents. For a trial that overflowed, the step keeps the tangents
+    from before the trial, and all others are zero.
 
     Such a trial is rejected, so its tangents are multiplied by zero. In the reverse pass, zero
     times the infinite derivatives of the trial would be NaN.
