@@ -4,10 +4,10 @@ A parameter varies between manufactured specimens by a known distribution, whose
 nominal value \(\theta\). For an output f of a run, the expectation \(J(\theta) = E[f(\theta +
 \sigma z)]\) over the random numbers z is smooth even where f is not.
 
-- Normal distribution: by Stein's identity, \(J' = E[f z] / \sigma\), the coefficient of z in a
-  regression of f on Hermite polynomials of z (divided by \(\sigma\)). The regression is the
-  likelihood-ratio method with control variates: the other polynomials reduce the variance and leave
-  the expectation as it is.
+- Normal distribution with the standard deviation \(\sigma\): by Stein's identity, \(J' = E[f z] /
+  \sigma\), the coefficient of z in a regression of f on Hermite polynomials of z (divided by
+  \(\sigma\)). The regression is the likelihood-ratio method with control variates: the other
+  polynomials reduce the variance and leave the expectation as it is.
 - Uniform distribution: \(J' = (E[f | z = 1] - E[f | z = -1]) / (2 \sigma)\), exactly, where
   \(\sigma\) is half the width. Runs are made in pairs, one at each end of the distribution, with
   the same start and the same values of all other parameters.
@@ -62,7 +62,8 @@ def statistics_derivatives(
 
     - `scene`, `state`, `end_time` s, `outputs`, `settings`, and the options `start_time`, `path`,
       `executor`, `threads`, `chunk`, `progress`: as in `sweep`.
-    - `uncertain`: the p parameters, `Uncertain` by name. All those with a `deviation` share the
+    - `uncertain`: the p parameters by name, each an `Uncertain` (a parameter with its
+      distribution). All those with a `deviation` share the
       same runs; each one with a `half_width` or `between` takes `members` further runs.
     - `members`: number of runs with their own draws of all parameters. It must be even, because the
       further runs come in pairs, and at least 10 for each of the 1 + 3 p + p (p - 1)/2 coefficients
@@ -76,7 +77,8 @@ def statistics_derivatives(
     ``force_derivative_standard_error``, ``force_derivative_low`` and ``force_derivative_high`` (the
     interval) are along "parameter". Derivatives are with respect to the nominal coordinates on the
     parameters' scales, named by the labels ``coordinate``: for `Log`, to the logarithm of the
-    nominal value. ``failed`` counts the failed runs, which are left out.
+    nominal value. Their unit is that of the output, per unit of the coordinate. ``failed`` counts
+    the failed runs, which are left out.
 
     **Raises:** `ValueError` for unsupported arguments, and if too few runs succeed.
 
@@ -147,7 +149,8 @@ def _fewest_members(parameters: int) -> int:
 
 
 def _draws(uncertain: Mapping[str, Uncertain], members: int, seed: int) -> np.ndarray:
-    """Return the standardised coordinates (runs, p) of all runs.
+    """Return the standardised coordinates (runs, p) of all runs: differences of the parameters'
+    coordinates from the nominal ones, divided by the standard deviation or by half the width.
 
     The first `members` rows are independent draws. Then come as many rows for each parameter with a
     uniform distribution, in pairs that differ only in this parameter, which is 1 and -1.
@@ -170,7 +173,8 @@ def _draws(uncertain: Mapping[str, Uncertain], members: int, seed: int) -> np.nd
 
 
 def _directions(scene: Scene, runs: int, members: int, seed: int) -> np.ndarray:
-    """Return random directions (runs, v) of the disturbances of the starts, as in `directions`.
+    """Return random directions (runs, v) of the disturbances of the starts. The v columns are the
+    components of velocity and spin of each body.
 
     The two runs of a pair, which come after the first `members` runs, share their direction.
     """

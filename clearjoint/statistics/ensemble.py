@@ -105,7 +105,9 @@ def disturbed_axes(
     """
     # Axes that change only numbers of the scene leave the initial state as it is. The Jacobian of
     # the given scene then serves all lanes: where a number differs by a small share, the tiny
-    # disturbance violates the constraints only by about this share of itself.
+    # disturbance violates the constraints only by about this share of itself. With one member
+    # for each value, the axes are parameters within tolerances, which differ so little. The axes
+    # of an ensemble may change numbers much.
     shared = members == 1 and all(isinstance(a.variation, SceneNumber) for a in axes.values())
     block = len(along) if shared else members
     velocities, nominal = np.empty_like(along), np.empty_like(along)
@@ -127,7 +129,8 @@ def disturbed_axes(
 
 
 def _component(state: State, body: str, part: str, k: int) -> float:
-    """Return component k of a body's velocity or spin, the `part`; this is the path of an axis."""
+    """Return component k of a body's velocity (m/s) or spin (rad/s), the `part`. An axis of a sweep
+    uses this function to select the number that it changes."""
     return getattr(state.bodies[body], part)[k]
 
 
@@ -196,7 +199,7 @@ def ensemble(
 
     - `scene`, `state`, `end_time` s, `outputs`, `settings`, and the options `start_time`, `path`,
       `executor`, `threads`, `chunk`, `progress`: as in `sweep`. Statistics are computed of
-      reductions and of other outputs with one number in each run.
+      the outputs with one number in each run, such as `Peak`.
     - `axes`: `Axis` by name; the points are all combinations of the values. By default there is one
       point, the scene and state as they are.
     - `members`: number of runs at each point, 2 or more. More members of the same seed extend a
@@ -207,7 +210,8 @@ def ensemble(
     - `quantiles`: levels between 0 and 1.
     - `exponents`: number of members from which the largest Lyapunov exponent is computed at each
       point, from 2 to `members`; 0 for none. Each of them takes one more run, with derivatives;
-      these runs are made one after the other, by `presets.derivatives` instead of `settings`.
+      these runs are made one after the other, not with `settings` but with `presets.derivatives`
+      and a larger `derivative_tolerance`.
 
     **Returns:** an `xarray.Dataset` along the axes. For each output "force":
 

@@ -57,11 +57,13 @@ def sobol_indices(
     - `seed`: of the scrambled Sobol points and of the bootstrap.
     - `confidence`: level of the intervals, between 0 and 1.
 
-    **Returns:** an `xarray.Dataset` along "parameter". For each output "force" with one number in
-    each run (others are left out), ``force_first_order`` and ``force_total_order``, each with the
-    ends of its interval in variables whose names end in ``_low`` and ``_high``, and the scalars
-    ``force_mean`` and ``force_deviation`` over the distributions. Groups with a failed run are left
-    out. Of the other groups the first are used, as many as the largest power of two that they
+    **Returns:** an `xarray.Dataset` along "parameter". An output with one number in each run, for
+    example one named "force", gives the indices ``force_first_order`` and ``force_total_order``,
+    each with the ends of its interval in variables whose names end in ``_low`` and ``_high``. Its
+    mean and standard deviation over the distributions are the scalars ``force_mean`` and
+    ``force_deviation``, from all successful runs at the two random points of the groups. Other
+    outputs are left out. For the indices, groups with a failed run, or one whose output is NaN, are
+    left out. Of the other groups the first are used, as many as the largest power of two that they
     allow, because the estimator requires one. ``failed`` counts the failed runs.
 
     **Raises:** `ValueError` for unsupported arguments, and if fewer than two groups have no failed

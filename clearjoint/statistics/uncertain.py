@@ -24,16 +24,18 @@ METHODS = ("sobol", "halton", "latin hypercube", "random")
 class Uncertain:
     """A number of the scene that differs between specimens, and its distribution.
 
-    The distribution is that of the coordinate of the parameter's scale. With the default scale,
-    `Linear()`, the coordinate is the value itself; with `Log()` it is the natural logarithm of the
-    value, so that a deviation of 0.02 is one of 2 %.
+    A `Parameter` has a scale, which maps the number's value to a coordinate, and the coordinate has
+    the distribution. With the default scale, `Linear()`, the coordinate is the value itself; with
+    `Log()` it is the natural logarithm of the value, so that a deviation of 0.02 is one of 2 %.
 
     **Arguments:**
 
     - `parameter`: a `Parameter`, or a path such as ``lambda scene: scene.joints["pin"].clearance``.
-      Its value in the scene is the nominal value.
-    - `deviation`: standard deviation of a normal distribution about the nominal value.
-    - `half_width`: half the width of a uniform distribution about the nominal value.
+      Its value in the scene is the nominal value. A path has the scale `Linear()`.
+    - `deviation`: standard deviation of a normal distribution about the nominal value, in the
+      coordinate.
+    - `half_width`: half the width of a uniform distribution about the nominal value, in the
+      coordinate.
     - `between`: the two bounds of a uniform distribution, as values in the parameter's unit. The
       nominal value is then the middle of the bounds' coordinates.
 
@@ -141,9 +143,11 @@ def unit_cube(dimensions: int, count: int, method: str, seed: int) -> Float[np.n
     """Return points (count, dimensions) that fill the unit cube, by `scipy.stats.qmc`.
 
     **Arguments:** `method`: one of `METHODS`, of which "random" draws independent points; `seed`:
-    of the random numbers that scramble the points.
+    of the random numbers that scramble the points, or are the points for "random".
 
     **Raises:** `ValueError` for an unknown method, and for a count below 1.
+
+    **Warns:** `UserWarning` for "sobol" and a count that is not a power of two.
     """
     from scipy.stats import qmc
 
@@ -176,14 +180,17 @@ def design(
 
     - `scene`, `state`: with the nominal values.
     - `uncertain`: the numbers to draw, `Uncertain` by name.
-    - `count`: number of points. Sobol points should be a power of two.
+    - `count`: number of points; for "sobol" preferably a power of two, for which the points fill
+      the distributions evenly.
     - `method`: "sobol", "halton", "latin hypercube", or "random" for independent draws.
     - `seed`: of the generator; equal seeds give equal designs.
 
     **Returns:** an `Axis` of `count` values by name.
 
-    **Raises:** `ValueError` for an unknown `method`, a `count` below 1, and numbers that are not
-    `Uncertain`.
+    **Raises:** `ValueError` for an unknown `method`, a `count` below 1, an empty `uncertain`, and
+    numbers that are not `Uncertain`.
+
+    **Warns:** `UserWarning` for "sobol" and a `count` that is not a power of two.
 
     >>> tolerance = cj.Uncertain(lambda s: s.forces["spring"].stiffness, half_width=5.0)
     >>> axes = cj.design(scene, state, {"stiffness": tolerance}, 4, "latin hypercube")

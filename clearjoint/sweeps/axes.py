@@ -56,7 +56,7 @@ class Axis:
       returns several numbers, all of them get the same value.
     - `values`: (n,), in the SI unit of the number.
     - `unit`: text that labels the values in the results; by default the unit of the number in the
-      scene. It does not convert the values.
+      scene. It does not convert the values. It is ignored for a variation, which has its own unit.
 
     **Raises:** `ValueError` for values that are not a row of one or more finite numbers, and for a
     `path` that is neither a function nor a variation.
@@ -182,8 +182,8 @@ def lanes_of(
 ) -> Lanes:
     """Return the scenes and initial states of all lanes.
 
-    Values that the constructors of a scene's elements refuse don't raise an error. Their lanes are
-    added to `Lanes.bad`.
+    Values that a constructor of a part of the scene, such as a body or a joint, or a function of
+    `Axis.change` refuses don't raise an error. Their lanes are added to `Lanes.bad`.
 
     **Arguments:**
 
@@ -345,12 +345,13 @@ def _known_valid(scene: Scene, state: State, columns: Columns) -> np.ndarray:
 
 
 def _all_hold(scene: Scene, state: State, changed: tuple[bool, ...]) -> Condition | None:
-    """Return whether the elements with changed leaves pass the checks of their constructors.
+    """Return whether bodies, joints and other parts of scene and state with changed leaves pass the
+    checks of their constructors.
 
     **Arguments:** `changed`: for each leaf of (scene, state), whether it changes.
 
-    **Returns:** a condition; ``None`` if a check needs the values of numbers, which are unknown
-    while JAX traces this function.
+    **Returns:** a traced boolean (); ``None`` if a check may need the values of numbers, which are
+    unknown while JAX traces this function.
     """
     tree, scene_leaves = (scene, state), len(jax.tree.leaves(scene))
     conditions = conditions_of_changes(tree, jax.tree.structure(tree), changed)
@@ -365,8 +366,9 @@ _checks = NativeFunction(_all_hold)
 def variable_leaves(lanes: Lanes, axes: Mapping[str, Axis]) -> PyTree[bool]:
     """Return a PyTree like the scene with ``True`` for each number that an axis can change.
 
-    In contrast to `Lanes.varied`, that includes numbers that are equal in all present lanes. They
-    must be arguments of the programs of a store, so that further values of an axis can be added.
+    In contrast to `Lanes.varied`, that includes numbers that are equal in all present lanes. A
+    store recognises its sweep by digests of the compiled programs. These numbers must be arguments
+    of the programs, not constants, so that further values of an axis don't change the digests.
     """
     scene, state = lanes.scene, lanes.state
     for axis in axes.values():

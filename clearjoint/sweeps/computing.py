@@ -56,7 +56,14 @@ def compute_missing(
     - `store`: store of the results, on disk or in memory, which may have some of them already.
     - `trace`: function with which worker processes check that they have the same code as this one;
       ``None`` for no check.
-    - `executor`, `threads`, `progress`: as in `sweep`.
+    - `executor`: executor that computes the chunks; ``None`` to compute the lanes in threads of
+      this process.
+    - `threads`: number of these threads; ``None`` for the number given to `clearjoint.configure`,
+      or one for each core.
+    - `progress`: whether to show a progress bar.
+
+    **Raises:** `ValueError` for an unsuitable executor; `ChunkError` for chunks that the executor
+    could not compute.
     """
     try:
         # Another process that writes to the same chunks may discard lanes that were written here.
@@ -118,7 +125,7 @@ def _by_threads(
     """Compute lanes in threads of this process and write them to the store.
 
     **Arguments:** `missing`: numbers of the lanes to compute, by number of their chunk; `threads`:
-    number of threads; `bar`: progress bar of lanes.
+    number of threads, ``None`` for the configured number; `bar`: progress bar of lanes.
     """
     # The writer decides when lanes are written. Lanes that are not written yet are written at the
     # end, also after an error or an interrupt.
@@ -176,9 +183,9 @@ class _Writer:
         return sum(len(lanes) for lanes, _ in self._waiting[chunk])
 
     def write_if_due(self) -> None:
-        """Write lanes of incomplete chunks if they are as many as a chunk has, or have waited for
-        `WRITE_PERIOD` seconds, unless such writes would take more than `WRITE_SHARE` of the
-        time."""
+        """Write lanes of incomplete chunks if they are as many as a chunk has, or if the previous
+        such write is more than `WRITE_PERIOD` seconds ago, unless such writes would take more than
+        `WRITE_SHARE` of the time."""
         since = time.monotonic() - self._last_write
         many = sum(map(self._lanes_waiting, self._waiting)) >= self._store.layout.chunk
         # On a slow disk, the time since the last write must be long relative to its duration.
@@ -214,7 +221,7 @@ def lane_progress(lanes: int, done: int, show: bool) -> AbstractContextManager[t
         rest = f"{lanes - done} are computed" if done < lanes else "none is computed"
         print(f"{done} of {lanes} lanes are in the store; {rest}", file=sys.stderr, flush=True)
     # While lanes run in this process, `show_running` sets the time left, from the progress of lanes
-    # that still run.
+    # that still run. The delay keeps short sweeps from showing a bar.
     bar = ProgressBar(
         total=lanes,
         initial=done,

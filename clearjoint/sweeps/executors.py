@@ -2,13 +2,13 @@
 
 Chunks are independent and may be computed more than once. Any executor with the interface of
 `concurrent.futures.Executor` is accepted, and so is a client of Dask's distributed scheduler, which
-computes the chunks of a worker that dies on another worker. On the cores of one machine, in a
-script below ``if __name__ == "__main__":`` ::
+computes the chunks of a worker that dies on another worker. For the cores of one machine, a
+script makes an executor below ``if __name__ == "__main__":`` by ::
 
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(4, mp_context=spawn) as executor: ...
 
-and on a cluster::
+and for a cluster, it makes a client by ::
 
     with dask.distributed.Client("tcp://scheduler:8786") as client: ...
 
@@ -152,12 +152,12 @@ def run_chunks(
     - `chunks`: numbers of the chunks.
     - `executor`: a `concurrent.futures.Executor` or a `dask.distributed.Client`.
     - `on_done`: function of the number of a chunk and its results.
-    - `on_start`: function that is called every second until the first chunk has ended, with the
-      time in seconds since the first chunk was submitted.
+    - `on_start`: function that is called every second until the first result, with the time in
+      seconds since `run_chunks` was called.
 
     **Raises:** `ValueError` if `executor` has another type, or forks its processes. `ChunkError` if
-    a chunk raises an error or its worker dies (with Dask: repeatedly), after the chunks already
-    submitted have ended and `on_done` has received their results.
+    a chunk raises an error, its worker dies (with Dask: repeatedly), or the executor cancels it,
+    after the chunks already submitted have ended and `on_done` has received their results.
     """
     pool, waiting = _Pool(executor, task), deque(chunks)
     running: dict[Future, int] = {}

@@ -55,8 +55,7 @@ class Coordinate(NamedTuple):
 
     @property
     def attributes(self) -> dict[str, str]:
-        """The attribute "units" of the CF conventions by its name; an empty dictionary for
-        texts."""
+        """Attributes of the labels: "units", as in the CF conventions; none for texts."""
         return {} if self.values.dtype.kind == "U" else {"units": self.unit}
 
 
@@ -237,15 +236,19 @@ PASS_TABLE = 'pass outputs={"hits": cj.ImpactTable(20)}, which keeps the first 2
 class Saved:
     """Quantities at given times, computed with the solver's dense output.
 
+    The output "path" with a channel "x" gives the results ``path_time``, s, and ``path_x``, (K,) in
+    each lane. Entries for times that a failed lane has not reached are NaN.
+
     **Arguments:**
 
     - `times`: (K,) s, strictly rising; or a function of the lane's scene that returns K times for
       every lane, such as one time in each revolution of a crank whose speed is swept. They are
       checked when the sweep begins.
-    - `channels`: the quantities to record: pairs (quantity, unit as text) by name.
+    - `channels`: the quantities to record, by name: pairs of a function of an `Instant`, such as
+      those of `clearjoint.quantities`, and its unit as text.
 
-    **Raises:** `ValueError` if there are no channels, or if they are not such pairs; and for names
-    of channels that no array can have, "time" and "count".
+    **Raises:** `ValueError` if there are no channels, or if they are not such pairs; and for a
+    channel whose name is "time", "count", or one that no array can have.
 
     >>> offset = cj.quantities.JournalOffset("shoulder", "x")
     >>> saved = cj.Saved(np.linspace(0.0, 0.1, 5), {"x": (offset, "m")})
@@ -286,7 +289,7 @@ class ImpactTable:
 
     For each contact, labelled by joint and contact such as "pin V", the table has the first `count`
     impacts: onset, separation, duration and peak time, s, entry and exit speed, m/s, peak force, N,
-    and largest penetration, m. Rows behind the recorded impacts are NaN. The table also has the
+    and largest penetration, m. Rows after the recorded impacts are NaN. The table also has the
     number of recorded impacts of each contact; a contact with `count` of them may have had more.
 
     Quantiles of the recorded impacts are exact:
@@ -305,8 +308,8 @@ class ImpactTable:
     - `joint`: name of the joint whose contacts are recorded; by default all joints.
     - `after`, `until`: s, the window of time of the onsets; by default the whole run.
 
-    **Raises:** `ValueError` for a count that is not a positive integer, and for a window that does
-    not end after its start.
+    **Raises:** `ValueError` for a count that is not a positive integer, for times that are NaN or
+    not single numbers, and for a window that does not end after its start.
 
     >>> scene, _ = cj.mechanisms.double_pendulum()
     >>> cj.ImpactTable(count=20, joint="shoulder").contacts(scene)
@@ -361,7 +364,7 @@ class PartOfStates(eqx.Module):
 
 class StatesOfLanes:
     """Output with the states of all bodies of a scene at given times. A sweep has it if
-    `Saving.times` is given.
+    its argument `save`, a `Saving`, has times.
 
     **Arguments:** `times`: (K,) s, the same in all lanes; `scene`: scene with these bodies.
     """
@@ -389,8 +392,9 @@ Output = AbstractReduction | AnySaved | Section | ImpactTable
 def with_saving(outputs: Mapping[str, Output], save: Saving, scene: Scene) -> dict[str, Output]:
     """Return all outputs of a sweep by name: `outputs` and those for which `save` asks.
 
-    Sections and outputs of `save` keep their names. If `save` has times, there is an output `SAVED`
-    with the states of all bodies at these times.
+    `save` is the argument of `sweep` that selects results as for a single run: Poincaré sections
+    and reductions by name, and times. Sections and reductions keep their names. If there are times,
+    there is an output `SAVED` with the states of all bodies at these times.
 
     **Raises:** `ValueError` for a `save` with steps or impacts, which sweeps don't support, for
     names of outputs that no array can have, and for a name in both `outputs` and `save`.
@@ -407,7 +411,8 @@ def with_saving(outputs: Mapping[str, Output], save: Saving, scene: Scene) -> di
 
 
 def check_outputs(outputs: Mapping[str, Output], scene: Scene, ledger: bool) -> None:
-    """Check that a sweep supports the outputs, and that the scene has the elements they name.
+    """Check that a sweep supports the outputs, and that the scene has the bodies, joints and forces
+    that they name.
 
     **Arguments:** `outputs`: outputs by name; `scene`: scene of the sweep; `ledger`: whether the
     energy ledger is computed (`Settings.ledger`), which some reductions need.

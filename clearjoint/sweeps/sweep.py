@@ -144,8 +144,9 @@ def _states(
 ) -> dict[str, Variable]:
     """Return variables with the states of all bodies, by name.
 
-    **Arguments:** `name`: output to which the states belong; `description`: end of the variables'
-    descriptions; `along`: name of a dimension before that of the bodies, and its labels.
+    **Arguments:** `name`: start of the variables' names, which is the name of an output or "final";
+    `description`: end of the variables' descriptions; `along`: name of a dimension before that of
+    the bodies, and its labels.
     """
     dims, shape = ((), ()) if along is None else (along[:1], along[1].shape)
     return {
@@ -312,8 +313,9 @@ def sweep(
     sweep; `PermissionError` for lanes that are missing in a store which can't be written to;
     `ChunkError` if an executor fails.
 
-    **Warns:** `UserWarning` with the number of failed lanes and the first error message, and
-    `LeftBearingWarning` if a journal has slid out of its bearing at the end of a lane.
+    **Warns:** `UserWarning` with the number of failed lanes and the first error message about
+    invalid values, and another one that names damaged files of the store; `LeftBearingWarning` if a
+    journal has slid out of its bearing at the end of a lane.
 
     >>> axis = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [100.0, 400.0])
     >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
@@ -473,7 +475,8 @@ def _lane_tasks(
 
 
 def _warn_of_failures(results: "xr.Dataset", lanes: Lanes) -> None:
-    """Warn of the number of failed lanes by result code, with the first error message."""
+    """Warn of the number of failed lanes by result code. If lanes have invalid values, the warning
+    ends with the error message of the first of them."""
     names = {number: name for name, number in result_numbers().items()}
     counts = Counter(names.get(int(code), "pending") for code in results[RESULT].values.ravel())
     del counts["successful"]

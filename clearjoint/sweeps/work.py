@@ -45,12 +45,16 @@ class Work:
     ) -> Batch:
         """Run lanes, and pass on their results as soon as they end.
 
+        Lanes with invalid parameters are not run. Their results, which consist of the result code
+        of `bad_parameters`, the start time and fill values, are passed on first.
+
         **Arguments:**
 
         - `lanes`: numbers of the lanes to run.
         - `on_ended`: function that is called with the numbers (n,) of lanes that have ended, and
           their results, arrays (n, ...) by variable.
-        - `threads`: number of threads that share the lanes; by default as configured.
+        - `threads`: number of threads that share the lanes; by default the number given to
+          `clearjoint.configure`, or one for each core.
         - `on_progress`: function that is called several times a second with the progress of the
           running lanes.
 
@@ -99,7 +103,9 @@ class Work:
         }
 
     def _recorded(self, ended: Ended) -> dict[str, LaneArrays]:
-        """Return the recorded columns of each output, and the number of their rows as "count"."""
+        """Return the recorded columns of each output, (lanes, rows, ...), by name, and as "count"
+        the numbers of recorded rows, (lanes,). In impact tables, a dimension of contacts follows
+        that of the lanes."""
         logs = {
             name: {**columns, "count": counts} for name, (columns, counts) in ended.logs.items()
         }

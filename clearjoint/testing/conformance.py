@@ -168,8 +168,8 @@ def check_law(
 
 
 def _check_differences(forces: Callable[..., Points], law: AbstractContactLaw) -> None:
-    """Compare the derivatives of the force by its arguments and by each parameter of the law with
-    finite differences.
+    """Raise an `AssertionError` unless the derivatives of the force by its arguments and by each
+    parameter of the law agree with finite differences.
 
     **Arguments:** `forces`: function of the law, depths, m, rates and entry speeds, m/s, (N,) each;
     it returns forces (N,), N.
@@ -276,6 +276,7 @@ def check_friction(friction: AbstractFriction) -> None:
     >>> testing.check_friction(cj.frictions.RegularisedCoulomb(0.1))
     """
     speeds = jnp.asarray([0.0, 1e-9, 1e-4, 1e-3, 1e-2, 1.0])
+    # `ratio()` is the ratio of friction to normal force at a slip speed.
     ratios = evaluated("ratio()", lambda law, speed: law.ratio(speed), friction, speeds)
     ensure(ratios >= 0.0, "ratio() is negative somewhere: friction would drive the slip.")
     ensure(ratios[0] == 0.0, "ratio(0) is not zero: the force would jump at rest.")
@@ -363,7 +364,8 @@ def check_constraint(
     - `constraint`: the joint.
     - `motions`: motion of each body of the joint at time 0, from `moving`, by the body's name;
       include "ground" if the joint has it. Translating and rotating bodies make the strictest test.
-    - `tolerance`: largest accepted difference, relative to one plus the size of the rate.
+    - `tolerance`: largest accepted difference of rates, relative to one plus the size of the rate.
+      The bias may differ by ten times as much, because its rounding errors are larger.
 
     **Raises:** `AssertionError` that states the row and the first problem.
 

@@ -45,19 +45,21 @@ def check_contact_joint(
 
     The check demands that
 
+    - the joint's methods `laws` and `contacts` name the same contacts;
     - normals are unit vectors, and the rate of each gap is the time derivative of its penetration;
     - the forces on both bodies are equal and opposite on one line, or equal and opposite couples;
     - the power of the normal force agrees with the penetration rate, and the power of the elastic
       force with the rate of the stored energy;
     - the slip is the tangential velocity of the surfaces, and friction is perpendicular to the
-      normal and opposes sliding;
+      normal and, without bristles, opposes sliding;
     - derivatives by motions and parameters are finite, and the derivative of the penetration by
       each parameter of the joint agrees with finite differences;
     - `jax.vmap` gives the same result as a single evaluation.
 
     The joint is tested at the given motions, at the onset of each contact's force, a micrometre
     deeper, with its attachment points on both bodies (those of its method `attachments`)
-    coincident, and at all these positions at rest.
+    coincident, and at all these positions at rest. The second body is only shifted to these
+    positions, so that contacts with couples, which depend on its rotation, keep their penetration.
 
     **Arguments:**
 
@@ -68,7 +70,7 @@ def check_contact_joint(
     - `together`: whether the attachment points on both bodies can coincide, so that the joint is
       tested there too; ``False`` for the centres of gears.
 
-    **Raises:** `AssertionError` that states the contact and the first problem.
+    **Raises:** `AssertionError` that states the first problem, and its contact.
 
     >>> law = cj.laws.LankaraniNikravesh(0.9, cj.mechanisms.STEEL)
     >>> ball = cj.BallInSocket("ground", "arm", socket_radius=10e-3, clearance=1e-3, law=law)
@@ -165,12 +167,13 @@ def _require(condition: Condition, label: str, message: str) -> None:
 def _positions(joint: AbstractContactJoint, motions: Motions, together: bool) -> list[Motions]:
     """Return the motions of the bodies at which the joint is tested.
 
-    These are the given motions; motions in which the second body is shifted to the onset of each
-    contact's force, 1 µm deeper, and, if `together` is true, to coincident attachment points; and
-    all of these with bodies at rest.
+    These are the given motions; motions in which the second body is shifted to the onset of the
+    force of each contact without a couple, 1 µm deeper, and, if `together` is true, to coincident
+    attachment points; and all of these with bodies at rest.
     """
     moving, scalar = [motions], unpack(joint)
-    # A shift of the second body along the normal increases the penetration by its length.
+    # A shift of the second body along the normal increases the penetration by its length. It has
+    # no effect on a contact with a couple, whose penetration depends on the bodies' rotation.
     for label, contact in scalar.contacts(motions).items():
         onset = -scalar.laws()[label].onset_offset()
         for depth in (onset, onset + PENETRATION):
@@ -238,6 +241,8 @@ def _failures(
         if contact.turning is None:
             failed |= _force_failures(loaded, first, second)
         else:
+            # These vectors, m in body axes, are the derivatives of the penetration rate by the spins,
+            # and the couples are minus the normal force times these vectors.
             on_first, on_second = contact.turning
             left = first.direction(on_first) + second.direction(on_second)
             power = on_first.dot(first.spin) + on_second.dot(second.spin)
@@ -272,6 +277,8 @@ def _force_failures(loaded: LoadedContact, first: Motion, second: Motion) -> dic
     **Arguments:** `first`, `second`: motions of the joint's bodies.
     """
     contact, friction, force = loaded.contact, loaded.friction, loaded.normal_force
+    # Friction acts at the contact points. Without it, the joint may give other points on the normal
+    # force's line of action.
     on_first, on_second = contact.points_of_force(friction is not None)
     # The line of action is common to both bodies if the points of the force are on a line along the
     # force. The relative velocity along the normal is the rate of the penetration.
@@ -349,7 +356,8 @@ def _is_nonzero(vector: Vector, size: Scalar = 0.0) -> jax.Array:
     """Return whether the length of a vector exceeds `TOLERANCE` times (1 + `size`), or is not
     finite.
 
-    **Arguments:** `size`: length of the vectors of which this vector is the sum.
+    **Arguments:** `size`: size of the terms whose sum or difference is this vector, to allow for
+    their rounding errors.
     """
     allowed = TOLERANCE * (1.0 + size)
     return ~(jnp.asarray(vector.dot(vector)) <= allowed * allowed)

@@ -95,7 +95,8 @@ def _at_all(function: Callable[..., PyTree]) -> Callable[[AbstractFilm, jax.Arra
 
 def _complaints_of_force(force: Force, film: AbstractFilm) -> Iterator[str]:
     """Yield a message for each problem of the force: values that are not finite, power that the
-    film supplies, a force without motion, and dependence on `jax.vmap` or on the direction."""
+    film supplies, a force without motion, a force that changes under `jax.vmap`, and one that does
+    not turn with offset and rate."""
     states = _states()
     forces_at, force_at = _at_all(force), eqx.filter_jit(force)
     forces, rates = forces_at(film, states), states[:, 2:]
@@ -175,7 +176,8 @@ def _complaints_of_slopes(force: Force, film: AbstractFilm) -> Iterator[str]:
 def _complaints_of_jumps(force: Force, film: AbstractFilm) -> Iterator[str]:
     """Yield a message if the force along the offset jumps while the rate of the offset, of constant
     size, makes a full turn."""
-    # With the offset along x, the force's x component at an angle of the rate, whose length is 1/s.
+    # The offset is along x, and the rate has the length 1 1/s: `along` returns the x component of
+    # the force, one for each ratio, when the rate is at an angle from x.
     ratios, forces_at = jnp.asarray([0.0, 1e-4, 0.1, 0.5, 0.9]), _at_all(force)
 
     def along(angle: jax.Array) -> jax.Array:

@@ -43,7 +43,8 @@ def check_force(
       "ground" if the element has it. Translating and rotating bodies make the strictest test.
     - `time`: time of evaluation, s, which must not be a breakpoint of the element.
     - `tolerance`: largest accepted error of the balances of force, moment and energy, relative to
-      the largest force or moment, or to 1 W plus the powers.
+      the largest force, to the largest moment or product of force and distance from the global
+      origin, and to 1 W plus the powers.
 
     **Raises:** `AssertionError` that states the first problem.
 
@@ -75,7 +76,8 @@ def _wrenches(force: AbstractForce, motions: Mapping[str, Motion], time: Scalar)
 
 def _check_balance(wrenches: Wrenches, motions: Mapping[str, Motion], tolerance: float) -> None:
     """Check that the forces on all bodies, and their moments about the global origin, add up to
-    zero, within `tolerance` times the largest of them."""
+    zero. The error may be `tolerance` times the largest force, and for moments `tolerance` times
+    the largest moment or product of force and distance from the origin."""
     forces = [wrench.force for wrench in wrenches.values()]
     moments = [
         motions[name].direction(wrench.moment) + motions[name].position.cross(wrench.force)

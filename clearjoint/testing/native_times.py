@@ -9,12 +9,13 @@ from ..native.machine_code import Code
 
 
 def native_seconds() -> dict[str, float]:
-    """Return the processor time, s, that this process has spent to compile its native programs.
+    """Return the processor time, s, that compiling the native programs of this process has taken.
 
-    Programs that have been deleted do not count.
+    Programs that have been deleted do not count. A program that was loaded from disk counts with
+    the time it took when it was made.
 
-    **Returns:** seconds by stage: "tracing" by JAX, "lowering" of JAX's program to operations,
-    "writing" of LLVM code, and "compiling" of this code.
+    **Returns:** seconds by stage: "tracing" by JAX, "lowering" of the jaxpr to operations on
+    numbers, "writing" of these as LLVM code, and "compiling" of this code.
 
     >>> sorted(testing.native_seconds())
     ['compiling', 'lowering', 'tracing', 'writing']

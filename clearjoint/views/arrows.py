@@ -31,8 +31,8 @@ class Arrows(NamedTuple):
     """Arrows of the forces in a view, and their scale.
 
     - `parts`: solids of the arrows.
-    - `scale`: length of the arrow of the largest force divided by that force, m/N, before the arrow
-      is cut; 1 without forces.
+    - `scale`: length of the arrow of the largest force divided by that force, m/N, before long
+      arrows are cut; the given scale, or 1 if none is given and there are no forces.
     - `note`: the scale as a line of the legend; empty without arrows.
     """
 
@@ -47,9 +47,9 @@ def arrows(
     """Return arrows of the contact forces on the second body of each contact, with tips at the
     contact points, and of constant loads, which start at the point of application.
 
-    If the largest force is more than five times the median of all forces that are not zero, as in
-    an impact during a motion along the wall, lengths are proportional to the square root of forces,
-    so that all are visible.
+    If no scale is given and the largest force is more than five times the median of all forces
+    that are not zero, as in an impact during a motion along the wall, lengths are proportional to
+    the square root of forces, so that all are visible.
 
     **Arguments:**
 
@@ -66,7 +66,7 @@ def arrows(
     magnitudes = np.concatenate([np.linalg.norm(f, axis=1) for f in all_forces] or [np.zeros(1)])
     acting = magnitudes[magnitudes > 0.0]
     largest, longest = float(magnitudes.max()), LONGEST * sizes.size
-    root = False
+    root = False  # whether lengths are proportional to the square root of forces
     if scale is None:
         root = len(acting) > 0 and largest > 5.0 * float(np.median(acting))
         scale = longest / largest if len(acting) else 1.0
@@ -77,7 +77,7 @@ def arrows(
             if not np.any(forces):
                 continue
             norms = np.linalg.norm(forces, axis=1, keepdims=True)
-            # Both are the same for the largest force.
+            # The largest force has the same length by either formula.
             lengths = np.minimum(scale * (np.sqrt(norms * largest) if root else norms), longest)
             vectors = forces / np.maximum(norms, 1e-300) * lengths  # zero for no force, not NaN
             starts = points - vectors if at_tip else points
@@ -99,7 +99,8 @@ def arrows(
 
 
 def newtons(force: float) -> str:
-    """Return the text of a force, N, with three digits and a prefix of the unit: "12.3 kN"."""
+    """Return the text of a force, N, rounded to three significant digits, with a prefix of the
+    unit: "12.3 kN"."""
     from matplotlib.ticker import EngFormatter
 
     return EngFormatter("N")(float(f"{force:.3g}"))
@@ -128,7 +129,9 @@ def _contact_forces(
             if contact.friction_force is not None:
                 force = force + np.asarray(contact.friction_force)
             point = np.asarray(contact.point_on_journal)
-            # Journals are drawn with enlarged eccentricities, so their points are elsewhere.
+            # Journals are drawn with enlarged eccentricities, so their points are elsewhere. Other
+            # contacts, such as those of shoulders, have no position on the journal's axis: their
+            # true points are kept.
             if joint in pen.journals and label in on_axis:
                 point = pen.journals[joint].touching_point(on_axis[label], normal)
             # Without contact, the direction of the force may be undefined (NaN).

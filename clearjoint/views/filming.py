@@ -145,7 +145,8 @@ def _divided(part: DrawnPart, longest: float) -> DrawnPart:
 
 def _time(time: float, whole: float) -> str:
     """Return the text of a time, s, with the unit and the digits that suit a run of duration
-    `whole`, s: the last digit is at most a hundredth of the duration."""
+    `whole`, s: one unit of the last digit is at most a hundredth of the duration. If this is
+    zero, the time is in µs with three decimals."""
     factor, unit = (1e6, "µs") if whole < 1e-3 else (1e3, "ms") if whole < 1.0 else (1.0, "s")
     digits = max(0, 2 - int(np.floor(np.log10(whole * factor)))) if whole > 0.0 else 3
     return f"t = {time * factor:.{digits}f} {unit}"

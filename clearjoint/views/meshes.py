@@ -1,4 +1,4 @@
-"""Closed triangle meshes of simple solids, and the solids of a view. Lengths are in m.
+"""Triangle meshes of simple solids, and the solids of a view. Lengths are in m.
 
 A solid has its own axes x, y and z; a pose, a homogeneous matrix (4, 4), places it in space.
 
@@ -23,7 +23,7 @@ ROUND = 32
 
 
 class Mesh(NamedTuple):
-    """Triangle mesh of a closed surface.
+    """Triangle mesh of the surface of a solid.
 
     - `vertices`: (V, 3) m.
     - `faces`: (F, 3), indices of the three vertices of each triangle, counter-clockwise seen from
@@ -40,7 +40,8 @@ class Mesh(NamedTuple):
 
 @runtime_checkable
 class HasTriangles(Protocol):
-    """An object with `vertices` and `faces`, such as one of trimesh."""
+    """A mesh object, such as one of trimesh, with `vertices`, (V, 3) m, and the indices of the
+    three vertices of each triangle, `faces`, (F, 3)."""
 
     vertices: ArrayLike
     faces: ArrayLike
@@ -81,7 +82,7 @@ def ball(radius: float) -> Mesh:
 
 
 def box(sides: Sequence[float]) -> Mesh:
-    """Return a box of three sides, m, about the origin."""
+    """Return a box centred at the origin; `sides`: its lengths along x, y and z, m."""
     return _of(_creation().box(sides))
 
 
@@ -180,14 +181,16 @@ def _extruded(
 
 
 def outline(distances: Float[np.ndarray, " N"]) -> Float[np.ndarray, "N 2"]:
-    """Return corners of the largest outline that has given distances of tangents from the origin.
+    """Return the outline of the region that is enclosed by tangents at given distances from the
+    origin.
 
-    A journal that is within these tangents in all directions is inside the outline. For a convex
-    shape the distances are its support function.
+    A journal is inside the outline if its support function nowhere exceeds the distances. If the
+    distances are the support function of a convex shape, the outline is that of the shape.
 
-    **Arguments:** `distances`: (N,) m, positive, at the angles 0, 2 pi/N, ...
+    **Arguments:** `distances`: (N,) m, positive, of the tangents perpendicular to the directions at
+    the angles 0, 2 pi/N, ...
 
-    **Returns:** (N, 2) m, corners at the same angles.
+    **Returns:** (N, 2) m, corners of the outline at the same angles.
     """
     angles = np.arange(len(distances)) * 2.0 * np.pi / len(distances)
     # In the direction `k`, the tangent `j` is at its distance over the cosine of the angle between
@@ -321,7 +324,7 @@ CLEAR = 0.3
 
 @dataclass(frozen=True)
 class DrawnPart:
-    """A rigid solid of a view, with its pose in each frame.
+    """A solid of a view, with its pose in each frame.
 
     - `name`: name of its body, joint or force.
     - `mesh`: triangles in the solid's own axes, m.

@@ -99,7 +99,8 @@ def require_bodies(
     states: State, bodies: Mapping[str, object], times: np.ndarray | None = None
 ) -> None:
     """Raise `ValueError` unless a state has exactly the bodies of a scene. States at `times` (N,),
-    which users may have made, must also have a position of each body for each time."""
+    which users may have made, must also have a position of each body for each time, and N must not
+    be zero."""
     found, known = sorted(states.bodies), sorted(bodies)
     remedy = "pass a state or a solution of this scene"
     require(found == known, "motion", found, f"of the scene's bodies {known}", remedy)

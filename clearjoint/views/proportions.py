@@ -106,11 +106,14 @@ def equivalent_solid(body: Body) -> BodySolid:
     """Return the homogeneous solid with a body's mass and moments of inertia.
 
     It is a cylinder if exactly two principal moments are equal, up to a thousandth, else a box. It
-    represents a body whose shape is unknown.
+    represents a body whose shape is unknown. For moments that no real solid has, sides whose square
+    would be negative are zero.
     """
     # `inertia` has either the moments (3,) about the body axes, or is a matrix (3, 3).
     inertia, mass = np.asarray(body.inertia), float(np.asarray(body.mass))
     moments, axes = (inertia, np.eye(3)) if inertia.ndim == 1 else np.linalg.eigh(inertia)
+    # Axes for which the moments about the two other axes are equal. There is one for a cylinder,
+    # and there are three, for example, for a cube.
     equal = [k for k in range(3) if np.isclose(moments[k - 1], moments[k - 2], rtol=1e-3)]
     # A cylinder of mass m, radius r and length L has the moments m r² / 2 along its axis, and
     # m (3 r² + L²) / 12 across. Moments of no real solid could give a negative L².
@@ -209,12 +212,14 @@ class Camera(NamedTuple):
 
 
 def camera(parts: Sequence[DrawnPart], proportions: Proportions) -> Camera:
-    """Return a camera that shows all parts in all frames, with the mechanism in the middle.
+    """Return a camera that shows all parts in all frames, or in 120 frames of a longer run, with
+    the mechanism in the middle.
 
-    **Arguments:** `parts`: drawn solids. Arrows of forces, which are recognised by their colours,
-    do not belong to the mechanism: the picture contains them, but its middle is that of the
-    mechanism without them.
-    `proportions`: has the directions from which the mechanism is seen.
+    Arrows of forces, which are recognised by their colours, do not belong to the mechanism: the
+    picture contains them, but its middle is that of the mechanism without them.
+
+    **Arguments:** `parts`: drawn solids; `proportions`: has the directions from which the mechanism
+    is seen.
     """
     # The parts are evaluated in at most 120 frames, between which a motion hardly leaves the
     # picture. Coordinates below are to the right, upwards and to the viewer, m.

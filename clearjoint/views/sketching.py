@@ -49,9 +49,9 @@ class DrawnJournal:
 
     - `ends`: (2, N, 3) m in global axes, centres of the journal's end circles, the bases V and W,
       in each frame.
-    - `poses`: (N, 4, 4), homogeneous matrices from axes at the journal's middle, with z along the
-      journal's axis, to global axes.
-    - `radius`: radius, m, of the circle from which the journal deviates.
+    - `poses`: (N, 4, 4), homogeneous matrices to global axes from axes at the journal's middle,
+      with z along the journal's axis and x in the direction of the profile's angle zero.
+    - `radius`: drawn radius, m, of the circle from which the journal deviates.
     - `profile`: deviation of the true journal from its circle; None for a circle.
     - `scale`: drawn size of the deviation divided by its true size.
     """
@@ -91,8 +91,9 @@ mechanism, to find equal points."""
 class SketchingPen(AbstractPen):
     """Pen with which joints and forces draw themselves, and which makes the parts of a view.
 
-    Its methods down to `gear` are called by elements. Each one adds solids, and extends the hulls
-    of the bodies to the markers, from which `body` then draws the bodies.
+    Joints and forces call the methods from `mark` to `gear`. Each method adds solids (`load` notes
+    a load), and adds the markers to the points of their bodies. The convex hull of these points is
+    the shape of a body that `body` draws.
 
     - `element`: name of the joint or force that is being drawn; the caller sets it.
     - `journals`: drawn journals, by the joint's name.
@@ -222,6 +223,7 @@ class SketchingPen(AbstractPen):
         """
         wide, scale = float(length) * self._sizes.bearing_scale, self._sizes.clearance_scale
         bore = self._sizes.bore(None if radius is None else float(radius))
+        # Drawn radii of the journal and of the bearing's outside.
         inner, outer = bore - float(clearance) * scale, bore * (1.0 + WALL)
         wall, shaft = profiles
         if wall is None:
@@ -325,7 +327,8 @@ class SketchingPen(AbstractPen):
         """Draw a spur gear about the axis of the marker `centre`.
 
         **Arguments:** `radius`: of the pitch circle, m, negative for an internal gear; `teeth`:
-        number of teeth; `phase`: angle of the middle of a tooth about the axis, rad.
+        number of teeth; `phase`: angle of the middle of a tooth about the axis, rad, from the first
+        transverse axis (see `_transverse_frame`).
         """
         frame = _transverse_frame(centre.along(), float(phase))
         wheel = meshes.gear(float(radius), round(abs(float(teeth))), 2.4 * self._bar)
@@ -334,11 +337,12 @@ class SketchingPen(AbstractPen):
         self._hold(centre)
 
     def body(self, name: str, body: Body) -> None:
-        """Draw a body as the convex hull of its joints, and its equivalent solid if the hull is
-        smaller than half of the solid's longest side.
+        """Draw a body as the convex hull of the points of its joints and forces, and its equivalent
+        solid if the hull is smaller than half of the solid's longest side.
 
         The equivalent solid is the homogeneous cylinder or box with the body's mass and moments of
-        inertia, around the centre of mass.
+        inertia, around the centre of mass. A body with a block, a gear or walls and at most one
+        such point gets no further shape.
         """
         points = self._distinct(name)
         # Blocks, gears and walls need no further shape.
@@ -428,7 +432,8 @@ class SketchingPen(AbstractPen):
         self._moving.append(DrawnPart(self.element, mesh, between(starts, ends, 1.0), METAL))
 
     def _hold(self, *markers: Marker, around: float = 0.0) -> None:
-        """Extend the hulls of the markers' bodies to the markers' points.
+        """Extend the hulls of the markers' bodies to the markers' points, and note the element in
+        `drawn`.
 
         **Arguments:** `around`: distance, m, at which the hull ends before a point, such as the
         outer radius of a bearing; zero to reach the point.
@@ -436,15 +441,16 @@ class SketchingPen(AbstractPen):
         self.drawn.add(self.element)
         for marker in markers:
             point = np.asarray(marker.point, dtype=float)
-            # The bar of the body leads to its centre of mass, or downwards from the ground.
+            # The hull ends before the point in the direction of the body's centre of mass or, on
+            # the ground, downwards, both perpendicular to the marker's axis.
             on_ground = marker.body == GROUND
             inwards = -self._sizes.up if on_ground else -point
             if marker.axis is not None:
                 axis = marker.along()
                 inwards = inwards - axis * (inwards @ axis)
             size = np.linalg.norm(inwards)
-            # There is no bar if the centre of mass lies inside the bearing. The ground has none:
-            # its bar has any length, unless the axis is vertical.
+            # The hull reaches the point if the centre of mass lies inside the bearing. The ground
+            # has no centre of mass: there, only a vertical axis leaves no direction.
             if around and size > (1e-6 if on_ground else around):
                 point = point + inwards * (around / size)
             self._corners[marker.body].append(point)

@@ -41,7 +41,8 @@ class View:
     - `clearance_scale`, `bearing_scale`: drawn size divided by true size of clearances and of
       bearings.
     - `force_scale`: length of the arrow of the largest force divided by that force, m/N, before the
-      arrow is cut to 0.3 times the size of the mechanism; 1 without forces.
+      arrow is cut to 0.3 times the size of the mechanism; the scale passed to `view`, or 1 if none
+      was passed and there are no forces.
 
     >>> four_bar = cj.view(*cj.mechanisms.four_bar(), title="four-bar", clearance_scale=50.0)
     >>> four_bar
@@ -69,7 +70,7 @@ class View:
         animation (MP4 needs ffmpeg), ".png", ".pdf" or ".svg" for a picture.
 
         **Arguments:** `time`: s; a picture shows the nearest frame, by default the first one. Pages
-        and animations show all times.
+        show all frames, and animations at most 100 of them.
 
         **Returns:** the path of the file.
 
@@ -139,7 +140,7 @@ def view(
     or a picture.
 
     A body is a bar or a plate around the points of its joints; a body with a single joint is the
-    cylinder or box of its mass and inertia. Pins, balls, rails, springs and gears are symbols.
+    homogeneous cylinder or box with its mass and moments of inertia. Pins, balls, rails, springs and gears are symbols.
     Bearings are open cylinders; the eccentricities of the journals are scaled by
     `clearance_scale`. Along a run, the colour of a journal shows its `MotionMode` (free flight,
     contact at one end, along a line, or at opposite sides), and arrows are the forces on the second
@@ -160,9 +161,11 @@ def view(
     - `motion`: a `State`; a solution with saved states or steps; or a `Trajectory`. By default,
       bodies are arranged by following the joints from the ground, and `assemble` closes loops,
       which compiles.
-    - `observation`: result of `observe` at the instants of the motion. By default, `view` observes
-      the solution, which compiles once for all scenes with the same structure.
-    - `forces`: whether to draw arrows of forces, and journals in the colours of their motion modes.
+    - `observation`: result of `observe` at the instants of the motion; not used for a `State`. By
+      default, `view` observes a solution, which compiles once for all scenes with the same
+      structure; a `Trajectory` is shown without contact forces.
+    - `forces`: whether to draw arrows of contact forces, and journals in the colours of their motion
+      modes. Arrows of constant loads are always drawn.
     - `frames`: largest number of frames, at about equal distances in time.
     - `meshes`: meshes of bodies by name, in m in body axes, instead of bars: a file that trimesh
       reads, an object with `vertices` and `faces`, or a pair of such arrays.
@@ -173,7 +176,7 @@ def view(
       median, as in an impact, lengths are proportional to the square root of forces; the legend
       says so.
     - `centres_of_mass`, `inertias`: whether to add a black ball at each centre of mass, and the
-      solid of each body's mass and inertia.
+      homogeneous solid with each body's mass and moments of inertia.
     - `title`: title of the legend.
     - `height`: height of the view in a notebook, pixels.
 
@@ -218,10 +221,11 @@ def _poses(
     forces: bool,
     frames: int,
 ) -> tuple[BodyPoses, Observation | None, list[str]]:
-    """Return the poses of the bodies in at most `frames` frames, the observation at the same times
-    (None if forces are not drawn), and notes for the legend.
+    """Return the poses of the bodies in at most `frames` frames, the observation at the same times,
+    and notes for the legend.
 
-    The arguments are those of `view`.
+    The observation is None if `forces` is false, for a single state, for a trajectory without a
+    given observation, and for a scene without contacts. The arguments are those of `view`.
 
     **Raises:** `ValueError` for a motion without states, of other bodies or with arrays of wrong
     shapes, and for an observation of other instants.

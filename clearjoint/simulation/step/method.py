@@ -100,8 +100,8 @@ Auxiliary = TypeVar("Auxiliary")
 class SystemFamily(eqx.Module):
     """A scene's equations of motion (`System`) and initial state as functions of p parameters.
 
-    Runs without derivatives compute elements of the same structure together, as groups. Here every
-    element is computed on its own.
+    Runs without derivatives compute bodies, or clearance joints, that differ only in their numbers
+    together as arrays. Here each one is computed on its own.
 
     - `family`: the scene and its initial state as functions of the parameters.
     - `formulation`: coordinates, stabilisation of the constraints, and energy ledger.

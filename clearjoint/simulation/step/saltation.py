@@ -73,7 +73,8 @@ def across_contacts(
             contact = contacts[name][label]
             return _mean_force(joints[name], label, contact, speed, motions, bristles)
 
-        # Those of contacts without an event in this step are computed too, and have no effect.
+        # Forces of contacts without an event in this step are computed too. They have no effect,
+        # because their times are zero.
         forces = each_label(force, times)
 
         def rates(times: ByLabel[Scalar]) -> Variables:
@@ -133,9 +134,10 @@ def _contact_times(scene: Scene, before: ContactGaps, after: ContactGaps) -> ByL
 
     The solver computes a step with the contacts that exist at its start: it omits the force after
     an onset, and includes too much force after an end. The result is therefore positive after an
-    onset, negative after an end, and zero without an event. Penetration over its rate is the time
-    since the event to first order; the derivative of this quotient is exact, because the
-    penetration is zero except for rounding.
+    onset, negative after an end, and zero without an event. It is also zero if the penetration at
+    the end of the step has a rate of zero. Penetration over its rate is the time since the event to
+    first order; the derivative of this quotient is exact, because the penetration is zero except
+    for rounding.
 
     **Arguments:** `before`, `after`: the contact gaps at the start and end of the step.
     """
@@ -176,7 +178,8 @@ def _mean_force(
     def at_depth(depth: Scalar) -> LoadedContact:
         return force(replace(contact, gap=replace(contact.gap, depth=depth)))
 
-    # The force begins where the depth is minus `onset_offset`, here called the wall.
+    # The force begins where the depth is minus the law's `onset_offset`, the distance of the
+    # surfaces at the onset. This place is here called the wall.
     # If only the force jumps, the mean is its value at the end of the step, or at the wall if the
     # step ends outside of it.
     if not law.slope_jumps():

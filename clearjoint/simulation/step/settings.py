@@ -62,8 +62,8 @@ class Settings:
     - `derivative_tolerance`: factor by which the tolerances of derivatives are larger than those of
       the variables. The table shows its effect on the double pendulum after five impacts at each
       base of the journal, with three parameters and an `rtol` of 1e-9. Errors are relative. The
-      motion alone takes 823 attempted steps, since runs without derivatives have other time maps in
-      contacts:
+      motion alone takes 823 attempted steps, since runs without derivatives place the stages of the
+      solver at other times in contacts:
 
       | `derivative_tolerance` | steps | error of a position's derivative | of an entry speed's |
       |---|---|---|---|
@@ -131,7 +131,8 @@ class Settings:
         """Check that each tolerance, and the length of the first step, is a number in its range.
 
         **Raises:** `ValueError` that names the setting, if it is not a single finite number, is
-        negative, or is zero. `rtol` or `atol` may be zero, but not both.
+        negative, or is zero. `rtol` or `atol` may be zero, but not both; `atol`, `first_step` and
+        `landing_tolerance` may be ``None``.
         """
         # Name of each setting, remedy in the error message, and whether the setting may be zero.
         for name, remedy, zero in (
@@ -281,7 +282,8 @@ def check_rising(times: ArrayLike, argument: str) -> Column:
 
 
 def check_strictly_rising(times: ArrayLike, argument: str) -> Column:
-    """Check times, s, that JAX does not trace, and return them as an array, (N,).
+    """Check that each of several times, s, is later than the one before, and return them as an
+    array, (N,). They must be known numbers, which JAX does not trace.
 
     **Arguments:** `argument`: the times' name in error messages.
 

@@ -118,8 +118,10 @@ class UnrolledExplicit(diffrax.AbstractSolver):
             t = t1 if fraction == 1.0 else t0 + elapsed * h
             last = terms.vf(t, y, args)
             stages.append(_rates_by_fraction(last, fraction, time_map))
+        # "Solution same as last" (`ssal`): the variables of the last stage are the result.
+        # Otherwise the result has weights of its own.
         y1 = y if tableau.ssal else _advanced(y0, h, tableau.b_sol, stages)
-        # "First same as last": the last stage was evaluated at the end of the step.
+        # "First same as last" (`fsal`): the last stage was evaluated at the end of the step.
         if not tableau.fsal:
             last = terms.vf(t1, y1, args)
         # The weights are the differences between those of the two embedded methods.
@@ -196,8 +198,8 @@ def _weighted(weights: Weights, values: Sequence[Scalar]) -> Scalar:
 
 
 def unrolled(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
-    """Return an explicit Runge-Kutta method as an `UnrolledExplicit`, and any other solver
-    unchanged."""
+    """Return an explicit Runge-Kutta method with a single tableau as an `UnrolledExplicit`, and any
+    other solver unchanged."""
     if isinstance(solver, diffrax.AbstractERK) and isinstance(
         solver.tableau, diffrax.ButcherTableau
     ):
@@ -240,8 +242,9 @@ def dense_weights(method: diffrax.AbstractERK) -> Float[np.ndarray, "stages powe
     b, unit = np.asarray(tableau.b_sol), np.eye(stages)
     rows = zip(b, unit, strict=True)
     calls = [(0.0, 1.0, *row, t) for row in rows for t in x]
-    # The operations are executed one by one, in Python or, if it lacks a rule for one of them, by
-    # JAX. A compiler would fuse them, and the digits would differ between processors.
+    # The operations are executed one by one, in Python by `evaluated` or, if this function lacks a
+    # rule for one of them, by JAX. A compiler would fuse them, and the digits would differ between
+    # processors.
     numbers = evaluated(value, calls)
     if numbers is not None:
         values = np.reshape(numbers, (stages, len(x))).T
@@ -305,7 +308,8 @@ def ready_solver(
         )
     if isinstance(solver, diffrax.AbstractImplicitSolver):
         # The default tolerance of a root finder is a marker, which only `diffrax.diffeqsolve`
-        # replaces by the tolerances of the controller.
+        # replaces by the tolerances of the controller. `VeryChord` is the default root finder. It
+        # also takes the place of another one that has such a marker or no tolerance at all.
         given = getattr(solver.root_finder, "rtol", None)
         if not isinstance(given, int | float | jax.Array):
             finder = diffrax.VeryChord(rtol, atol, largest_component)

@@ -29,7 +29,9 @@ def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Sc
     """Return the end of the next trial, s.
 
     It is the earliest of four times: the proposed end in `step.proposal`, the next breakpoint, the
-    predicted next event of a contact, and the end `t_end` of the run.
+    predicted next event of a contact, and the end `t_end` of the run. Without the rule
+    `method.landing`, events of contacts do not count. An event that is too close for
+    floating-point times counts as a few of their spacings away.
     """
     t1 = jnp.minimum(step.proposal.t_next, t_end)
     breakpoint = next_breakpoint(system, step.t)

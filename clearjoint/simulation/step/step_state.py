@@ -71,7 +71,7 @@ class Tangents(eqx.Module):
 
     Each field has the structure of the field of `Step` with the same name, and each leaf has an
     additional first axis of length p. The unit of a leaf is that of the variable, per unit of the
-    parameter on its scale (a logarithm has no unit).
+    parameter; for a parameter on a logarithmic scale, the latter unit is 1.
     """
 
     y: Variables
@@ -135,7 +135,8 @@ class Step(eqx.Module):
 class Attempt(eqx.Module):
     """The state after a trial step, with the data for dense output (the solution inside this step).
 
-    - `step`: the new state if the trial was accepted; otherwise the old one with a new proposal.
+    - `step`: the new state if the trial was accepted; otherwise the old one with a new proposal,
+      result code and number of attempts.
     - `kept`: whether the trial was accepted.
     - `t_start`, `entry_speeds_start`: time, s, and entry speeds, m/s, at the start of the trial.
     - `information`: the solver's data for dense output.

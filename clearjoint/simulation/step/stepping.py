@@ -154,6 +154,7 @@ def _initial_ledger(
     if y.bristles and "friction" in powers.keys() - y.work.keys():
         forces = system.contact_forces(y.motion, entry_speeds, y.bristles)
         stored = bristle_energy(system.scene, system.motions(y.motion), forces, y.bristles)
+        # With bristles, `stored` is never ``None``; the condition is for the type checker.
         work["friction"] = work["friction"] if stored is None else jnp.asarray(stored)
     return work
 
@@ -194,7 +195,7 @@ def attempt(
     the step carries tangents.
 
     **Returns:** an `Attempt`, whose `step` is the next state if the trial was accepted; otherwise
-    the given state with a new proposal.
+    the given state with a new proposal, result code and number of attempts.
     """
     trial = try_step(method, system, step, end_of_step(method, system, step, t_end), family)
     keep, proposal, result = decide_step(method, system, step, trial, t_end)
@@ -240,7 +241,7 @@ def _accepted_state(
     """
     y1, solver_state, gaps = trial.outcome.y, trial.outcome.solver_state, trial.gaps
     second_rates = _second_rates(method, system, y1, solver_state, gaps)
-    # Those of a rejected trial may not be finite.
+    # Second rates of a rejected trial may not be finite.
     second_rates = choose(keep, second_rates, step.second_rates)
     before, entry_speeds, tangents = step.contact_gaps, step.entry_speeds, None
     if uses_entry_speed(system.scene):

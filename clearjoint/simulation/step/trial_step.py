@@ -59,9 +59,9 @@ def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
     traced function uses values of the surrounding trace.
 
     **Arguments:** `step`: the state at the start of the step for which the rates are evaluated;
-    ``None`` outside of steps. In a step, forces that depend on time are evaluated between the same
-    two breakpoints. If steps end at contact events, contacts stay open or closed as they are at the
-    start of the step, so that the rates are smooth within it.
+    ``None`` outside of steps. In a step, forces that depend on time have at a breakpoint the value
+    that holds inside of the step. If steps end at contact events, contacts stay open or closed as
+    they are at the start of the step, so that the rates are smooth within it.
     """
     traced_rates = traced_once(rates_of)
     lands = step is not None and method.landing is not None
@@ -106,8 +106,8 @@ class Trial(eqx.Module):
       stages (see `.time_map`); ``None`` if time is uniform in the step.
     - `outcome`: result of the step; `tangents`: its derivatives, ``None`` in runs without tangents.
     - `gaps`: the contact gaps at the end of the step.
-    - `finite`: whether `outcome` and `tangents` are finite. If not, their variables are those at
-      the start of the step, and their errors are `REJECTED_ERROR`.
+    - `finite`: whether the variables and errors of `outcome` and `tangents` are finite. If not, the
+      variables are those at the start of the step, and the errors are `REJECTED_ERROR`.
     - `solver_result`: the solver's own result code.
     """
 
@@ -245,8 +245,11 @@ def may_jump(method: Method, scene: Scene) -> bool:
 
 def slopes_may_jump(method: Method, scene: Scene) -> bool:
     """Return whether rates are continuous from step to step, but their slopes may jump where a
-    contact begins or ends. There the tangents of the rates that the solver has kept are not
-    valid."""
+    contact begins or ends. There the tangents of the rates that the solver has kept are not valid.
+
+    The result is ``False`` if steps go across the events of contacts, and with a solver other than
+    `UnrolledExplicit`, the only one in runs with tangents.
+    """
     lands = method.landing is not None and isinstance(method.solver, UnrolledExplicit)
     return lands and slopes_jump(scene) and not may_jump(method, scene)
 

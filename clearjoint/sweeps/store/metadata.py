@@ -1,8 +1,9 @@
 """Metadata and labels of a sweep's Zarr store, which are written before any result.
 
-They tell which sweep the store holds, and which lanes. In the store's arrays each lane has a row.
-The number of the row may differ from that of the lane, because lanes that are added later get rows
-at the end.
+They tell which sweep the store holds, and which lanes. In the arrays of the store's folder
+`by_lane`, each lane has a row. The number of the row may differ from that of the lane, because
+lanes that are added later get rows at the end. Beside this folder the store has a grid, a copy of
+the results along the axes for other programs.
 """
 
 import glob
@@ -61,6 +62,8 @@ def write_grid(path: Path, results: "xr.Dataset") -> None:
     """
     from zarr.codecs import Crc32cCodec, ZstdCodec
 
+    # The files have no checksum of `checked_files`, because other programs read them too. With a
+    # CRC, these programs refuse a damaged file.
     codecs = {"compressors": (ZstdCodec(), Crc32cCodec())}
     with unfinished(path) as new:
         with warnings.catch_warnings():
@@ -102,7 +105,7 @@ def grid_shows(path: Path, results: "xr.Dataset") -> bool:
     """Return whether the grid at a path has the same variables and result codes as `results`.
 
     If so, it need not be written again, since the numbers of a lane do not change once it has a
-    result code.
+    result code. Return ``False`` also if there is no grid or it can't be read.
     """
     import xarray as xr
 
@@ -183,7 +186,7 @@ def extend(path: Path, contents: Contents) -> None:
 
 
 def remove_abandoned(path: Path) -> None:
-    """Remove incomplete stores that killed processes have left beside the store at a path.
+    """Remove incomplete stores and grids that killed processes have left beside a store's path.
 
     Those younger than `ABANDONED_AFTER` are kept, since another process may still write them.
     """
@@ -269,6 +272,7 @@ def _write(path: Path, contents: Contents) -> None:
     layout, identity, order, added = contents
     # Another order has another name, so that a concurrent reader finds the array of its own order.
     order_name = f"sweep_order_{digest(order.tobytes())}"
+    # The digests of the runs themselves have an empty name, after which no "_" must remain.
     digests = {name: f"sweep_lanes_{name}".rstrip("_") for name in identity.lanes}
     own = {
         "sweep_axes": [axis.name for axis in layout.axes],
@@ -300,7 +304,8 @@ def _write(path: Path, contents: Contents) -> None:
         group.create_array(
             name,
             shape=(layout.lanes, *variable.shape),
-            # A file has a chunk of lanes, with all other dimensions.
+            # A file has a chunk of lanes, with all other dimensions. A dimension may be empty, but
+            # a chunk must not be.
             chunks=(layout.chunk, *(max(size, 1) for size in variable.shape)),
             dtype=variable.dtype,
             fill_value=variable.fill,

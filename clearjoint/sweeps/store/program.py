@@ -10,10 +10,10 @@ program, and the numbers of solver, controller and outputs are constants.
 A store compares fingerprints to detect that the code of a sweep has changed. The digest of a value
 combines the operation that computes the value, the operation's parameters and the digests of its
 operands. The digest of a constant is that of its numbers, and the digest of an argument that of its
-name and type. The digest of a result therefore doesn't depend on names of variables and functions,
-on the order of independent operations, on unused operations, on `jax.jit` around parts of the
-function, or on the process. All that globals, helpers, base classes and properties contribute is
-part of it, because it appears in the traced program.
+place among the arguments and its type. The digest of a result therefore doesn't depend on names of
+variables and functions, on the order of independent operations, on unused operations, on `jax.jit`
+around parts of the function, or on the process. All that globals, helpers, base classes and
+properties contribute is part of it, because it appears in the traced program.
 """
 
 import dataclasses
@@ -76,14 +76,14 @@ class Fingerprints(NamedTuple):
 
 
 def fingerprints(function: Callable[..., Mapping[str, PyTree]], *arguments: PyTree) -> Fingerprints:
-    """Return the digest of each entry of the dictionary that a function returns.
+    """Return the digests and shapes of the entries of the dictionary that a function returns.
 
     Digests depend on structure, shapes and types of the arguments, but not on their numbers.
 
     **Arguments:** `function`: function of PyTrees that JAX can trace; `arguments`: example
     arguments.
 
-    **Raises:** `ValueError` if the function calls back into Python, which JAX doesn't trace.
+    **Raises:** `ValueError` if the function calls a Python function that JAX doesn't trace.
     """
     program, shapes = program_of(function, *arguments)
     named = jax.tree_util.tree_flatten_with_path(arguments)[0]
@@ -247,9 +247,9 @@ def programs(
     start_time: float,
     channels: dict[str, dict[str, Quantity]],
 ) -> dict[str, str]:
-    """Return digests of the program of the run, under `RUN`, and of each variable, by name.
+    """Return digests of the program of the run, under `RUN`, and of the variables of outputs.
 
-    The variables of outputs have digests of their own, so that outputs can be added to a store
+    Each variable has a digest of its own, under its name, so that outputs can be added to a store
     whose lanes stay valid.
 
     **Arguments:**
@@ -258,10 +258,11 @@ def programs(
     - `folded_scene`, `state`: scene and initial state of a lane. Numbers that are marked as
       constants in the scene become part of the programs.
     - `start_time`: s, start of all runs.
-    - `channels[name][key]`: quantities that the output `name` records, by the end of the name of
-      their variable.
+    - `channels[name][key]`: quantities that the output `name` records; the name of the variable
+      of each is `variable_name(name, key)`.
 
-    **Raises:** `ValueError` for a scene or an output that calls back into Python.
+    **Raises:** `ValueError` for a scene or an output that calls a Python function that JAX doesn't
+    trace.
     """
     numbers, rest = eqx.partition(folded_scene, eqx.is_array_like)
     traced, time = _Traced(plan, channels, rest), jnp.asarray(start_time, dtype=float)
@@ -402,8 +403,8 @@ def identity_of(digests: Mapping[str, str], lanes: Lanes, tasks: Task, saved: st
     Lanes with invalid values are identified by their error message.
 
     **Arguments:** `digests`: digests of the programs by name; `lanes`: scenes and initial states;
-    `tasks`: data of all lanes; `saved`: name of the output that is recorded at the times
-    `tasks.save_at`.
+    `tasks`: end time, length of the first step and times to save at of each lane; `saved`: name of
+    the output that is recorded at the times `tasks.save_at`, if these are not ``None``.
     """
     scenes = jax.tree.leaves(lanes.expanded(lanes.scene, lanes.scenes))
     states = jax.tree.leaves(lanes.states)

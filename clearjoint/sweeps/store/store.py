@@ -3,16 +3,16 @@
 In the folder `by_lane`, each variable is an array whose first dimension is `lane` and whose chunks
 are those of the sweep, so writing a chunk changes no file of another chunk. The result codes of a
 chunk are written last. Without them its lanes count as pending (not yet computed), whatever else a
-killed process has written. Writing a chunk again is harmless, and two processes that write the same
-chunk wait for each other. The same results along the axes are
-stored for other programs (`.metadata`).
+killed process has written. Writing a chunk again is harmless, and two processes that write to the
+same store wait for each other if the system can lock files. The grid, a copy of the results along
+the axes, is stored for other programs (see `.metadata`).
 
 Every file has a checksum of its content and path. The lanes of a chunk with a damaged, missing or
 exchanged file count as pending too. A warning names the file, and the lanes are computed again.
 
 A store can be extended by lanes, in rows after the existing ones, and by variables. It recognises
 lanes by the numbers from which they start, and variables by the programs that compute them
-(`.program`). Nothing else of a store changes after its creation.
+(`.program`). Apart from such extensions and the results, a store doesn't change after its creation.
 """
 
 import errno
@@ -50,8 +50,8 @@ def differences(stored: Contents, wanted: Contents, kept: np.ndarray) -> list[st
     """Return one line for each difference that prevents the store from taking the wanted sweep.
 
     Additional lanes, axes and variables are not differences, because a store can be extended.
-    Differences between notes are listed only if there are other differences, which they may
-    explain.
+    Differences between notes, texts for readers such as the numbers that all lanes share, are
+    listed only if there are other differences, which they may explain.
 
     **Arguments:** `stored`, `wanted`: contents of the store, and of a store of the wanted sweep;
     `kept`: (rows of the store,) lane of the wanted sweep that each row holds, -1 if the wanted
@@ -129,7 +129,8 @@ def _difference(stored: Part | None, wanted: Part | None) -> str:
 
 def _shown(value: object, start: int = 0) -> str:
     """Return a text that shows a value: at most `_SHOWN` characters from the character `start` on,
-    with "…" in place of omitted characters."""
+    with "…" in place of omitted characters. An array is shown by its number of values, and ``None``
+    as "nothing"."""
     if value is None:
         return "nothing"
     text = f"{value.size} values" if isinstance(value, np.ndarray) else str(value)
@@ -279,6 +280,8 @@ class SweepStore:
         their chunk.
 
         **Raises:** `PermissionError` if lanes are missing and the store can't be written to.
+
+        **Warns:** `UserWarning` that names damaged files.
         """
         group = opened_group(self._folder, "r")
         codes = _arrays(self.path, group, self._contents)[RESULT]
@@ -291,7 +294,8 @@ class SweepStore:
     def write(self, chunk: int, lanes: Sequence[int], results: LaneArrays) -> None:
         """Write results of some lanes of a chunk to disk.
 
-        When this returns, the lanes count as done, even if the process is killed afterwards.
+        When this returns, the lanes count as done, even if the process is killed afterwards. The
+        grid is written too if its last writing is long enough ago (`GRID_PERIOD`, `GRID_SHARE`).
 
         **Arguments:** `chunk`: number of the chunk; `lanes`: numbers of n lanes of this chunk, in
         any order; `results`: results of these lanes, arrays (n, ...) by name of the variable.
@@ -390,7 +394,8 @@ def open_sweep(path: str | os.PathLike) -> "xr.Dataset":
     `sweep` computes them again. All results are read into memory.
 
     ``xarray.open_zarr(path)`` opens the same results lazily. While a sweep is running, or after it
-    was killed, it may show lanes of the last minute as pending.
+    was killed, it may show lanes of the last minute, or of a longer time if the results are large,
+    as pending.
 
     **Raises:** `ValueError` if there is no sweep's store at the path, or if it is of another
     version or its metadata are damaged.
