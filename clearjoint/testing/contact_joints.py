@@ -241,8 +241,8 @@ def _failures(
         if contact.turning is None:
             failed |= _force_failures(loaded, first, second)
         else:
-            # These vectors, m in body axes, are the derivatives of the penetration rate by the spins,
-            # and the couples are minus the normal force times these vectors.
+            # These vectors, m in body axes, are the derivatives of the penetration rate by the
+            # spins, and the couples are minus the normal force times these vectors.
             on_first, on_second = contact.turning
             left = first.direction(on_first) + second.direction(on_second)
             power = on_first.dot(first.spin) + on_second.dot(second.spin)

@@ -43,8 +43,8 @@ def check_force(
       "ground" if the element has it. Translating and rotating bodies make the strictest test.
     - `time`: time of evaluation, s, which must not be a breakpoint of the element.
     - `tolerance`: largest accepted error of the balances of force, moment and energy, relative to
-      the largest force, to the largest moment or product of force and distance from the global
-      origin, and to 1 W plus the powers.
+      the largest force; to the largest moment or, if larger, the largest force times the largest
+      distance of a body from the global origin; and to 1 W plus the powers.
 
     **Raises:** `AssertionError` that states the first problem.
 
@@ -77,7 +77,7 @@ def _wrenches(force: AbstractForce, motions: Mapping[str, Motion], time: Scalar)
 def _check_balance(wrenches: Wrenches, motions: Mapping[str, Motion], tolerance: float) -> None:
     """Check that the forces on all bodies, and their moments about the global origin, add up to
     zero. The error may be `tolerance` times the largest force, and for moments `tolerance` times
-    the largest moment or product of force and distance from the origin."""
+    the largest moment or the largest force times the largest distance from the origin."""
     forces = [wrench.force for wrench in wrenches.values()]
     moments = [
         motions[name].direction(wrench.moment) + motions[name].position.cross(wrench.force)

@@ -442,7 +442,7 @@ class SketchingPen(AbstractPen):
         for marker in markers:
             point = np.asarray(marker.point, dtype=float)
             # The hull ends before the point in the direction of the body's centre of mass or, on
-            # the ground, downwards, both perpendicular to the marker's axis.
+            # the ground, downwards, and perpendicular to the marker's axis if it has one.
             on_ground = marker.body == GROUND
             inwards = -self._sizes.up if on_ground else -point
             if marker.axis is not None:

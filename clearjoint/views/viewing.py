@@ -140,13 +140,14 @@ def view(
     or a picture.
 
     A body is a bar or a plate around the points of its joints; a body with a single joint is the
-    homogeneous cylinder or box with its mass and moments of inertia. Pins, balls, rails, springs and gears are symbols.
-    Bearings are open cylinders; the eccentricities of the journals are scaled by
-    `clearance_scale`. Along a run, the colour of a journal shows its `MotionMode` (free flight,
-    contact at one end, along a line, or at opposite sides), and arrows are the forces on the second
-    body of each contact, with their tips at the contact points. The page has a slider for the time
-    (`view.html#t=0.25` starts at 0.25 s), a playback with variable speed, and a legend with all
-    scales. Joints of the class `Backlash`, whose contacts transmit a couple, are not drawn.
+    homogeneous cylinder or box with its mass and moments of inertia. Pins, balls, rails, springs
+    and gears are symbols. Bearings are open cylinders; the eccentricities of the journals are
+    scaled by `clearance_scale`. Along a run, the colour of a journal shows its `MotionMode` (free
+    flight, contact at one end, along a line, or at opposite sides), and arrows are the forces on
+    the second body of each contact, with their tips at the contact points. The page has a slider
+    for the time (`view.html#t=0.25` starts at 0.25 s), a playback with variable speed, and a legend
+    with all scales. Joints of the class `Backlash`, whose contacts transmit a couple, are not
+    drawn.
 
     ```python
     import clearjoint as cj
@@ -164,8 +165,8 @@ def view(
     - `observation`: result of `observe` at the instants of the motion; not used for a `State`. By
       default, `view` observes a solution, which compiles once for all scenes with the same
       structure; a `Trajectory` is shown without contact forces.
-    - `forces`: whether to draw arrows of contact forces, and journals in the colours of their motion
-      modes. Arrows of constant loads are always drawn.
+    - `forces`: whether to draw arrows of contact forces, and journals in the colours of their
+      motion modes. Arrows of constant loads are always drawn.
     - `frames`: largest number of frames, at about equal distances in time.
     - `meshes`: meshes of bodies by name, in m in body axes, instead of bars: a file that trimesh
       reads, an object with `vertices` and `faces`, or a pair of such arrays.
