@@ -2,7 +2,7 @@
 
 import threading
 from collections.abc import Callable, Hashable, Iterable, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import equinox as eqx
 import jax
@@ -278,7 +278,7 @@ class NativeFunction:
         """Load the program for flattened arguments from disk, if another process has saved it."""
         program = load(self._function, flat.arguments)
         if program is not None:
-            self._programs[flat.key] = program
+            self._programs[flat.key] = cast(tuple[NativeProgram, Result], program)
 
     def _compiled(self, flat: FlatArguments) -> tuple[NativeProgram, "Result"]:
         """Trace the function, and compile the program for flattened arguments."""

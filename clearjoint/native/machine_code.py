@@ -16,7 +16,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from importlib import metadata
-from typing import Any, TypeVar
+from typing import TypeVar, cast
 
 import equinox as eqx
 import jax
@@ -194,19 +194,18 @@ def load_or_make(
     shapes, dtypes and static values for which the program is valid; `make`: makes the program,
     which is returned without being saved if it cannot be pickled or written.
     """
-    program = load(function, arguments)
-    if program is None:
-        program = make()
-        place = _place(function, arguments)
-        if place is not None:
-            store, key = place
-            # The program can be used even if it cannot be pickled or written.
-            with suppress(Exception):
-                store.write(key, pickle.dumps(program))
+    kept = load(function, arguments)
+    if kept is not None:
+        return cast(Program, kept)
+    program, place = make(), _place(function, arguments)
+    if place is not None:
+        store, key = place
+        with suppress(Exception):
+            store.write(key, pickle.dumps(program))
     return program
 
 
-def load(function: Callable[..., PyTree], arguments: tuple[PyTree, ...]) -> Any:
+def load(function: Callable[..., PyTree], arguments: tuple[PyTree, ...]) -> object:
     """Load the program that `load_or_make` has saved for the same function and arguments.
 
     **Returns:** the program; ``None`` if there is none, or if it cannot be read.

@@ -138,7 +138,7 @@ class Settings:
         for name, remedy, zero in (
             ("rtol", "give a relative tolerance such as 1e-6", True),
             ("atol", "give an absolute tolerance such as 1e-9, or None", True),
-            ("derivative_tolerance", "give a number of state tolerances such as 10", False),
+            ("derivative_tolerance", "give a factor such as 10", False),
             ("first_step", "give a step in s, or None", False),
             ("landing_tolerance", "give a penetration in m, or None", False),
         ):
