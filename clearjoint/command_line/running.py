@@ -1,6 +1,7 @@
 """`clearjoint run`: simulate a scene and write the results to a folder.
 
-The outputs that a study names are quantities, which are evaluated at the saved states, and
+A study is a file with a scene, or the path of one, and with sections that define computations. The
+outputs that its section [run] names are quantities, which are evaluated at the saved states, and
 reductions, which are updated at every accepted step and give numbers of the whole run.
 """
 
@@ -180,8 +181,8 @@ def write_results(
 ) -> tuple[float, str]:
     """Write the scene file and the tables of a run, which has saved states.
 
-    The scene file has the scene with its initial state. There is a table of the motion, which are
-    the saved states; a table of the contacts, reactions of joints, accelerations and energies that
+    The scene file has the scene with its initial state. There is a table of the saved states; a
+    table of the contacts, reactions of joints, accelerations and energies that
     `observe` computes from these states; one of the impacts, if the run has recorded them; one for
     each Poincaré section; and, if the study names outputs, a table of quantities at the saved
     states and one of the numbers that reductions give.

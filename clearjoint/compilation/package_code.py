@@ -27,7 +27,8 @@ these variables."""
 
 
 class ChangedCodeError(Exception):
-    """Raised if the code of this process differs from the package's source files."""
+    """Raised if the code of this process differs from the package's source files, or cannot be
+    compared with them."""
 
 
 class _State:
@@ -56,8 +57,8 @@ class _State:
 
 
 def remember_contents() -> None:
-    """Record the objects in all loaded modules of the package and in `LIBRARIES`, with which
-    `source_digest` compares later ones.
+    """Record the objects in the loaded modules of the package, except those `_OF_THE_PROCESS`, and
+    in `LIBRARIES`. `source_digest` compares later objects with them.
 
     It must be called at the end of the import of the package.
     """

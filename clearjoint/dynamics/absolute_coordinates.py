@@ -115,8 +115,11 @@ class AbsoluteMechanics(AbstractMechanics):
         }
 
     def free_rates(self, wrenches: Wrenches) -> Speeds:
-        """Return the rates of the speeds, m/s^2 and rad/s^2, six for each body, under wrenches by
-        name of body, gyroscopic moments and gravity, without the reactions of constraints."""
+        """Return the rates of the speeds without the reactions of constraints, m/s^2 and rad/s^2,
+        six for each body.
+
+        They follow from gravity, gyroscopic moments and `wrenches`: one for each body, by name.
+        """
         fall = ZERO if self._scene.gravity is None else self._scene.gravity
         loads: Wrenches = {}
         for name, body in self._scene.bodies.items():
@@ -143,9 +146,12 @@ class AbsoluteMechanics(AbstractMechanics):
         return rates
 
     def bias(self, row: Row) -> Scalar:
-        """Return the second time derivative that accelerations of bodies give to the value of a
-        constraint row while the rates of all speeds are zero. Here it is zero, since no body then
-        accelerates; the row's own `bias` is the whole second time derivative."""
+        """Return zero: if the rates of all speeds are zero, no body accelerates, and the second
+        time derivative of a constraint row's value is the row's own `bias`.
+
+        In other coordinates bodies may accelerate then, and the result is the part of the second
+        time derivative that these accelerations cause.
+        """
         return 0.0
 
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:

@@ -134,8 +134,8 @@ def start_rows(
     rows = _by_name(constraint_rows(scene, absolute, mechanics.motions, t))
     values = [as_array([row.value])[0] for row in rows.values()]
     rates = [as_array([row_rate(row, mechanics.motions)])[0] for row in rows.values()]
-    # The Jacobian by velocities and spins of the bodies: in absolute coordinates, H is the
-    # identity.
+    # The Jacobian by velocities and spins of the bodies, which are the speeds of absolute
+    # coordinates.
     jacobian = {name: as_array(mechanics.projected(row.jacobian)) for name, row in rows.items()}
     mechanics = coordinates.mechanics(scene, coordinates.encode(scene, bodies))
     remaining = _by_name(constraint_rows(scene, coordinates, mechanics.motions, t))

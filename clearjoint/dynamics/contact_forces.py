@@ -101,7 +101,7 @@ def contact_wrenches(
     friction_moment: Scalar | None = None,
 ) -> Iterator[tuple[str, Wrench]]:
     """Yield name and wrench of each body, other than the ground, on which one contact of a joint
-    acts.
+    acts; with a friction moment each body twice, as the moment has its own wrench.
 
     **Arguments:** `normal_force`: N, positive if it pushes the bodies apart; `friction`: force on
     the second body, N, in global axes, or ``None``; `motions`: pose and velocities of each body;

@@ -1,1 +1,2 @@
-"""Estimation of parameters from measurements: least squares, starts, confidence, reports."""
+"""Estimation of parameters from measurements: fits by least squares, searches for starting points,
+posterior distributions, and reports."""

@@ -23,6 +23,8 @@ DEVIATIONS = NormalDist().inv_cdf(0.5 + 0.5 * CONFIDENCE)
 class Direction(NamedTuple):
     """A direction in the coordinates of p parameters, and the uncertainty of estimates along it.
 
+    The coordinate of a parameter is its value on its scale, such as the logarithm.
+
     - `change`: (p,) change of the coordinates; the entry with the largest absolute value is 1.
     - `deviation`: standard deviation of the estimates along the direction, in multiples of
       `change`.
@@ -35,9 +37,11 @@ class Direction(NamedTuple):
 def directions(jacobian: Float[np.ndarray, "M p"]) -> list[Direction]:
     """Return p directions along which the estimates err independently, the most uncertain first.
 
-    With M < p residuals there are only M directions.
+    With M < p residuals there are only M directions. A direction without effect on the residuals
+    gets a very large but finite deviation.
 
-    **Arguments:** `jacobian`: (M, p) derivatives of the residuals by the coordinates.
+    **Arguments:** `jacobian`: (M, p) derivatives of the residuals, in standard deviations of the
+    noise, by the coordinates.
     """
     norms = np.linalg.norm(jacobian, axis=0)
     # A parameter without effect gets a tiny norm, and with it a large but finite deviation.
@@ -108,9 +112,9 @@ def competing_minima(best: RunMisfit, others: Sequence[RunMisfit]) -> list[RunMi
     """Return other minima of chi squared that fit the data about as well, the lowest first.
 
     Late in a record a small change of parameters moves impacts, so that chi squared has many
-    minima close together, and noise decides which is the lowest. A minimum is returned if its chi
-    squared is within the joint 95 % confidence region of the best one, and if it lies outside the
-    intervals of the best one and of all lower ones returned.
+    minima close together, and noise decides which is the lowest. A minimum is returned if, by
+    its chi squared, it is in the joint 95 % confidence region of the best one, and if it lies
+    outside the 95 % intervals of the best one and of all lower ones returned.
 
     **Arguments:** `best`: the run at the best minimum; `others`: the runs at other minima.
     """

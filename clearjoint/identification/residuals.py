@@ -1,5 +1,7 @@
 """Residuals, predictions minus measurements, as functions of the parameters' coordinates.
 
+A coordinate is a parameter's value as transformed by the parameter's scale, such as its logarithm.
+
 A run computes values and all their derivatives together, with error control
 (`clearjoint.simulation.run.sensitivities`). Runs at several coordinates are made one after the
 other. With derivatives, a `jax.vmap` of them would take longer (1.3 times with 8 runs, 3 times with

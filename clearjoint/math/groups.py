@@ -1,9 +1,10 @@
 """Groups of elements of the same structure, which are computed at once.
 
-All computations on elements are scalar arithmetic (`clearjoint.math.vectors`), which also works for
-arrays. So a group of n elements of the same structure is an element whose numbers are arrays of
-shape (n,), and whose name is a `GroupName`. `by_group` converts dictionaries by names of elements,
-such as motions of bodies, to dictionaries by names of groups, and `by_name` converts these back.
+Elements are bodies or clearance joints. All computations on them are scalar arithmetic
+(`clearjoint.math.vectors`), which also works for arrays. So a group of n elements of the same
+structure is an element whose numbers are arrays of shape (n,), and whose name is a `GroupName`.
+`by_group` converts dictionaries by names of elements, such as motions of bodies, to dictionaries by
+names of groups, and `by_name` converts these back.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -16,15 +16,16 @@ NEWTON_STEPS = 4
 """Number of Newton steps in `hermite_root`. The number of digits doubles in each, once it is near
 the root."""
 TINY = 1e-200
-"""Coefficient of x^2 below which a parabola counts as a straight line. It is so small that only a
-coefficient of zero is meant, by which nothing can be divided."""
+"""Coefficient of x^2 below which a parabola counts as a straight line. It is so small that
+in practice only a zero is replaced, which cannot be a divisor."""
 SECANT_STEPS = 4
 """Number of evaluations in `secant_root`. It is fixed, since there are no loops at run time."""
 REFINEMENTS = 3
 """Number of evaluations in `highest`."""
 MARGIN = 0.05
 """Smallest distance of a new evaluation in `highest` from the outer two of three points, relative
-to the distance between these two. A smaller distance could be a divisor later."""
+to the distance between these two. Slopes are divided by it later, and rounding errors would be
+large for a smaller one."""
 GUESS_MARGIN = 0.1
 """Smallest distance of the first evaluation in `highest_after` from the ends of the interval,
 relative to its length. It is larger than `MARGIN`, because the position is extrapolated."""
@@ -227,11 +228,11 @@ def highest_after(
     **Arguments:** `value_at`: function of x; `before`, `first`, `last`: points of the function in
     order of x. The maximum between `first` and `last` is estimated.
 
-    **Returns:** a point. Its value is the largest of the function's values from `first` to `last`,
-    at these two points and at the two evaluations. If neither `first` nor `last` is above the
-    higher evaluation, the position is the maximum of the parabola through this evaluation and its
-    neighbours, which is nearer to the function's maximum than the evaluated points. Otherwise it is
-    the higher one of `first` and `last`.
+    **Returns:** a point. Its value is the largest of the function's values at `first`, `last` and
+    the two evaluations. If neither `first` nor `last` is above the higher evaluation, the position
+    is the maximum of the parabola through this evaluation and its neighbours, which is nearer to
+    the function's maximum than the evaluated points. Otherwise it is the position of the higher one
+    of `first` and `last`.
     """
     margin = GUESS_MARGIN * (last.x - first.x)
     # If the extrapolated parabola has no maximum, the search begins in the middle.
@@ -253,8 +254,8 @@ def _cubic_vertex(before: Point, first: Point, middle: Point, last: Point) -> Sc
     of x.
 
     The maximum is sought among the last three points, by a Newton step from the maximum of the
-    parabola through them. If the cubic does not bend downwards there, the result is
-    that of `vertex` for the parabola.
+    parabola through them. If the cubic does not bend downwards there, the result is that of
+    `vertex` for the parabola.
     """
     x = vertex(first, middle, last)
     bend = _bend(first, middle, last)
@@ -329,6 +330,6 @@ def _slope(first: Point, second: Point) -> Scalar:
 
 
 def _positive(length: Scalar) -> Scalar:
-    """Return a distance of two positions as a divisor: 1 in place of zero, at which points are
-    equal, so that the quotient is zero instead of NaN."""
+    """Return a distance of two points to divide a difference of their values by, or 1 if it is
+    zero. Such points are equal, so that the quotient is zero instead of NaN."""
     return jnp.where(length > 0.0, length, 1.0)

@@ -132,13 +132,13 @@ def read_csv(
 
     **Returns:** `Measurements` whose series have the names of the columns.
 
-    **Raises:** `ValueError` for a file that is empty, in another encoding, or whose rows have more
-    fields than its header; for a missing or repeated column; for a column without a unit, with a
-    unit of another dimension, or with another unit than its channel; for samples that are not
-    finite numbers, unless they are dropped, and for dates and truth values; for a column without
-    samples; for times that don't rise strictly; for noise that is missing, not positive or of
-    another length; for an unknown `missing`; and for an empty `channels`. `OSError` for a file that
-    does not exist.
+    **Raises:** `ValueError` for a file that is empty, in another encoding than UTF-8 or the option
+    `encoding`, or whose rows have more fields than its header; for a missing or repeated column;
+    for a column without a unit, with an unknown unit or one of another dimension, or with another
+    unit than its channel; for samples that are not finite numbers, unless they are dropped, and for
+    dates and truth values; for a column without samples; for times that are not finite or don't
+    rise strictly; for noise that is missing, not positive or of another length; for an unknown
+    `missing`; and for an empty `channels`. `OSError` for a file that does not exist.
 
     >>> import pandas as pd
     >>> table = pd.DataFrame({"t [ms]": [0, 1], "probe x [um]": [1.0, 2.0]})

@@ -47,7 +47,8 @@ class NativeProgram:
     parameters), by default found from the jaxpr, so that arrays of this length are computed as
     vectors of the processor; `stopwatch`: measures the stages of compilation.
 
-    **Raises:** `UnsupportedPrimitiveError` for a primitive without a rule.
+    **Raises:** `UnsupportedPrimitiveError` for a primitive, or a use of one, without a rule, and if
+    LLVM rejects the program.
     """
 
     def __init__(
@@ -155,7 +156,7 @@ def evaluated(
     result. JAX itself would compile a program for each kind of operation, which takes 20 ms.
 
     **Arguments:** `function`: function of arrays that returns a number; `calls`: the arguments of
-    each call, with the same shapes and dtypes in all calls.
+    each call, with the same shapes and dtypes in all calls; at least one call.
 
     **Returns:** the result of each call; ``None`` if the function has a loop or a primitive without
     a rule.

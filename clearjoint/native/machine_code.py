@@ -240,7 +240,8 @@ def _key(function: Callable[..., PyTree], arguments: tuple[PyTree, ...]) -> str:
     Programs depend on shapes and dtypes of arrays, but not on their numbers.
 
     **Raises:** `NotPlainError` if function or arguments contain code from outside of the package
-    (see `plain_values`), and `ChangedCodeError` if the package's own code was changed.
+    (see `plain_values`), and `ChangedCodeError` if the package's own code has
+    changed since its import.
     """
     shapes = jax.tree.map(
         lambda leaf: jax.ShapeDtypeStruct(leaf.shape, leaf.dtype) if eqx.is_array(leaf) else leaf,

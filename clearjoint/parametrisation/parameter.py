@@ -1,6 +1,7 @@
-"""Parameters of a scene that a fit estimates, and the scales on which it changes them.
+"""Parameters of a scene that a fit estimates, and scales, which map their values to coordinates.
 
-Coordinates are of the order of 1, so that parameters of different units can be compared.
+A fit works in these coordinates. They are of the order of 1, so that parameters of different units
+can be compared.
 """
 
 import abc
@@ -323,7 +324,7 @@ class Parameter:
         **Arguments:**
 
         - `series`: names of the series in `Measurements`, the measured data of the fit; at least
-          one. Several series share one clock.
+          one. All of them have the same delay.
         - `value`: first guess, s.
         - `scale`: `Linear()` by default; `Bounded(-1e-3, 1e-3)` keeps the delay within 1 ms.
 

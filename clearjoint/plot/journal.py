@@ -1,7 +1,8 @@
 """Draw the eccentricities of a journal's bases over time and in the bearing's cross-section.
 
 The bases V and W are the two end circles of the journal. The eccentricity of a base is the distance
-of its centre from the bearing's axis; the base touches the wall where it exceeds the clearance.
+of its centre from the bearing's axis; the base touches the wall where the eccentricity exceeds the
+clearance.
 """
 
 from collections.abc import Mapping
@@ -69,8 +70,8 @@ def eccentricities(
 
     **Returns:** the axes; time in ms or s, eccentricity in mm or µm.
 
-    **Raises:** `ValueError` for the name of a joint without a journal, and for a window without
-    observed times.
+    **Raises:** `ValueError` for an unknown joint, for a joint without a journal, and for a window
+    without observed times.
 
     >>> axes = plot.eccentricities(observed, "shoulder", 0.5e-3)
     """

@@ -105,7 +105,8 @@ def wear(lane: xr.Dataset, output: str, *, axes: Axes | None = None) -> PolarAxe
       the worn volume in each sector of the wall.
     - `axes`: polar axes to draw on, by default new ones.
 
-    **Returns:** the axes; angle from the x axis of the bearing's frame, volumes in mm³ or µm³.
+    **Returns:** the axes; angle from the x axis of the bearing's frame, volumes in mm³, µm³ or
+    10³ µm³.
 
     **Raises:** `ValueError` for unknown names, several lanes, and axes that are not polar.
 
@@ -193,7 +194,7 @@ def _bars(
     right: str = "x",
     up: str = "y",
 ) -> PolarAxes:
-    """Draw a bar for each sector and base, and their radial scale.
+    """Draw a bar for each sector and base, and their radial scale; return the axes.
 
     **Arguments:** `weights`: lengths (sectors,) of the bars in the SI unit, by label of the base;
     `quantity`: name and SI unit of these lengths; `stacked`: whether the bars of one base begin at
@@ -225,7 +226,7 @@ def _dressed(
     right: str = "x",
     up: str = "y",
 ) -> PolarAxes:
-    """Add the legend and the texts of the axes, and return them.
+    """Add the legend and the texts to polar axes, and return the axes.
 
     **Arguments:** `angles`: (N,) rad, angles of the bars or points; `heights`: (N,) their distances
     from the centre; `label`: name and unit of the radial axis; `right`, `up`: names of the

@@ -181,8 +181,8 @@ def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
 
     - `data`: any shape; its name is used in the label. Its SI unit is in ``attrs["units"]``, "1" if
       this is missing.
-    - `present`: label of the axes, such as "force, kN", if these already show other data; empty
-      for new axes. The unit of this label is then used, and the new label has both names.
+    - `present`: label of the axes, such as "force, kN", if these already show other data,
+      whose unit is then used and whose name precedes the new one; empty for new axes.
 
     **Raises:** `ValueError` if the unit of `present` is not that of the data with some prefix. Data
     in "1" are not checked.
@@ -323,7 +323,7 @@ def tick_logarithm(axis: Axis, values: np.ndarray) -> None:
     """Set the ticks of a logarithmic axis for positive values (any shape), as numbers like 0.2.
 
     Ticks are at equal distances if the largest value is at most 5 times the smallest, at 1, 2 and 5
-    times powers of ten up to 500 times, and matplotlib's own, at powers of ten, above.
+    times powers of ten below 500 times, and matplotlib's own, at powers of ten, from there on.
     """
     finite = values[np.isfinite(values)]
     if finite.max() < 500.0 * finite.min():

@@ -120,9 +120,10 @@ class Reader:
     def _table(self, content: Mapping, expected: Expectation, location: FileLocation) -> object:
         """Convert a table to an object, to Euler parameters, or to a dictionary.
 
-        A table whose keys are names becomes a dictionary. Otherwise its class is the one that it
-        names, or the only one that is allowed; an axis and an angle become Euler parameters. Where
-        anything is allowed, a table without class becomes a dictionary, too.
+        If `expected.by_name` is set, the keys are names that the user has chosen, such as those of
+        bodies, and the table becomes a dictionary. Otherwise its class is the one that it names, or
+        the only one that is allowed; an axis and an angle become Euler parameters. Where anything
+        is allowed, a table without class becomes a dictionary, too.
 
         **Raises:** `ValueError` for a table that needs a class and names none, or an unknown one,
         and where no table is expected.

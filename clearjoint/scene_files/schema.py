@@ -84,7 +84,7 @@ class Catalogue:
         }
 
     def _value(self, expected: Expectation) -> Schema:
-        """Return the schema of the values that an argument may have."""
+        """Return the schema of the values that an argument may have according to `expected`."""
         if expected.is_anything:
             return {}
         if expected.options is not None:
@@ -152,8 +152,8 @@ def _reference(name: str) -> Schema:
 def _numbers(shapes: tuple[tuple[int, ...], ...]) -> Schema:
     """Return the schema of arrays of numbers, or of texts with units, with one of the given shapes.
 
-    If `shapes` is empty, any shape is allowed, and also true and false, whose expectation has no
-    shape either.
+    If `shapes` is empty, any shape is allowed, and also true and false, because the `shapes` of an
+    argument that is true or false are empty too.
     """
     if not shapes:
         return {"anyOf": [{"type": "boolean"}, _reference(ROWS)]}

@@ -91,7 +91,8 @@ def urdf_limits(path: FilePath) -> dict[str, JointLimits]:
     print(limits["elbow"].effort, limits["elbow"].velocity)  # N m, rad/s
     ```
 
-    **Raises:** `ValueError` and `ImportError` as `load_urdf`.
+    **Raises:** `ValueError` for a file that can't be parsed, or of more than 50 MB; `OSError` for a
+    file that does not exist; `ImportError` without the extra.
     """
     robot, _ = _robot(Path(path))
     return {joint.name: _limits(joint.limit) for joint in robot.joints if joint.limit is not None}
@@ -145,7 +146,8 @@ def load_urdf(
     **Returns:** the scene, and its state at rest with all joints at zero.
 
     **Raises:** `ValueError`, with the file and the element, for a file that can't be read, a robot
-    that a scene can't represent, and invalid `play`. `ImportError` without the extra.
+    that a scene can't represent, and invalid `play`. `OSError` for a file that does not exist.
+    `ImportError` without the extra.
 
     **Warns:** `NotCarriedOverWarning` lists the contents of the file that the scene lacks: limits
     (see `urdf_limits`), damping and friction, mimics, shapes and others.
@@ -215,7 +217,7 @@ def _robot(path: Path) -> tuple["yourdfpy.Robot", list[str]]:
     links and joints not included.
 
     **Raises:** `ImportError` without yourdfpy; `ValueError` for a file that can't be parsed, or of
-    more than 50 MB.
+    more than 50 MB; `OSError` for a file that does not exist.
     """
     try:
         import yourdfpy
@@ -278,7 +280,7 @@ def _backlash(
     `given`: arguments of the backlash, checked by `_checked`.
 
     **Raises:** `ValueError` if neither a law nor a stiffness is given and the joint has no effort
-    limit.
+    limit, and for invalid arguments.
     """
     options = {key: value for key, value in given.items() if key != BACKLASH}
     axes = {"axis_first": hinge.axis_first, "axis_second": hinge.axis_second}

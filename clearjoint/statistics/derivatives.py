@@ -63,8 +63,8 @@ def statistics_derivatives(
     - `scene`, `state`, `end_time` s, `outputs`, `settings`, and the options `start_time`, `path`,
       `executor`, `threads`, `chunk`, `progress`: as in `sweep`.
     - `uncertain`: the p parameters by name, each an `Uncertain` (a parameter with its
-      distribution). All those with a `deviation` share the
-      same runs; each one with a `half_width` or `between` takes `members` further runs.
+      distribution). All those with a `deviation` share the same runs; each one with a `half_width`
+      or `between` takes `members` further runs.
     - `members`: number of runs with their own draws of all parameters. It must be even, because the
       further runs come in pairs, and at least 10 for each of the 1 + 3 p + p (p - 1)/2 coefficients
       of the regression.
@@ -189,8 +189,10 @@ def estimate(
     members: int,
     normal: np.ndarray,
 ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
-    """Return the derivatives (p,) of an output's mean by the centres of the standardised
-    parameters, and their standard errors (p,).
+    """Return the derivatives (p,) of an output's mean by the nominal values in standardised
+    coordinates, and their standard errors (p,).
+
+    Both are in the unit of the output, per standard deviation or half width of the parameter.
 
     A derivative is by regression for a normal parameter, and by pairs of runs for a uniform one;
     see the module's docstring.

@@ -1,4 +1,7 @@
-"""Computation of the lanes that are missing in a store, with progress bars."""
+"""Computation of the lanes that are missing in a store, with progress bars.
+
+A chunk is a group of successive lanes whose results a store keeps together.
+"""
 
 import logging
 import sys
@@ -235,7 +238,10 @@ def lane_progress(lanes: int, done: int, show: bool) -> AbstractContextManager[t
 
 
 def show_running(bar: tqdm, running: Running) -> None:
-    """Show in a progress bar the time left, and the simulated times that lanes have reached."""
+    """Show in a progress bar the time left, and the simulated times that lanes have reached.
+
+    **Arguments:** `running`: progress of the lanes that have begun and not ended.
+    """
     assert isinstance(bar, ProgressBar)
     bar.seconds_left = running.seconds_left
     reached = f"{running.earliest:.4g} s to {running.latest:.4g} s"

@@ -164,7 +164,8 @@ def screen(
     with telling_of_compiling(bar):
         while True:
             curves = lanes.chi_squared(points, ahead, screening.smoothing)
-            # The part of the record over which enough points fit about as well as the best.
+            # Number of times over which enough points fit about as well as the best. It may be a
+            # fraction, at which the points' chi squared is interpolated.
             count = reached(curves, screening.keep, excess)
             misfits = finite_level(curves, count)
             best = np.argsort(misfits, kind="stable")[: screening.keep]
@@ -181,8 +182,8 @@ def screen(
             if count >= ahead:
                 ahead = min(lanes.count, ahead + ahead // 2 + 1)
                 continue
-            # Hardly any new point will fit more of the record than the best present ones. The
-            # fraction is rounded up, and one time more shows where their fit ends.
+            # Hardly any new point will fit more of the record than the best present ones. A
+            # fraction of a time is rounded up, and one time more shows where their fit ends.
             ahead = min(lanes.count, int(reached(curves, FEW, excess)) + 2)
             bounds = centre - spread, centre + spread
             new = among(kept, screening.number, NEIGHBOURS * (len(centre) + 1), bounds, generator)

@@ -208,6 +208,8 @@ class LubricatedJoint(AbstractContactJoint):
         The half is computed from the position and velocity of one base of the journal, `base`.
         """
         bearing, journal = (motions[name] for name in self.pair())
+        # The part across the axis of the way to the base's centre: first to the journal's centre,
+        # then along the journal.
         eccentricity = base.centre + base.arm
         # One point of action for both bodies, midway between the axes, conserves angular momentum.
         to_midpoint = eccentricity * 0.5

@@ -33,7 +33,7 @@ class MasslessLink(AbstractConstraint):
     - `axial`: `FreeAxially()`, the default, or `FixedAxially()`.
 
     The journal must start at the wall: call `assemble`, which corrects initial states, with a state
-    that is closer to the intended side.
+    in which the journal is displaced towards the intended side of the bearing.
 
     **Raises:** `ValueError` if a value is outside its range, both bodies are the same, or `axial`
     has shoulders.

@@ -62,7 +62,7 @@ class AbstractDashpotLaw(AbstractPowerLaw):
 
     @abc.abstractmethod
     def damping(self, gap: Gap) -> Scalar:
-        """Return the damping D for the radii of a gap, N s/m^(1+m)."""
+        """Return the damping coefficient D, N s/m^(1+m), which may depend on the radii in `gap`."""
 
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
         """Return the normal force, N."""
@@ -131,7 +131,7 @@ class AbstractTunedDashpotLaw(AbstractDashpotLaw):
         require_rebound(self.restitution)
 
     def _root(self, gap: Gap) -> Scalar:
-        """Return sqrt(K m) for the radii of a gap, with the effective mass m."""
+        """Return sqrt(K m), with the effective mass m; K may depend on the radii in `gap`."""
         assert isinstance(self.stiffness, AbstractStiffness)
         return jnp.sqrt(self.stiffness.value(gap) * self.effective_mass)
 

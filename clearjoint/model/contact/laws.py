@@ -393,10 +393,10 @@ class AbstractElasticLaw(AbstractContactLaw):
 
     @classmethod
     def field_converter(cls, name: str) -> Callable[[PyTree], PyTree]:
-        """Return the function that converts values of the field `name`, when a class is defined.
+        """Return the function that converts the values given for the field `name`.
 
-        It makes a `GivenStiffness` of a number given as `stiffness`. Other fields are converted as
-        in the base class.
+        This method is called when a class is defined. A number given as `stiffness` becomes a
+        `GivenStiffness`; other fields are converted as in the base class.
         """
         return as_stiffness if name == "stiffness" else super().field_converter(name)
 

@@ -312,8 +312,8 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
     - `function`: as for `PrescribedAngle`: the distance in m along the axis from the first body's
       point to the second's.
 
-    **Raises:** `ValueError` if the bodies are the same, `function` is not a continuous function of
-    time, or a point or the axis is invalid.
+    **Raises:** `ValueError` if the bodies are the same, `function` is neither a number nor a
+    continuous function of time, or a point or the axis is invalid.
 
     >>> slide = cj.PrescribedTranslation(
     ...     "ground", "slider", (0, 0, 0), (0, 0, 0), (1, 0, 0), cj.Polynomial((0.0, 0.2))

@@ -71,7 +71,7 @@ class Ended:
     """Results of n lanes that have ended, in NumPy arrays with a first axis of length n.
 
     - `lanes`: (n,), the numbers of the lanes.
-    - `outcome`: the outcomes of the lanes.
+    - `outcome`: end times, result codes, numbers of steps, final states and reductions.
     - `logs[log]`: a pair for each log. The first entry has the recorded columns by name, (n, rows,
       ...), with NaN behind the rows that a lane has recorded; the second has the numbers of
       recorded rows, (n,).
@@ -104,8 +104,9 @@ class Batch:
 
     **Arguments:**
 
-    - `common`: data that all lanes share.
-    - `tasks`: data of the L lanes, a `Task` of NumPy arrays with a first axis of length L.
+    - `common`: data that all lanes share, such as the integration method and the outputs.
+    - `tasks`: initial states, times and varied numbers of the L lanes, a `Task` of NumPy arrays
+      with a first axis of length L.
     - `threads`: number of threads, as set by `clearjoint.configure` unless given.
 
     The attribute `lengths[log]` is the largest number of rows of each log.
@@ -540,7 +541,7 @@ def _begun(common: Common, task: Task) -> Lane:
 
 @Native
 def _outcome(common: Common, task: Task, lane: Lane) -> Outcome:
-    """Return the outcome of a lane, with its final state in packed form."""
+    """Return the outcome of a lane, with the vectors of its final state as arrays (3,)."""
     return pack(outcome(common.plan, common.scene(task), lane, task.end_time))
 
 

@@ -103,7 +103,8 @@ class Peak(AbstractQuantityReduction):
         """Return the tally after a step. The highest value is updated by the largest value in the
         part of the step that is in the window."""
         # The search also uses the value at the start of the previous step: a parabola through it
-        # and both ends of this step gives the first guess of the peak.
+        # and both ends of this step gives the first guess of the peak. A rejected attempt has the
+        # length zero; its tally is computed too, and discarded.
         length = now.time - tally.now
         earlier = (tally.before - tally.now) / jnp.where(length > 0.0, length, 1.0)
         before, start = Point(earlier, tally.last_before), Point(0.0, tally.last)

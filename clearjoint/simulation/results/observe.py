@@ -166,8 +166,7 @@ class Observation(eqx.Module, AbstractTabular):
       where the scene has them, and "mechanical" is their sum. If the run integrated the energy
       ledger (`Settings(ledger=True)`), there are also its integrals since the start: the dissipated
       energies "normal damping", "friction", "film" and "stabilisation", and the energy "supplied"
-      by drives and loads.
-      "friction" does not contain the energy stored in bristles.
+      by drives and loads. "friction" does not contain the energy stored in bristles.
 
     `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` export all fields with their units.
 

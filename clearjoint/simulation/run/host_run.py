@@ -3,9 +3,9 @@
 A segment is a number of steps that compiled code takes before it returns to Python. The
 host is the process that runs Python.
 
-A segment ends at the end time, after the last time to save at, after a number of attempts, at a
-failure, or when a buffer of recorded rows is full. Python then empties the buffers, shows progress
-and starts the next segment.
+A segment ends at the end time, after the last time to save at, after a number of attempts (trial
+steps, accepted or rejected), at a failure, or when a buffer of recorded rows is full. Python then
+empties the buffers, shows progress and starts the next segment.
 
 Scene and states are passed in packed form, in which each vector is an array (3,).
 """
@@ -299,7 +299,8 @@ class Run:
             saved = Trajectory(save_at[:saved_count], pack(_joined(saved_states)))
         if STEPS in now.records:
             rows = _joined(steps)
-            # The rows have the names of groups of elements, results those of single elements.
+            # The keys of the rows are groups of elements that are computed together, such as equal
+            # joints. Those of results are single elements.
             trajectory = Trajectory(rows.t, pack(named(rows.state)))
         solution = Solution(
             time,

@@ -317,7 +317,10 @@ def most(record: ImpactRecord) -> int:
 
 
 def impact_rows_of(record: ImpactRecord, origin: float = 0.0) -> list[tuple[str | float, ...]]:
-    """Return the impacts in a record as rows for `Impacts.of_rows`, one tuple for each impact.
+    """Return the impacts in a record as rows for `Impacts.of_rows`.
+
+    There is one tuple for each impact: the name of the joint, the label of the contact, and the
+    numbers that `IMPACT_UNITS` names, in its order.
 
     **Arguments:** `record`: the record in NumPy arrays, whose buffers must have had room for all
     impacts; `origin`: s, the time at which the clock of the run was zero, which is added to all

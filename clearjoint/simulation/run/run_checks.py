@@ -48,7 +48,7 @@ from ..step.settings import Settings
 
 BY_NUMPY = 8
 """Number of starts of the same structure that are checked in Python, in some milliseconds each. For
-further ones a native program is compiled, which takes microseconds."""
+further ones a native program is compiled, which checks each in microseconds."""
 KEPT = 256
 """Number of starts of the same structure for which the search for redundant constraints is
 cached."""
@@ -196,8 +196,8 @@ def _passes(
     # `contact_depths` itself computes known numbers by NumPy. Here JAX traces, so the function
     # inside of its wrapper is called.
     depths = contact_depths.__wrapped__(scene, state.bodies)
-    # Beyond the limit, `require_in_bearings` raises an error, and beyond `FAR_OUTSIDE` times the
-    # limit it issues a warning. This function can do neither, so a start must satisfy both bounds.
+    # `require_in_bearings` raises an error beyond the limit, and issues a warning beyond the small
+    # fraction `FAR_OUTSIDE` of it. This function can do neither, so both bounds must hold.
     holds += [
         (depths[name][label] <= limit) & (depths[name][label] <= FAR_OUTSIDE * limit)
         for name, joint in scene.contact_joints().items()

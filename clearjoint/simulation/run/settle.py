@@ -281,11 +281,12 @@ def settle(
     **Arguments:**
 
     - `scene`, `state`: the mechanism and its initial state, as in `simulate`.
-    - `start_time`: s.
+    - `start_time`: s, time of the initial state.
     - `settings`: tolerances, solver and coordinates; `clearjoint.presets.accurate` unless given.
     - `period`: s, the period of all drivers and loads: 2 pi over a drive's speed in rad/s.
-    - `section`: a `Section`, used instead of `period` for motions without a drive. The fields
-      `count` and `after` of the section are ignored.
+    - `section`: a `Section`, used instead of `period` for motions without a drive. It is a Poincaré
+      section with quantities, called its channels, that are evaluated at each crossing. Its fields
+      `count` and `after` are ignored.
     - `span`: s, only with a section: a time in which the section is crossed about once.
     - `periods`: largest number of periods to simulate; with a section, largest number of spans. It
       is rounded up to a multiple of 10.

@@ -201,7 +201,8 @@ def has_undeclared_jump(method: Method, system: System, step: Step, trial: Trial
     Steps end at breakpoints and at contact events, so these are not inside the step. The check is
     skipped if the step ends at the onset or the end of a contact whose force jumps there.
 
-    **Arguments:** `step`: the state before the trial.
+    **Arguments:** `method`: integration method; `step`: the state before the trial; `trial`: its
+    result.
     """
     term, fixed = term_of(method, step), (system, step.entry_speeds)
 
