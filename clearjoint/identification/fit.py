@@ -49,7 +49,7 @@ DOUBLINGS = 5
 """Number of growing windows to suggest, each twice as long as the one before it."""
 MOST = 0.5
 """Share of chi squared above which one cause counts as the main cause."""
-FEW = 0.02
+OUTLIER_SHARE = 0.02
 """Share of the samples that may be outliers: the largest residuals are summed over this share."""
 UNCORRELATED = 1e-3
 """p-value of the test of whiteness below which residuals are not white."""
@@ -366,9 +366,9 @@ class Fit(AbstractTabular):
                 f"The fit has moved to a minimum whose chi squared is {moved:.3g} lower than "
                 "at the end of the search."
             )
-        return " ".join([*parts, *self._check_limits(check, explored)])
+        return " ".join([*parts, *self._interval_doubts(check, explored)])
 
-    def _check_limits(
+    def _interval_doubts(
         self, check: LikelihoodCheck, explored: checking.Exploration
     ) -> Iterator[str]:
         """Yield sentences on possible reasons why the intervals are wrong after an exploration.
@@ -589,9 +589,9 @@ def _delays(fit: Fit) -> Iterator[str]:
 
 
 def _outliers(fit: Fit) -> Iterator[str]:
-    """Yield a sentence if few samples, the share `FEW`, contribute most of chi squared."""
+    """Yield a sentence if few samples, `OUTLIER_SHARE`, contribute most of chi squared."""
     rows = np.concatenate(list(fit.residuals.values())) ** 2
-    count = max(int(FEW * len(rows)), 1)
+    count = max(int(OUTLIER_SHARE * len(rows)), 1)
     largest = np.sort(rows)[::-1][:count]
     if len(rows) >= PIECES and largest.sum() >= MOST * rows.sum():
         name, worst = max(fit.residuals.items(), key=lambda item: float(np.abs(item[1]).max()))

@@ -119,9 +119,9 @@ def test_a_root_keeps_what_its_square_would_lose():
     rows = np.stack([common, common + 1e-9 * apart], axis=1)
     own = apart - common * (common @ apart) / (common @ common)
     deviation = 1.0 / (1e-9 * np.linalg.norm(own))
-    found = information.together(information.root_of(rows), 1e-12)
+    found = information.deviations_together(information.root_of(rows), 1e-12)
     np.testing.assert_allclose(found, deviation, rtol=1e-4)
-    assert np.isinf(information.together(information.root_of(rows), 1e-6)).all()
+    assert np.isinf(information.deviations_together(information.root_of(rows), 1e-6)).all()
 
 
 def test_weights_that_matter_are_named_though_they_are_small():

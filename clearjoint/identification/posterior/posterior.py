@@ -53,7 +53,7 @@ def modes(
     # Resampling has made copies of points, which would take the places of neighbours.
     distinct, first, copies = np.unique(points, axis=0, return_index=True, return_inverse=True)
     values, number = chi_squared[first], len(distinct)
-    distances = _distances(distinct)
+    distances = _scaled_distances(distinct)
     # The nearest point is the point itself, hence the 1. With more parameters, neighbours must lie
     # in more directions.
     near = np.argsort(distances, axis=1, kind="stable")[:, : max(NEAREST, 4 * points.shape[1]) + 1]
@@ -91,7 +91,7 @@ def modes(
     return rank[numbers.ravel()]
 
 
-def _distances(points: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n n"]:
+def _scaled_distances(points: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n n"]:
     """Return distances (n, n) between points (n, p), with coordinates in their standard
     deviations."""
     sizes = points.std(axis=0)

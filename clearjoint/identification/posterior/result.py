@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     import arviz
     import xarray as xr
 
-EDGE, MANY = 0.01, 0.02
+EDGE, EDGE_SHARE = 0.01, 0.02
 """Distance from an end of the box, relative to its width, within which a point is at this end; and
 share of the points at an end from which on the report mentions them, twice that of a uniform
 distribution."""
-ENOUGH = 150.0
+FEWEST_EFFECTIVE = 150.0
 """Effective number of runs below which there is a warning, or half the number of points if that is
 less: the ends of intervals are inaccurate."""
 
@@ -124,12 +124,12 @@ class Posterior(AbstractTabular):
         for k, name in enumerate(self.parameters):
             row = self.coordinates[:, k]
             share = max((row < low[k] + near[k]).mean(), (row > high[k] - near[k]).mean())
-            if share > MANY:
+            if share > EDGE_SHARE:
                 found.append(
                     f"{share:.0%} of the points are at an end of the box of {name}: increase its "
                     "spread, or the data don't determine it."
                 )
-        if self.effective_sample_size < min(ENOUGH, 0.5 * len(self.coordinates)):
+        if self.effective_sample_size < min(FEWEST_EFFECTIVE, 0.5 * len(self.coordinates)):
             found.append(
                 f"The points come from only {self.effective_sample_size:.0f} effective runs: "
                 "increase `number`."
