@@ -563,10 +563,8 @@ def _small_posterior(
     try:
         # The seed is fixed at 0, so that the same fit always has the same posterior.
         found = drawn_posterior(lanes, parameters, units, box, uniform, points, 0, most_runs)
-    except (TooManyRunsError, ImpossiblePointsError, np.linalg.LinAlgError):
-        # The last one is raised if the covariance of the drawn points is singular. The fit keeps
-        # its other intervals.
-        return None
+    except (TooManyRunsError, ImpossiblePointsError):
+        return None  # The fit keeps its other intervals.
     # Warnings say that the box cuts the posterior off, or that few runs have a weight. Points that
     # do not come near the lowest minimum have missed it.
     nearest = found.coordinates[found.log_likelihood.argmax()]
