@@ -236,9 +236,10 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 
 def percent(share: float) -> str:
     """Return `share` in percent as text with two significant digits; "-" if it is not finite."""
-    return f"{100.0 * share:.2g} %" if np.isfinite(share) else "-"
+    return f"{number(100.0 * share)} %" if np.isfinite(share) else "-"
 
 
 def number(value: float, digits: int = 2) -> str:
     """Return `value` as text with `digits` significant digits; "-" if it is not finite."""
-    return f"{value:.{digits}g}" if np.isfinite(value) else "-"
+    # Rounded first: 100 with two digits would otherwise be "1e+02".
+    return f"{float(f'{value:.{digits}g}'):g}" if np.isfinite(value) else "-"

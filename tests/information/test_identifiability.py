@@ -131,6 +131,14 @@ def test_weights_that_matter_are_named_though_they_are_small():
     assert worst.shares[0] > 0.99
 
 
+@pytest.mark.parametrize(
+    ("share", "text"),
+    [(1.0, "100 %"), (0.01234, "1.2 %"), (12.34, "1200 %"), (2e-7, "2e-05 %"), (np.inf, "-")],
+)
+def test_shares_are_rounded_to_two_digits(share, text):
+    assert information.percent(share) == text
+
+
 @pytest.mark.slow
 def test_measured_series_serve_as_sensors(report):
     """By their channel, times and noise, whatever their values."""
