@@ -19,6 +19,7 @@ from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Bounded, Parameter, step_limits, values_at
 from ..parametrisation.variations import SeriesDelay, StateNumber
+from ..result_codes import RESULTS
 from . import checking
 from . import goodness_of_fit as statistics
 from .checking import LikelihoodCheck
@@ -231,9 +232,14 @@ class Fit(AbstractTabular):
 
     @cached_property
     def residuals(self) -> dict[str, np.ndarray]:
-        """Residuals of each series by name, (N,): (prediction - value) / noise."""
-        series = self.measurements.series
-        return {n: np.asarray(series[n].residuals(row)) for n, row in self.predictions.items()}
+        """Residuals of each series by name, (N,): (prediction - value) / noise.
+
+        They are 1e6 at times that the fitted run does not reach, as in `chi_squared`.
+        """
+        times, best = self.measurements.times(), self.best.best
+        rows = best.residuals.reshape(best.predicted.shape)
+        pairs = zip(self.measurements.series.items(), rows, strict=True)
+        return {name: row[np.searchsorted(times, s.times)] for (name, s), row in pairs}
 
     @property
     def rms(self) -> dict[str, float]:
@@ -523,14 +529,17 @@ def _remedies(fit: Fit, scatter: float) -> Iterator[str]:
     sizes = fit.rms
     worst = max(sizes, key=lambda name: sizes[name])
     others = [size for name, size in sizes.items() if name != worst]
+    # The size of residuals at times that a failed run does not reach has no meaning.
+    reached = fit.best.best.result == RESULTS.successful
     # If the model fits all other series, the fault is probably in the sensor of this one.
-    if others and max(others) <= GOOD:
+    if reached and others and max(others) <= GOOD:
         yield (
             f"Only series {worst!r} does not fit: its residuals are {sizes[worst]:.3g} times its "
             "noise. Check its unit, sign, axes and noise, and the position of the sensor."
         )
-    yield from _delays(fit)
-    yield from _outliers(fit)
+    if reached:
+        yield from _delays(fit)
+        yield from _outliers(fit)
     yield from _shorter_records(fit)
     if len(fit.searches) == 1 and not fit.screened:
         yield (
@@ -645,11 +654,11 @@ def _shorter_records(fit: Fit) -> Iterator[str]:
             "Compute the longest record that a single run can fit, by "
             "cj.fit_horizon(scene, state, parameters, measurements, uncertainty=...)."
         )
-    elif end > horizon.single_shot:
+    elif end >= horizon.single_shot:
         yield (
-            f"The record ends at {end:.4g} s, but a single run can fit only "
-            f"{horizon.single_shot:.4g} s: shorten the record, or fit windows that grow from this "
-            "time, by grow=[...]."
+            f"The record ends at {end:.4g} s, but a single run can only fit a record that ends "
+            f"before {horizon.single_shot:.4g} s: shorten the record, or fit growing windows, of "
+            "which the first ends before this time, by grow=[...]."
         )
 
 
