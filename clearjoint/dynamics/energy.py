@@ -100,8 +100,8 @@ def mechanical_energy(scene: Scene, motions: Motions, t: Scalar) -> dict[str, Sc
         energies["gravity"] = 0.0
         for name, body in scene.bodies.items():
             # The product is -g times the height above the global origin, so it is subtracted.
-            height = scene.gravity.dot(motions[name].position)
-            energies["gravity"] = energies["gravity"] - sum_(body.mass * height)
+            along_gravity = scene.gravity.dot(motions[name].position)
+            energies["gravity"] = energies["gravity"] - sum_(body.mass * along_gravity)
     if scene.forces:
         stored = [element.stored_energy(motions, t) for element in scene.forces.values()]
         # The start value 0 of a plain `sum` would add an operation to the compiled program.

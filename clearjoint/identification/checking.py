@@ -28,7 +28,7 @@ from .levenberg_marquardt import Ending, Iteration, Search, WindowSearch, search
 from .posterior.posterior import ImpossiblePointsError, TooManyRunsError, drawn_posterior
 from .posterior.result import Posterior
 from .residuals import Experiment, RunMisfit, Samples, parameter_covariance, run_misfit
-from .screening.level_sets import among, apart
+from .screening.level_sets import drawn_among, far_apart
 from .screening.misfit_curves import SideBySide
 
 STEPS = (-4.0, -2.0, -1.0, 1.0, 2.0, 4.0)
@@ -39,7 +39,7 @@ LESS, MORE, FLOOR = 1.5, 2.0, 0.5
 """Chi squared agrees with the quadratic model if its rise is between predicted / LESS - FLOOR and
 predicted * MORE + FLOOR. The lower limit is closer, because a rise that is too small may lead to
 another minimum."""
-MANY = 0.1
+DIFFERING_SHARE = 0.1
 """Share of the test points at which chi squared must disagree with the quadratic model at the time
 that counts as horizon."""
 RISE = NormalDist().inv_cdf(0.975) ** 2
@@ -176,7 +176,7 @@ def tested(
     slope = np.cumsum(2.0 * (residuals * linear).sum(axis=1), axis=1)
     differing = _differing(predicted, actual - slope)[near]
     # The share is that of all points, so that a few near points alone do not count as many.
-    late = np.flatnonzero(differing.sum(axis=0) >= max(MANY * len(offsets), 1.0))
+    late = np.flatnonzero(differing.sum(axis=0) >= max(DIFFERING_SHARE * len(offsets), 1.0))
     horizon = float(times[late[0]]) if late.size else math.inf
     return QuadraticTest(predicted[:, -1], actual[:, -1], horizon)
 
@@ -293,9 +293,10 @@ def explore(
         kept = points[order[: min(max(KEPT, low_enough), number // 2)]]
         # Local searches from points in known minima would only find these minima again.
         candidates = [x for x in kept if not any(inside(one, x) for one in minima)]
-        # `apart` measures distances in standard deviations of the points, so it needs two or more.
+        # `far_apart` measures distances in standard deviations of the points, so it needs two or
+        # more.
         several = len(candidates) > 1
-        chosen = apart(np.array(candidates), DESCENTS) if several else range(len(candidates))
+        chosen = far_apart(np.array(candidates), DESCENTS) if several else range(len(candidates))
         descended = [descend(candidates[k]) for k in chosen]
         # Returned as it is only if the intervals have settled.
         explored = Exploration(points, values, (*minima, *descended), count, True)
@@ -319,7 +320,7 @@ def explore(
         near = [one.coordinates for one in minima if one.chi_squared <= limit]
         kept = np.concatenate([kept, np.array(near).reshape(-1, p)])
         # A covariance in p dimensions needs p + 1 neighbours; twice as many make it less random.
-        fresh = among(kept, number // 2, 2 * (p + 1), bounds, generator)
+        fresh = drawn_among(kept, number // 2, 2 * (p + 1), bounds, generator)
         # If the minimum has moved, the first points were drawn around the wrong one.
         if decrease > RISE or explored.lowest > likely:
             again = around(best.coordinates, [best.covariance, *covariances[1:]], number // 2)
@@ -562,10 +563,8 @@ def _small_posterior(
     try:
         # The seed is fixed at 0, so that the same fit always has the same posterior.
         found = drawn_posterior(lanes, parameters, units, box, uniform, points, 0, most_runs)
-    except (TooManyRunsError, ImpossiblePointsError, np.linalg.LinAlgError):
-        # The last one is raised if the covariance of the drawn points is singular. The fit keeps
-        # its other intervals.
-        return None
+    except (TooManyRunsError, ImpossiblePointsError):
+        return None  # The fit keeps its other intervals.
     # Warnings say that the box cuts the posterior off, or that few runs have a weight. Points that
     # do not come near the lowest minimum have missed it.
     nearest = found.coordinates[found.log_likelihood.argmax()]

@@ -19,6 +19,7 @@ from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Bounded, Parameter, step_limits, values_at
 from ..parametrisation.variations import SeriesDelay, StateNumber
+from ..result_codes import RESULTS
 from . import checking
 from . import goodness_of_fit as statistics
 from .checking import LikelihoodCheck
@@ -49,7 +50,7 @@ DOUBLINGS = 5
 """Number of growing windows to suggest, each twice as long as the one before it."""
 MOST = 0.5
 """Share of chi squared above which one cause counts as the main cause."""
-FEW = 0.02
+OUTLIER_SHARE = 0.02
 """Share of the samples that may be outliers: the largest residuals are summed over this share."""
 UNCORRELATED = 1e-3
 """p-value of the test of whiteness below which residuals are not white."""
@@ -231,9 +232,14 @@ class Fit(AbstractTabular):
 
     @cached_property
     def residuals(self) -> dict[str, np.ndarray]:
-        """Residuals of each series by name, (N,): (prediction - value) / noise."""
-        series = self.measurements.series
-        return {n: np.asarray(series[n].residuals(row)) for n, row in self.predictions.items()}
+        """Residuals of each series by name, (N,): (prediction - value) / noise.
+
+        They are 1e6 at times that the fitted run does not reach, as in `chi_squared`.
+        """
+        times, best = self.measurements.times(), self.best.best
+        rows = best.residuals.reshape(best.predicted.shape)
+        pairs = zip(self.measurements.series.items(), rows, strict=True)
+        return {name: row[np.searchsorted(times, s.times)] for (name, s), row in pairs}
 
     @property
     def rms(self) -> dict[str, float]:
@@ -366,9 +372,9 @@ class Fit(AbstractTabular):
                 f"The fit has moved to a minimum whose chi squared is {moved:.3g} lower than "
                 "at the end of the search."
             )
-        return " ".join([*parts, *self._check_limits(check, explored)])
+        return " ".join([*parts, *self._interval_doubts(check, explored)])
 
-    def _check_limits(
+    def _interval_doubts(
         self, check: LikelihoodCheck, explored: checking.Exploration
     ) -> Iterator[str]:
         """Yield sentences on possible reasons why the intervals are wrong after an exploration.
@@ -523,14 +529,17 @@ def _remedies(fit: Fit, scatter: float) -> Iterator[str]:
     sizes = fit.rms
     worst = max(sizes, key=lambda name: sizes[name])
     others = [size for name, size in sizes.items() if name != worst]
+    # The size of residuals at times that a failed run does not reach has no meaning.
+    reached = fit.best.best.result == RESULTS.successful
     # If the model fits all other series, the fault is probably in the sensor of this one.
-    if others and max(others) <= GOOD:
+    if reached and others and max(others) <= GOOD:
         yield (
             f"Only series {worst!r} does not fit: its residuals are {sizes[worst]:.3g} times its "
             "noise. Check its unit, sign, axes and noise, and the position of the sensor."
         )
-    yield from _delays(fit)
-    yield from _outliers(fit)
+    if reached:
+        yield from _delays(fit)
+        yield from _outliers(fit)
     yield from _shorter_records(fit)
     if len(fit.searches) == 1 and not fit.screened:
         yield (
@@ -589,9 +598,9 @@ def _delays(fit: Fit) -> Iterator[str]:
 
 
 def _outliers(fit: Fit) -> Iterator[str]:
-    """Yield a sentence if few samples, the share `FEW`, contribute most of chi squared."""
+    """Yield a sentence if few samples, `OUTLIER_SHARE`, contribute most of chi squared."""
     rows = np.concatenate(list(fit.residuals.values())) ** 2
-    count = max(int(FEW * len(rows)), 1)
+    count = max(int(OUTLIER_SHARE * len(rows)), 1)
     largest = np.sort(rows)[::-1][:count]
     if len(rows) >= PIECES and largest.sum() >= MOST * rows.sum():
         name, worst = max(fit.residuals.items(), key=lambda item: float(np.abs(item[1]).max()))
@@ -645,11 +654,11 @@ def _shorter_records(fit: Fit) -> Iterator[str]:
             "Compute the longest record that a single run can fit, by "
             "cj.fit_horizon(scene, state, parameters, measurements, uncertainty=...)."
         )
-    elif end > horizon.single_shot:
+    elif end >= horizon.single_shot:
         yield (
-            f"The record ends at {end:.4g} s, but a single run can fit only "
-            f"{horizon.single_shot:.4g} s: shorten the record, or fit windows that grow from this "
-            "time, by grow=[...]."
+            f"The record ends at {end:.4g} s, but a single run can only fit a record that ends "
+            f"before {horizon.single_shot:.4g} s: shorten the record, or fit growing windows, of "
+            "which the first ends before this time, by grow=[...]."
         )
 
 

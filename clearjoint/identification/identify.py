@@ -56,7 +56,7 @@ class FitInterrupted(KeyboardInterrupt):
     """
 
     def __init__(self, fits: Sequence[Fit]):
-        text = "The fit was interrupted before its first run had ended."
+        text = "The fit was interrupted before the first run of a search had ended."
         if fits:
             values = ", ".join(f"{n} {value:.6g}" for n, value in fits[-1].estimates.items())
             last = fits[-1]

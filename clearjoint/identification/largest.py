@@ -121,7 +121,8 @@ class LargestFeasible:
         form = f".{int(np.clip(np.ceil(-np.log10(max(width, 1e-12))) + 1, 2, 12))}g"
         result = (
             f"The limits are satisfied up to {self.value:{form}} {self.unit} (the first violation "
-            f"begins between {low:{form}} and {high:{form}}), by {len(self.values)} lanes."
+            f"begins between {low:{form}} and {high:{form}}), by runs at {len(self.values)} "
+            "values."
         )
         if self.alternating is not None:
             first, last = (f"{value:{form}}" for value in self.alternating)
@@ -322,10 +323,14 @@ def lane_margins(
     # Each of the three is the smallest of all outputs.
     margins, low, high = np.min(np.array([*rows.values()]), axis=0)
     # For the message about a limit that is violated from the first value on.
-    smallest = min(rows, key=lambda name: float(rows[name][0][0]))
-    first = float(rows[smallest][0][0])
+    firsts = {name: float(row[0][0]) for name, row in rows.items()}
+    # A NaN is a violation too, but is not less than other margins.
+    smallest = min(firsts, key=lambda name: -np.inf if np.isnan(firsts[name]) else firsts[name])
+    first = firsts[smallest]
     peak = "the run with this value fails"
-    if np.isfinite(first):
+    if np.isnan(first):
+        peak = f"`{smallest}` has no peak with this value, but NaN"
+    elif np.isfinite(first) or successful[:count].all():
         # The empty name is that of a reduction's main result, which is limited.
         unit, limit = outputs[smallest].units().get("", "1"), limits[smallest]
         peak = (
@@ -536,7 +541,7 @@ def _check(
     for name, one in quantities.items():
         if isinstance(one, AbstractReduction):
             # The main result of a reduction, which is limited, has the empty name.
-            units, expected = list(one.units()), "a reduction with one result"
+            units, expected = list(one.units()), 'a reduction with a main result, named ""'
             remedy = "subclass AbstractReduction to report one, or pass the quantity for its peak"
             require("" in units, f"quantity[{name!r}]", units, expected, remedy)
             one.check(scene)

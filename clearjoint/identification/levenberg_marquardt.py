@@ -242,14 +242,13 @@ def search_with_damping(
         largest = norms.max() if norms.max() > 0.0 else 1.0
         scales = np.where(norms > UNDETERMINED * largest, norms, largest)
         y, arrays = on_device(start * scales), None
-        # `limits` are the last two arguments of `_advance`: the limits of a step and the tolerance.
-        limits = on_device(step_limits * scales), on_device(tolerance)
+        limits, end_at = on_device(step_limits * scales), on_device(tolerance)
         while True:
             # optimistix gets the linear model at the latest point, even if it rejects that point:
             # it reads the residuals there to decide, and keeps the model of the best point in its
             # state.
             model = on_device(latest.coordinates * scales), *_triangular(latest, scales)
-            y, arrays, done, length = _advance(y, arrays, model, *limits)
+            y, arrays, done, length = _advance(y, arrays, model, limits, end_at)
             accepted = int(arrays.num_steps_since_acceptance) == 0
             best = latest if accepted else best
             iteration = Iteration(

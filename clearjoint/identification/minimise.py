@@ -34,8 +34,8 @@ class Minimum:
     - `coordinates`: (p,) the same values as coordinates of the parameters' scales, such as
       logarithms on a `Log` scale.
     - `objective`: smallest objective of all runs.
-    - `history`: (iterations,) objective of each run; shorter if a run failed, which ends the
-      search.
+    - `history`: (iterations,) objective of each run; shorter if a run failed or its objective was
+      not finite, which ends the search.
     - `result`: `RESULTS` code of the last run.
 
     >>> def lowest(outputs):
@@ -82,11 +82,13 @@ def minimise(
     - `settings`: settings of the integration; by default `clearjoint.presets.derivatives`.
     - `optimiser`: an optax optimiser of the parameters' coordinates on their scales; by default
       `optax.adam(0.05)`, which changes each coordinate by about 0.05 in a step.
-    - `iterations`: number of runs. The search ends earlier if a run does not reach all times.
+    - `iterations`: number of runs. The search ends earlier if a run does not reach all times, or
+      if its objective is not finite.
 
     **Returns:** a `Minimum`, for the run with the smallest objective.
 
-    **Raises:** `ValueError` for unsupported arguments, and if the first run fails.
+    **Raises:** `ValueError` for unsupported arguments, and if the first run fails or its objective
+    is not finite.
 
     >>> def squares(outputs):
     ...     return jnp.sum((outputs["x"] - 0.1 * jnp.cos(12.0 * times)) ** 2)
@@ -115,6 +117,13 @@ def minimise(
         # The times that pad `times` to the length of a compiled program are cut off.
         values = {name: row[: len(times)] for name, row in run.values.items()}
         value, slopes = gradient(values)
+        if not np.isfinite(value):
+            expected, remedy = (
+                "finite in the first run",
+                "start from other parameters, or change it",
+            )
+            require(bool(history), "objective", float(value), expected, remedy)
+            break
         history.append(float(value))
         best = at if float(value) <= min(history) else best
         # Chain rule: a run gives derivatives of the outputs, JAX those of the objective by the

@@ -204,7 +204,7 @@ class Identifiability:
         On a `Log` scale, that of a coordinate is the relative error of the value. It is infinite
         for a parameter that the data don't determine.
         """
-        return information.together(self.root, self.accuracy)
+        return information.deviations_together(self.root, self.accuracy)
 
     @property
     def deviations_alone(self) -> Float[np.ndarray, " p"]:
@@ -212,7 +212,7 @@ class Identifiability:
 
         That of a parameter without effect on the data is infinite.
         """
-        return information.alone(self.root)
+        return information.deviations_alone(self.root)
 
     @property
     def labels(self) -> list[str]:
@@ -288,7 +288,7 @@ class Identifiability:
         """
         ends = np.searchsorted(self.sample_times, self.times, side="right")
         roots = information.roots_over(self.rows, ends.tolist())
-        return information.together(roots, self.accuracy)
+        return information.deviations_together(roots, self.accuracy)
 
     def __str__(self) -> str:
         """Return tables of standard deviations, correlations and combinations, as text."""

@@ -48,7 +48,9 @@ def roots_over(rows: Float[np.ndarray, "N p"], ends: Sequence[int]) -> Float[np.
     return np.array(roots)
 
 
-def together(roots: Float[np.ndarray, "*T r p"], accuracy: float) -> Float[np.ndarray, "*T p"]:
+def deviations_together(
+    roots: Float[np.ndarray, "*T r p"], accuracy: float
+) -> Float[np.ndarray, "*T p"]:
     """Return lower bounds (..., p) of the parameters' standard deviations if all are estimated.
 
     A combination of parameters is undetermined if its singular value is at most `accuracy` times
@@ -61,15 +63,17 @@ def together(roots: Float[np.ndarray, "*T r p"], accuracy: float) -> Float[np.nd
     """
     # Columns of unit length make the test independent of the units of the parameters.
     lengths, values, directions = _equilibrated(roots)
-    blind = _blind(values, accuracy)[..., None]
+    negligible = _negligible(values, accuracy)[..., None]
     # A parameter is undetermined only if its part in an undetermined direction exceeds the error
     # of that direction. The others have finite bounds, from the determined directions.
-    parts = directions / np.where(blind, 1.0, values[..., None])
-    parts = np.where(blind, np.where(np.abs(directions) > np.sqrt(accuracy), np.inf, 0.0), parts)
+    parts = directions / np.where(negligible, 1.0, values[..., None])
+    parts = np.where(
+        negligible, np.where(np.abs(directions) > np.sqrt(accuracy), np.inf, 0.0), parts
+    )
     return np.linalg.norm(parts, axis=-2) / np.where(lengths > 0.0, lengths, 1.0)
 
 
-def alone(roots: Float[np.ndarray, "*T r p"]) -> Float[np.ndarray, "*T p"]:
+def deviations_alone(roots: Float[np.ndarray, "*T r p"]) -> Float[np.ndarray, "*T p"]:
     """Return lower bounds (..., p) of the parameters' standard deviations if one is estimated.
 
     The bound of each parameter assumes that the values of all others are known. It is infinite if
@@ -85,9 +89,9 @@ def alone(roots: Float[np.ndarray, "*T r p"]) -> Float[np.ndarray, "*T p"]:
 def rank(roots: Float[np.ndarray, "*T r p"], accuracy: float) -> np.ndarray:
     """Return the number (...) of independent combinations of parameters that the data determine.
 
-    **Arguments:** as for `together`.
+    **Arguments:** as for `deviations_together`.
     """
-    return (~_blind(_equilibrated(roots)[1], accuracy)).sum(axis=-1)
+    return (~_negligible(_equilibrated(roots)[1], accuracy)).sum(axis=-1)
 
 
 def condition(roots: Float[np.ndarray, "*T r p"]) -> np.ndarray:
@@ -177,10 +181,10 @@ def combinations(root: Float[np.ndarray, "p p"], accuracy: float) -> tuple[Combi
     # small singular value means missing information only if scaled columns are deficient too.
     _, values, directions = np.linalg.svd(root)
     deficient = rank(root, accuracy) < len(values)
-    blind = _blind(values, accuracy if deficient else np.finfo(float).eps)
+    negligible = _negligible(values, accuracy if deficient else np.finfo(float).eps)
     with np.errstate(divide="ignore", invalid="ignore"):
-        deviations = np.where(blind, np.inf, 1.0 / values)
-        variances = together(root, accuracy) ** 2
+        deviations = np.where(negligible, np.inf, 1.0 / values)
+        variances = deviations_together(root, accuracy) ** 2
         sums = []
         for direction, deviation in zip(directions, deviations, strict=True):
             largest = np.abs(direction).max()
@@ -204,7 +208,7 @@ def _equilibrated(
     return lengths, values, directions
 
 
-def _blind(values: Float[np.ndarray, "*T k"], accuracy: float) -> Bool[np.ndarray, "*T k"]:
+def _negligible(values: Float[np.ndarray, "*T k"], accuracy: float) -> Bool[np.ndarray, "*T k"]:
     """Return whether singular values are negligible, (..., k).
 
     The data don't determine the combinations of parameters that belong to them.
@@ -232,9 +236,10 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 
 def percent(share: float) -> str:
     """Return `share` in percent as text with two significant digits; "-" if it is not finite."""
-    return f"{100.0 * share:.2g} %" if np.isfinite(share) else "-"
+    return f"{number(100.0 * share)} %" if np.isfinite(share) else "-"
 
 
 def number(value: float, digits: int = 2) -> str:
     """Return `value` as text with `digits` significant digits; "-" if it is not finite."""
-    return f"{value:.{digits}g}" if np.isfinite(value) else "-"
+    # Rounded first: 100 with two digits would otherwise be "1e+02".
+    return f"{float(f'{value:.{digits}g}'):g}" if np.isfinite(value) else "-"

@@ -40,7 +40,7 @@ from .analysis import (
     outputs_of,
     times_of,
 )
-from .fisher_information import aligned, number
+from .fisher_information import aligned, number, percent
 
 LOOSER = 10.0
 """Tolerance of the run with which the main run is compared to estimate its error, relative to that
@@ -137,29 +137,30 @@ class FitHorizon:
         return min(self.numerical, self.convergence)
 
     def warn_if_beyond(self, time: float) -> None:
-        """Warn, with a `UserWarning`, if a record ends after `single_shot`.
+        """Warn, with a `UserWarning`, if a record ends at `single_shot` or later.
 
-        The warning names each limit that the record exceeds, in ms, and suggests fitting a part of
-        the record up to the smaller limit first, and then longer parts (`grow` of `identify`).
+        The warning names each limit that the record reaches, in ms, and suggests fitting a part of
+        the record before the smaller limit first, and then longer parts (`grow` of `identify`).
 
         **Arguments:** `time`: s, time of the record's last sample.
         """
-        if time > self.single_shot:
+        if time >= self.single_shot:
             reasons = []
-            if time > self.convergence:
+            if time >= self.convergence:
                 reasons.append(
                     f"from {1e3 * self.convergence:.4g} ms on, fits from guesses with this "
                     "uncertainty may end in a wrong minimum"
                 )
-            if time > self.numerical:
+            if time >= self.numerical:
                 reasons.append(
                     f"from {1e3 * self.numerical:.4g} ms on, integration errors exceed the noise "
                     "or make the derivatives useless"
                 )
             warnings.warn(
                 f"The record ends at {1e3 * time:.4g} ms and is too long for a fit by a single "
-                f"run: {'; '.join(reasons)}. Fit windows that grow from "
-                f"{1e3 * self.single_shot:.4g} ms: identify(..., grow=[...]).",
+                f"run: {'; '.join(reasons)}. Fit growing windows, of "
+                f"which the first ends before {1e3 * self.single_shot:.4g} ms: "
+                "identify(..., grow=[...]).",
                 UserWarning,
                 stacklevel=2,
             )
@@ -172,8 +173,8 @@ class FitHorizon:
             f"A run of {1e3 * end:g} ms; small differences of velocity grow at a rate of "
             f"{self.rate:.3g} 1/s after the first contact.",
             f"Integration and derivatives are accurate {_until(self.numerical)} (the error at the "
-            f"end is {self.error[-1]:.2g} times the noise, that of derivatives "
-            f"{100.0 * self.derivative_error[-1]:.2g} %).",
+            f"end is {number(self.error[-1])} times the noise, that of derivatives "
+            f"{percent(self.derivative_error[-1])}).",
             f"Fits from all guesses converge {_until(self.convergence)}.",
         ]
         guesses = [("offsets of", *self.information.labels, "converges")]

@@ -3,6 +3,7 @@
 import dataclasses
 import math
 import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from clearjoint import plot
 from clearjoint.identification import goodness_of_fit as statistics
 from clearjoint.identification.identify import _warn
 from clearjoint.identification.levenberg_marquardt import Iteration, Search, WindowSearch
-from clearjoint.identification.residuals import RunMisfit, parameter_covariance
+from clearjoint.identification.residuals import UNREACHED, RunMisfit, parameter_covariance
 from clearjoint.information import fisher_information as information
 
 COUNT, NOISE = 200, 0.1
@@ -289,6 +290,25 @@ def test_outliers_and_shifts_in_time_are_seen():
     assert not any("start_time" in sentence for sentence in late)
     free = with_data(lambda data: data - 0.6, parameters=PLAIN | DELAY).advice
     assert not any("Parameter.delay" in sentence for sentence in free)
+
+
+def test_samples_that_a_failed_run_does_not_reach_are_no_outliers():
+    fit = line(ending=cj.results.Ending.FAILED)
+    residuals = fit.best.best.residuals.copy()
+    residuals[-2:] = UNREACHED
+    best = dataclasses.replace(
+        fit.best.best, residuals=residuals, result=cj.RESULTS.max_steps_reached
+    )
+    fit = dataclasses.replace(fit, best=dataclasses.replace(fit.best, best=best))
+    np.testing.assert_array_equal(fit.residuals["laser"], residuals)
+    assert not any("outliers" in sentence or "late" in sentence for sentence in fit.advice)
+
+
+@pytest.mark.parametrize(("limit", "advised"), [(TIMES[-1], True), (np.inf, False)])
+def test_a_record_that_ends_at_its_horizon_is_too_long(limit, advised):
+    horizon = SimpleNamespace(single_shot=limit)
+    fit = with_data(lambda data: data + 5.0 * np.sin(20.0 * TIMES), horizon=horizon)
+    assert any("that ends before 2 s" in sentence for sentence in fit.advice) == advised
 
 
 def test_what_was_tried_already_is_not_advised():

@@ -130,6 +130,8 @@ def test_runs_that_fail_leave_large_residuals_without_slope(problem, draws):
     )
     assert failing.ending is cj.results.Ending.FAILED
     assert "does not reach the last sample" in failing.warnings[0]
+    squares = sum(np.sum(row**2) for row in failing.residuals.values())
+    assert squares == pytest.approx(failing.chi_squared, rel=1e-9) and squares >= UNREACHED**2
 
 
 def test_draws_of_noise_are_fitted_as_by_themselves(fit, draws):
@@ -205,6 +207,14 @@ def test_minimum_of_an_objective(clean):
     with pytest.raises(ValueError, match="`parameters` must be parameters for which the first run"):
         few = replace(cj.presets.derivatives, max_steps=3)
         cj.minimise(scene, STATE, objective, PARAMETERS, PROBES, TIMES, settings=few)
+
+    def rooted(found, first=found.history[0]):
+        return jnp.sqrt(2.0 * first - objective(found))  # NaN far from the truth
+
+    short = cj.minimise(scene, STATE, rooted, PARAMETERS, PROBES, TIMES, iterations=3)
+    assert short.history.shape == (1,) and short.objective == short.history[0]
+    with pytest.raises(ValueError, match="`objective` must be finite in the first run, but is nan"):
+        cj.minimise(scene, STATE, lambda o: -jnp.sqrt(-objective(o)), PARAMETERS, PROBES, TIMES)
     with pytest.raises(ValueError, match="`iterations` must be a whole number, positive, but is 0"):
         cj.minimise(scene, STATE, objective, PARAMETERS, PROBES, TIMES, iterations=0)
 

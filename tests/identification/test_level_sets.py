@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from clearjoint.identification.screening.level_sets import among, apart, finite_level, reached
+from clearjoint.identification.screening.level_sets import (
+    drawn_among,
+    far_apart,
+    finite_level,
+    reached,
+)
 
 RANDOM = np.random.default_rng(2)
 
@@ -22,10 +27,10 @@ def test_distances_do_not_depend_on_units():
     corners = np.array([[0.0, 0.0], [0.1, 0.1], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
     expected = {0, 2, 3, 4}
     for units in ([1.0, 1.0], [1e-6, 1e3]):
-        chosen = apart(corners * units, 4)
+        chosen = far_apart(corners * units, 4)
         assert chosen[0] == 0 and set(chosen) == expected
-    assert len(apart(corners, 9)) == 5
-    assert len(apart(np.zeros((3, 2)), 2)) == 2
+    assert len(far_apart(corners, 9)) == 5
+    assert len(far_apart(np.zeros((3, 2)), 2)) == 2
 
 
 def test_new_points_follow_a_set_in_two_thin_pieces():
@@ -34,7 +39,7 @@ def test_new_points_follow_a_set_in_two_thin_pieces():
     needle = np.column_stack([along, 1e-3 * RANDOM.standard_normal(20)])
     both = np.concatenate([needle, needle + [0.0, 1.0]])
     bounds = np.array([-2.0, -2.0]), np.array([2.0, 2.0])
-    drawn = among(both, 500, 6, bounds, RANDOM)
+    drawn = drawn_among(both, 500, 6, bounds, RANDOM)
     near = np.abs(drawn[:, 1] - np.round(drawn[:, 1]))
     assert near.max() < 0.02 and set(np.round(drawn[:, 1])) == {0.0, 1.0}
     assert 0.05 < drawn[:, 0].std() < 0.12
@@ -43,6 +48,6 @@ def test_new_points_follow_a_set_in_two_thin_pieces():
 def test_new_points_keep_inside_the_bounds():
     points = RANDOM.uniform(-1.0, 1.0, (40, 2)) * [1.0, 0.0]
     low, high = np.array([-1.0, 0.0]), np.array([1.0, 0.0])
-    drawn = among(points, 300, 6, (low, high), RANDOM)
+    drawn = drawn_among(points, 300, 6, (low, high), RANDOM)
     assert (drawn >= low).all() and (drawn <= high).all() and (drawn[:, 1] == 0.0).all()
     assert np.mean(np.abs(drawn[:, 0]) == 1.0) < 0.02

@@ -2,9 +2,17 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import clearjoint as cj
-from clearjoint.identification.largest import LaneMargins, _Search, first_violation, limit_margins
+from clearjoint.identification.largest import (
+    LaneMargins,
+    _Search,
+    as_reduction,
+    first_violation,
+    lane_margins,
+    limit_margins,
+)
 from clearjoint.quantities import ContactForce, Eccentricity
 
 MASS, GRAVITY, STIFFNESS = 7.0, 9.81, 1e8
@@ -48,6 +56,7 @@ def test_the_first_violation_counts_and_later_passes_are_reported():
     first, last = found.alternating
     assert found.interval[1] == first and last == pytest.approx(5.5, rel=0.1)
     assert "passes and violations alternate" in str(found) and "Margins rise and fall" in str(found)
+    assert f"by runs at {len(found.values)} values." in str(found)
 
 
 @pytest.mark.parametrize("count", [8, 16, 32])
@@ -119,7 +128,7 @@ MISTAKEN = {
     "a quantity by name": ({"quantity": "force"}, "`quantity.'quantity'.` must be a scalar"),
     "several results": (
         {"quantity": cj.Statistics(ContactForce("shoulder", "V"), "N")},
-        "must be a reduction with one result",
+        'must be a reduction with a main result, named "", but is .*mean',
     ),
     "another joint": ({"quantity": ContactForce("elbow")}, "`joint` must be one of the scene's"),
     "a quantile": ({"quantile": 95.0}, r"`quantile` must be in \[0.0, 1.0\]"),
@@ -165,6 +174,27 @@ def drop():
 
 OUTPUTS = {"eccentricity": Eccentricity("pin"), "force": ContactForce("pin", "V")}
 CLEARANCE = cj.Parameter(lambda scene: scene.joints["pin"].clearance, cj.Log())
+
+
+@pytest.mark.parametrize(
+    ("eccentricity", "force", "result", "message"),
+    [
+        (1e-4, 300.0, "successful", "`force` reaches 300 N with this value, and its limit is 150"),
+        (1e-4, np.nan, "successful", "`force` has no peak with this value, but NaN"),
+        (np.nan, 300.0, "successful", "`eccentricity` has no peak with this value, but NaN"),
+        (1e-4, np.inf, "successful", "`force` reaches inf N with this value"),
+        (1e-4, 300.0, "max_steps_reached", "the run with this value fails"),
+    ],
+)
+def test_a_violation_at_the_first_value_is_explained(eccentricity, force, result, message):
+    def run(axes, outputs, zipped):
+        peaks = {"eccentricity": eccentricity, "force": force}
+        peaks["result"] = cj.extend.result_number(getattr(cj.RESULTS, result))
+        return xr.Dataset({name: ("lane", [peak, peak]) for name, peak in peaks.items()})
+
+    outputs = {name: as_reduction(one, None) for name, one in OUTPUTS.items()}
+    found = lane_margins(run, CLEARANCE, outputs, LARGEST, {}, 1.0, np.log([1e-4, 2e-4]))
+    assert found.peak.startswith(message) and first_violation(found.margins) == 0
 
 
 def clearance_for(force, speed=0.0):

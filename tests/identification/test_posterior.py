@@ -95,6 +95,25 @@ def test_few_effective_runs_are_reported():
     assert warning == "The points come from only 20 effective runs: increase `number`."
 
 
+@pytest.mark.parametrize(("top", "even"), [(2.0, True), (1.5, False)])
+def test_points_that_fill_the_box_evenly_are_reported(top, even):
+    """The whole box, or three quarters of it."""
+    result = found(number=64)
+    points = np.linspace(SPEED - WIDTH, SPEED - WIDTH + top * WIDTH, 64)
+    warnings = replace(result, coordinates=points[:, None]).warnings
+    filled = "The points fill the box of speed evenly: the data hardly determine it."
+    assert [text.startswith(filled) for text in warnings] == ([True] if even else [])
+
+
+def test_a_cloud_of_one_point_is_impossible(monkeypatch):
+    def singular(*_):
+        raise np.linalg.LinAlgError("Matrix is not positive definite")
+
+    monkeypatch.setattr("clearjoint.identification.posterior.posterior.draw", singular)
+    with pytest.raises(ValueError, match="Almost all points are impossible .*`log_prior`"):
+        found(number=64)
+
+
 def test_runs_that_fail_are_impossible_and_counted():
     spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
     scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})

@@ -203,7 +203,7 @@ def raising(error):
 
 def test_a_singular_cloud_has_no_posterior(rough, monkeypatch):
     singular = np.linalg.LinAlgError("Matrix is not positive definite")
-    monkeypatch.setattr(checking, "drawn_posterior", raising(singular))
+    monkeypatch.setattr("clearjoint.identification.posterior.posterior.draw", raising(singular))
     with pytest.warns(cj.PoorFitWarning, match="Standard errors are not valid"):
         fit = cj.identify(SCENE, STATE, rough, PARAMETERS, progress=False, check_runs=50)
     assert fit.posterior is None and fit.check is not None
@@ -223,6 +223,13 @@ def test_a_valid_covariance_is_confirmed_by_few_runs(data, monkeypatch):
     assert fit.check.runs == len(fit.check.test.actual) == 14
     np.testing.assert_allclose(fit.check.test.actual, fit.check.test.predicted, rtol=0.3, atol=0.3)
     assert "up to 4 standard errors away (14 runs around" in str(fit)
+
+
+def test_an_interrupted_screening_has_no_fit(data, monkeypatch):
+    monkeypatch.setattr(SideBySide, "chi_squared", raising(KeyboardInterrupt()))
+    with pytest.raises(cj.FitInterrupted, match="before the first run of a search") as stopped:
+        fitted(data, starts=cj.Screening(40))
+    assert stopped.value.fits == []
 
 
 @pytest.mark.parametrize("last", [2, 5])

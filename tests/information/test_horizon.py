@@ -149,13 +149,17 @@ def test_a_short_run_is_within_all_horizons(found):
     assert 0.0 < found.error.max() < 1e-3 and 0.0 < found.derivative_error.max() < 1e-4
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found.warn_if_beyond(min(LAST, found.single_shot))
+        found.warn_if_beyond(np.nextafter(min(LAST, found.single_shot), 0.0))
 
 
 def test_the_warning_gives_numbers_and_the_remedy(found):
     limited = cj.results.FitHorizon(**(vars(found) | {"numerical": 0.02}))
-    with pytest.warns(UserWarning, match="ends at 30 ms.*from 20 ms on.*grow from 20 ms"):
+    with pytest.warns(UserWarning, match="ends at 30 ms.*from 20 ms on.*first ends before 20 ms"):
         limited.warn_if_beyond(0.03)
+    # The record that ends with the first inaccurate sample is too long.
+    limited = cj.results.FitHorizon(**(vars(found) | {"numerical": 0.005}))
+    with pytest.warns(UserWarning, match="ends at 5 ms.*from 5 ms on, integration errors"):
+        limited.warn_if_beyond(0.005)
 
 
 def test_the_report_names_limits_guesses_and_the_worth_of_longer_records(found):

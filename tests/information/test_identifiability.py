@@ -119,9 +119,9 @@ def test_a_root_keeps_what_its_square_would_lose():
     rows = np.stack([common, common + 1e-9 * apart], axis=1)
     own = apart - common * (common @ apart) / (common @ common)
     deviation = 1.0 / (1e-9 * np.linalg.norm(own))
-    found = information.together(information.root_of(rows), 1e-12)
+    found = information.deviations_together(information.root_of(rows), 1e-12)
     np.testing.assert_allclose(found, deviation, rtol=1e-4)
-    assert np.isinf(information.together(information.root_of(rows), 1e-6)).all()
+    assert np.isinf(information.deviations_together(information.root_of(rows), 1e-6)).all()
 
 
 def test_weights_that_matter_are_named_though_they_are_small():
@@ -129,6 +129,14 @@ def test_weights_that_matter_are_named_though_they_are_small():
     worst = information.combinations(root, 1e-9)[-1]
     assert worst.described(["a", "b"]) == "b + 0.01 a"
     assert worst.shares[0] > 0.99
+
+
+@pytest.mark.parametrize(
+    ("share", "text"),
+    [(1.0, "100 %"), (0.01234, "1.2 %"), (12.34, "1200 %"), (2e-7, "2e-05 %"), (np.inf, "-")],
+)
+def test_shares_are_rounded_to_two_digits(share, text):
+    assert information.percent(share) == text
 
 
 @pytest.mark.slow

@@ -53,7 +53,7 @@ def modes(
     # Resampling has made copies of points, which would take the places of neighbours.
     distinct, first, copies = np.unique(points, axis=0, return_index=True, return_inverse=True)
     values, number = chi_squared[first], len(distinct)
-    distances = _distances(distinct)
+    distances = _scaled_distances(distinct)
     # The nearest point is the point itself, hence the 1. With more parameters, neighbours must lie
     # in more directions.
     near = np.argsort(distances, axis=1, kind="stable")[:, : max(NEAREST, 4 * points.shape[1]) + 1]
@@ -91,7 +91,7 @@ def modes(
     return rank[numbers.ravel()]
 
 
-def _distances(points: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n n"]:
+def _scaled_distances(points: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n n"]:
     """Return distances (n, n) between points (n, p), with coordinates in their standard
     deviations."""
     sizes = points.std(axis=0)
@@ -150,9 +150,9 @@ def posterior(
     **Returns:** a `clearjoint.results.Posterior`. A run that fails, or whose prediction is 1e6
     standard deviations off a sample, has the likelihood zero, and is counted in `failed`.
 
-    **Raises:** `ValueError` for unsupported arguments, and if all points are impossible: their runs
-    fail, or their prior is zero; `numpy.linalg.LinAlgError` if so few different points are possible
-    that their covariance is singular.
+    **Raises:** `ValueError` for unsupported arguments, and if all points are impossible, because
+    their runs fail or their prior is zero, or so few points are possible that their covariance is
+    singular.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-3)
     >>> found = cj.posterior(
@@ -220,9 +220,9 @@ def drawn_posterior(
     - `on_step`: function that is called after each step with the time, s, up to which the record is
       in the likelihood, and the number of runs so far.
 
-    **Raises:** `ImpossiblePointsError`, a `ValueError`, if all points are impossible;
-    `TooManyRunsError` if more than `most_runs` runs are needed; `numpy.linalg.LinAlgError` if the
-    covariance of the points is singular.
+    **Raises:** `ImpossiblePointsError`, a `ValueError`, if all points are impossible, or so few are
+    possible that their covariance is singular; `TooManyRunsError` if more than `most_runs` runs are
+    needed.
     """
     begun = time.perf_counter()
     lanes = _Lanes(side_by_side, most_runs)
@@ -233,11 +233,13 @@ def drawn_posterior(
 
     try:
         drawn = draw(target, number, np.random.default_rng(seed), after)
-    except FloatingPointError as error:  # All weights are zero.
+    except (FloatingPointError, np.linalg.LinAlgError) as error:
+        # All weights are zero, or the covariance of the points with a weight is singular.
+        few = isinstance(error, np.linalg.LinAlgError)
         raise ImpossiblePointsError(
-            f"All points are impossible ({lanes.failed} of {lanes.runs} runs failed, "
-            "the prior of the others is zero). Centre `guess` on values with which the scene "
-            "runs, or change `spread` or `log_prior`."
+            f"{'Almost all' if few else 'All'} points are impossible ({lanes.failed} of "
+            f"{lanes.runs} runs failed, the prior of the others is zero). Centre `guess` on values "
+            "with which the scene runs, or change `spread` or `log_prior`."
         ) from error
     # Logarithm of the normal density at a residual of zero, summed over all samples. Weights are
     # inverse standard deviations, and zero where a series has no sample.
@@ -262,7 +264,7 @@ def drawn_posterior(
 
 
 class ImpossiblePointsError(ValueError):
-    """Error of `drawn_posterior` if no point has a likelihood and a prior above zero."""
+    """Error of `drawn_posterior` if too few points have a likelihood and a prior above zero."""
 
 
 class TooManyRunsError(ArithmeticError):

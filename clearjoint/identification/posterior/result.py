@@ -16,11 +16,14 @@ if TYPE_CHECKING:
     import arviz
     import xarray as xr
 
-EDGE, MANY = 0.01, 0.02
+EDGE, EDGE_SHARE = 0.01, 0.02
 """Distance from an end of the box, relative to its width, within which a point is at this end; and
 share of the points at an end from which on the report mentions them, twice that of a uniform
 distribution."""
-ENOUGH = 150.0
+EVEN = 0.1
+"""Largest difference between the points' cumulative distribution and that of a uniform distribution
+over the box, up to which the report mentions that a parameter's points fill the box evenly."""
+FEWEST_EFFECTIVE = 150.0
 """Effective number of runs below which there is a warning, or half the number of points if that is
 less: the ends of intervals are inaccurate."""
 
@@ -114,7 +117,8 @@ class Posterior(AbstractTabular):
 
     @property
     def warnings(self) -> list[str]:
-        """Sentences on a box that cuts the posterior off and on a small effective number of runs.
+        """Sentences on a box that cuts the posterior off, on parameters whose points fill the box
+        evenly, and on a small effective number of runs.
 
         The list is empty if there are no problems.
         """
@@ -123,13 +127,22 @@ class Posterior(AbstractTabular):
         near = EDGE * (high - low)
         for k, name in enumerate(self.parameters):
             row = self.coordinates[:, k]
+            number = len(row)
+            # Positions in the box, 0 to 1, are compared with those of as many evenly spaced points.
+            positions = (np.sort(row) - low[k]) / (high[k] - low[k])
+            if np.abs(positions - (np.arange(number) + 0.5) / number).max() < EVEN:
+                found.append(
+                    f"The points fill the box of {name} evenly: the data hardly determine it. "
+                    "Increase its spread, or leave it out."
+                )
+                continue
             share = max((row < low[k] + near[k]).mean(), (row > high[k] - near[k]).mean())
-            if share > MANY:
+            if share > EDGE_SHARE:
                 found.append(
                     f"{share:.0%} of the points are at an end of the box of {name}: increase its "
                     "spread, or the data don't determine it."
                 )
-        if self.effective_sample_size < min(ENOUGH, 0.5 * len(self.coordinates)):
+        if self.effective_sample_size < min(FEWEST_EFFECTIVE, 0.5 * len(self.coordinates)):
             found.append(
                 f"The points come from only {self.effective_sample_size:.0f} effective runs: "
                 "increase `number`."

@@ -181,15 +181,15 @@ def draw(
             break
         kept, copies = np.unique(chosen, return_counts=True)
         # A mixture around a few points would shrink to a spot, where all weights are equal.
-        if len(kept) >= nearest(points.shape[1]):
+        if len(kept) >= fewest_for_covariance(points.shape[1]):
             mixture = Mixture.around(cloud.points[kept], copies / number, WIDER)
         next_runs = int(number * len(drawn) / effective)
         runs = min(next_runs, GROWTH * len(drawn), MOST * number)
     # The prior is given up to a constant, so the result is divided by its integral over the box.
-    sides = target.high - target.low
-    box = qmc.LatinHypercube(len(sides), rng=generator)
-    prior = normalised(target.log_prior(target.low + sides * box.random(PRIOR_POINTS)))[1]
-    log_evidence = log_mean + math.log(inside.mean()) - prior - float(np.log(sides).sum())
+    widths = target.high - target.low
+    box = qmc.LatinHypercube(len(widths), rng=generator)
+    prior = normalised(target.log_prior(target.low + widths * box.random(PRIOR_POINTS)))[1]
+    log_evidence = log_mean + math.log(inside.mean()) - prior - float(np.log(widths).sum())
     # Standard error of the mean of all weights, those outside the box included, relative to it.
     error = math.sqrt(max(1.0 / effective - 1.0 / len(drawn), 0.0))
     points, chi_squared = cloud.points[chosen], chi_squared[chosen]
@@ -342,9 +342,9 @@ def mutated(
             # Draws that do not depend on the present point need the ratio of their densities.
             # Ratios are logarithms here, because densities may underflow.
             points = mixture.drawn(number, generator)
-            ratios = mixture.log_density(moved.points) - mixture.log_density(points)
+            log_ratios = mixture.log_density(moved.points) - mixture.log_density(points)
         else:  # A symmetric step, whose ratio is 1, with logarithm 0.
-            points, ratios = moved.points + differences(cloud.points, weights, generator), 0.0
+            points, log_ratios = moved.points + differences(cloud.points, weights, generator), 0.0
         inside = target.holds(points)
         if not inside.any():
             continue
@@ -352,8 +352,8 @@ def mutated(
         # `new` has only the points inside; they are spread over the n indices.
         others = moved.where(inside, new.taken(np.where(inside, np.cumsum(inside) - 1, 0)))
         before, after = (0.5 * level_or_infinity(one.curves, reached) for one in (moved, others))
-        ratios = ratios + before - after + others.log_priors - moved.log_priors
-        accepts = inside & (np.log(generator.uniform(size=number)) < ratios)
+        log_ratios = log_ratios + before - after + others.log_priors - moved.log_priors
+        accepts = inside & (np.log(generator.uniform(size=number)) < log_ratios)
         moved = moved.where(accepts, others)
         accepted += int(accepts.sum())
         if accepted >= ACCEPTED * number:
@@ -361,7 +361,7 @@ def mutated(
     return moved
 
 
-def nearest(p: int) -> int:
+def fewest_for_covariance(p: int) -> int:
     """Return the smallest number of points from which a covariance of p coordinates is estimated.
 
     It is four times p + 1; the covariance of fewer than p + 1 points is singular.
@@ -409,7 +409,7 @@ class Mixture:
         """
         count, p = points.shape
         # Enough points for a covariance, and so few that they follow a curved region.
-        near = min(max(nearest(p), round(2.0 * math.sqrt(count))), count)
+        near = min(max(fewest_for_covariance(p), round(2.0 * math.sqrt(count))), count)
         mean = weights @ points
         whole = (weights[:, None] * (points - mean)).T @ (points - mean)
         # Where all points have the same coordinate its variance is zero; 1e-300 replaces it.

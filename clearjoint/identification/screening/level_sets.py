@@ -62,20 +62,20 @@ def _gap(values: np.ndarray, keep: int) -> np.ndarray:
     return np.partition(values, keep - 1, axis=0)[keep - 1] - values.min(axis=0)
 
 
-def apart(points: Float[np.ndarray, "n p"], number: int) -> Int[np.ndarray, " k"]:
+def far_apart(points: Float[np.ndarray, "n p"], number: int) -> Int[np.ndarray, " k"]:
     """Return indices (k,) of at most `number` points that are far apart, beginning with the first.
 
     The next point is always the one whose distance from the nearest point chosen before is largest.
     Distances are in standard deviations of all points (n, p), n > 1, along their principal axes.
     """
-    distances = _distances(points)
+    distances = _principal_distances(points)
     chosen = [0]
     while len(chosen) < min(number, len(points)):
         chosen.append(int(distances[chosen].min(axis=0).argmax()))
     return np.array(chosen)
 
 
-def among(
+def drawn_among(
     points: Float[np.ndarray, "n p"],
     number: int,
     neighbours: int,
@@ -93,7 +93,7 @@ def among(
     neighbours including the point itself, two or more.
     """
     neighbours = min(neighbours, len(points))
-    near = np.argsort(_distances(points), axis=1)[:, :neighbours]
+    near = np.argsort(_principal_distances(points), axis=1)[:, :neighbours]
     around = generator.integers(0, len(points), number)
     cloud = points[near[around]]
     offsets = cloud - cloud.mean(axis=1, keepdims=True)
@@ -106,7 +106,7 @@ def among(
     return np.clip(reflected, low, high)
 
 
-def _distances(points: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n n"]:
+def _principal_distances(points: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n n"]:
     """Return the distances (n, n) between points (n, p).
 
     They are in standard deviations of all points along their principal axes.

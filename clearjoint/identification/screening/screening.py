@@ -22,7 +22,7 @@ from ...simulation.run.terminal import ProgressBar, telling_of_compiling
 from .. import goodness_of_fit as statistics
 from ..levenberg_marquardt import Search, best_search
 from ..starts import half_widths
-from .level_sets import among, apart, finite_level, reached
+from .level_sets import drawn_among, far_apart, finite_level, reached
 from .misfit_curves import SideBySide
 
 LEVEL = 0.99
@@ -32,7 +32,7 @@ LOOSER = 1000.0
 """Tolerance of the integration in screening runs, relative to that of the fit. With
 the default settings it becomes 1e-6, that of `simulate`. Screening only ranks points, and the fit
 from the best of them is accurate."""
-FEW = 4
+STILL_FITTING = 4
 """Number of present points that must still fit the part of the record over which the next round
 runs. Hardly any new point would fit more of the record."""
 FIRST = 4
@@ -41,9 +41,9 @@ points in other rounds."""
 NEIGHBOURS = 2
 """Number of neighbours of a point, relative to p + 1, whose covariance is used to draw new points
 around it. A covariance of p parameters needs at least p + 1 points."""
-EIGHTH = 8
-"""Denominator of the fraction of the record over which the first round runs, 1/8: most points of
-the box fit only an early part. The runs are repeated over more of the record if it is too short."""
+FIRST_SHARE = 1 / 8
+"""Share of the record over which the first round runs: most points of the box fit only an early
+part. The runs are repeated over more of the record if it is too short."""
 
 
 @dataclass(frozen=True)
@@ -95,8 +95,10 @@ class Screening:
         wide = all(math.isfinite(size) and size > 0.0 for size in sizes)
         remedy = "pass the possible error of the guess, and leave out well-known parameters"
         require(wide, "spread", self.spread, "finite and positive", remedy)
-        fits = self.finish <= self.keep and FEW < self.keep <= FIRST * self.number
-        expected = f"above {FEW}, at least finish = {self.finish}, at most {FIRST} times number"
+        fits = self.finish <= self.keep and STILL_FITTING < self.keep <= FIRST * self.number
+        expected = (
+            f"above {STILL_FITTING}, at least finish = {self.finish}, at most {FIRST} times number"
+        )
         require(fits, "keep", self.keep, expected, "keep about a fifth of number")
 
 
@@ -158,7 +160,7 @@ def screen(
     box = qmc.LatinHypercube(len(centre), rng=generator)
     # The points of the first round fill the box from -1 to 1 times its half width.
     points = centre + spread * (2.0 * box.random(FIRST * screening.number) - 1.0)
-    ahead = max(lanes.count // EIGHTH, 1)  # Number of times of the runs in this round.
+    ahead = max(int(FIRST_SHARE * lanes.count), 1)  # Number of times of the runs in this round.
     times, runs = [], 0
     bar = ProgressBar(desc="screening", unit=" runs", leave=False, disable=not progress)
     with telling_of_compiling(bar):
@@ -175,7 +177,7 @@ def screen(
             bar.update(len(points))
             kept, complete = points[best], count >= lanes.count
             if complete or len(times) == screening.rounds:
-                starts = kept[apart(kept, screening.finish)]
+                starts = kept[far_apart(kept, screening.finish)]
                 return Screened(kept, misfits[best], starts, tuple(times), runs, complete)
             # If enough points fit all of these runs, the runs were too short to choose among them:
             # the same points run half as far again.
@@ -184,9 +186,11 @@ def screen(
                 continue
             # Hardly any new point will fit more of the record than the best present ones. A
             # fraction of a time is rounded up, and one time more shows where their fit ends.
-            ahead = min(lanes.count, int(reached(curves, FEW, excess)) + 2)
+            ahead = min(lanes.count, int(reached(curves, STILL_FITTING, excess)) + 2)
             bounds = centre - spread, centre + spread
-            new = among(kept, screening.number, NEIGHBOURS * (len(centre) + 1), bounds, generator)
+            new = drawn_among(
+                kept, screening.number, NEIGHBOURS * (len(centre) + 1), bounds, generator
+            )
             points = np.concatenate([kept, new])
 
 
