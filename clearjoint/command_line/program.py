@@ -104,7 +104,8 @@ def check(file: Path, changes: tuple[str, ...], paths: bool, assemble: Path | No
 
     The command prints bodies, joints, degrees of freedom, constraint errors, contacts and warnings
     of unusual numbers, and tells whether the scene can run. For a study file, it also checks and
-    prints the run, the sweep, the fit and the wear.
+    prints the run, the sweep, the fit and the wear. With --paths or --assemble, the list or the
+    file is the only output.
     """
     study = _study(file, changes)
     from ..dynamics.assembly import assemble as assembled
@@ -136,9 +137,9 @@ def run(file: Path, changes: tuple[str, ...], out: Path | None, **options: str |
     """Simulate a scene and write tables, figures and a page.
 
     The folder of the results contains tables in netCDF and CSV files: the motion, forces of
-    contacts and joints, energies, impacts, the outputs, and the crossings of Poincaré sections. It
-    also contains figures, the page index.html with all results, and reached.toml, the scene with
-    its final state, from which the run can be continued.
+    contacts and joints, energies, impacts, the outputs that the study names, and the crossings of
+    Poincaré sections. It also contains figures, the page index.html with all results, and
+    reached.toml, the scene with its final state, from which the run can be continued.
     """
     from .running import run as run_study
 

@@ -34,8 +34,9 @@ def sweep(study: Study, folder: Path) -> CommandResult:
     **Returns:** the exit code, 0, 1 if no lane ran to its end, or 130 after Ctrl-C, and a line with
     the numbers of lanes and steps and the largest force.
 
-    **Raises:** `ValueError` for a study without this section, and for wrong entries in it.
-    `KeyboardInterrupt` if Ctrl-C interrupts the sweep before its store exists.
+    **Raises:** `ValueError` for a study without this section or an end, for wrong entries in it,
+    and for a folder with the store of another sweep. `KeyboardInterrupt` if Ctrl-C interrupts the
+    sweep before its store exists.
     """
     part = study.parts.sweep
     if part is None:
@@ -131,7 +132,8 @@ def _summary(dataset: xr.Dataset, code: int) -> tuple[Summary, str]:
     """Return the numbers of lanes, by how they ended, and the sizes of the axes, by name; and the
     result as one line of text, with the largest of all outputs that are forces.
 
-    **Arguments:** `code`: exit code of the sweep, which tells whether it was interrupted.
+    **Arguments:** `dataset`: result of the sweep; `code`: its exit code, which tells whether it was
+    interrupted.
     """
     codes = dataset["result"].values
     counts = {name: int((codes == number).sum()) for name, number in result_numbers().items()}

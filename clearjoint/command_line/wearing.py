@@ -83,7 +83,7 @@ def wear(study: Study, folder: Path) -> CommandResult:
 
 
 def check_section(study: Study, part: WearPart) -> None:
-    """Check the entries of the section [wear] of a study.
+    """Check the entries of the section [wear] of a study without a run, for `clearjoint check`.
 
     **Raises:** `ValueError` that names the section in the study's file.
     """

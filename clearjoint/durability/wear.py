@@ -305,8 +305,8 @@ def life_derivatives(
     if not deepest[-1] >= depth:
         return dict.fromkeys(names, float("nan"))
     spline, life = _reached(cycles, deepest, depth)
-    # If a parameter raises the curve of the depth by `change` where it reaches the depth, it
-    # reaches it earlier by `change` over the curve's slope. A spline depends linearly on its
+    # If a parameter raises the curve of the depth by `change` at the end of the life, the life is
+    # shorter by `change` over the slope of the curve. A spline depends linearly on its
     # values, so the change of the curve is the spline through their derivatives.
     at_deepest = [of_stage[row.argmax()] for of_stage, row in zip(slopes, depths, strict=True)]
     change = type(spline)(cycles, np.array(at_deepest))(life)
@@ -359,8 +359,7 @@ class _CycleRun:
         rates = {name: (rate.bearing, rate.journal) for name, rate in self.rates.items()}
         if result == RESULTS.successful:
             # A contact may run around the whole wall in a cycle. The wear at an angle is then that
-            # of the short time in which the contact passes it.
-            # So this time limits the intervals of the quadrature.
+            # of the short time in which the contact passes it, which the quadrature must resolve.
             longest = self.cycle / (STEPS_PER_SAMPLE * self.samples)
             spans = (first, middle), (middle, last)
             times = [quadrature_times(solution, *span, longest) for span in spans]
@@ -641,7 +640,10 @@ class _Store:
         shutil.rmtree(old, ignore_errors=True)
 
     def read(self, first: _Stages) -> _Stages:
-        """Return the stored stages, or `first` if there is no store."""
+        """Return the stored stages, or `first` if there is no store.
+
+        **Raises:** `ValueError` for a store of another computation.
+        """
         # A process that was killed between the renamings of `write` has left only the old store.
         existing = [path for path in (self.path, self._beside("old")) if path.exists()]
         if not existing:
@@ -821,7 +823,7 @@ def check_wear(
     stages: int,
     depth: float | None,
 ) -> None:
-    """Check the arguments of `wear` that no other function checks.
+    """Check these arguments of `wear`.
 
     **Raises:** `ValueError` that names the argument.
     """

@@ -30,7 +30,7 @@ SIGNALS = tuple(f"{base} {kind}" for base, kind in OF_BASES) + PlanarAxes._field
 
 They are, for each base, the normal force, N, its product with the sliding speed, W, the base's
 eccentricity in the bearing's frame, m, and the penetration, m; and the four components of
-`PlanarAxes`.
+`PlanarAxes`, those of the journal's x and y axes along the bearing's.
 """
 TIMES_IN_PROGRAM = 4096
 """The number of times, less one, is rounded up to a multiple of this for a compiled program, so
@@ -198,7 +198,8 @@ def _wall_angles(axes: PlanarAxes, samples: int) -> tuple[np.ndarray, jax.Array]
     angles in the bearing's frame: an array (samples,) for the wall, and one (T, samples) for the
     journal, which rotates.
 
-    **Arguments:** `axes`: of the journal in the bearing, each component (T, 1).
+    **Arguments:** `axes`: components of the journal's x and y axes along those of the bearing, each
+    (T, 1).
     """
     angles = np.arange(samples) * 2.0 * np.pi / samples
     along_x = axes.x_along_x * np.cos(angles) + axes.y_along_x * np.sin(angles)
@@ -225,8 +226,8 @@ def _shares(
     spacing from the deepest point. Thus the angles on both sides of that point have a share.
 
     **Arguments:** `x`, `y`: eccentricity of the base in the bearing's frame, m. `angles`: evenly
-    spaced angles in the bearing's frame, rad, in one row or in one for each time. `axes`: of the
-    journal in the bearing, each component (T, 1).
+    spaced angles in the bearing's frame, rad, in one row or in one for each time. `axes`:
+    components of the journal's x and y axes along the bearing's, each (T, 1).
     """
     spacing = 2.0 * np.pi / np.shape(angles)[-1]
     excess = 0.5 * joint.clearance * spacing**2 - joint.clearance

@@ -1,9 +1,10 @@
 """Derivatives of the wear of some cycles with respect to parameters.
 
-A parameter changes the wear of a stage directly, and through the depths that were worn off in the
-stages before. Both enter one run with derivatives (`clearjoint.sensitivities`): each of its
-parameters moves a number of the scene and, at the same time, the profiles along the derivatives of
-their depths.
+`clearjoint.wear` computes wear in stages: each is a run of some cycles, extrapolated over many,
+after which the profiles are changed. A parameter changes the wear of a stage directly, and through
+the depths that were worn off in the stages before. Both enter one run with derivatives
+(`clearjoint.sensitivities`): each of its parameters moves a number of the scene and, at the same
+time, the profiles along the derivatives of their depths.
 """
 
 from collections.abc import Mapping, Sequence
@@ -166,11 +167,12 @@ def derivatives_in_spans(
 
     - `scene`: with `MovingSpline`s as the profiles of parts that wear.
     - `state`: at `start_time`.
-    - `spans`: `quadrature_times` of each part of the run, s.
+    - `spans`: of each part of the run, the times, (T,) s, at which its wear is integrated by
+      Simpson's rule; from `quadrature_times`.
     - `rates`: specific wear rates of bearing and journal, m^2/N, by the names of the J joints.
     - `directions`: of the p parameters, by name.
     - `settings`: of the run; by default `clearjoint.presets.derivatives`.
-    - `samples`: number of angles.
+    - `samples`: number of evenly spaced angles around the wall, and around the journal.
 
     **Returns:** the derivatives, (spans, p, J, 2, samples), bearing before journal, m per unit of
     each parameter's coordinate, or ``None`` if the run failed; and the result code of the run.

@@ -66,8 +66,11 @@ class Dynamics:
 def applied_wrenches(
     scene: Scene, motions: Motions, forces: ByLabel[LoadedContact], t: Scalar
 ) -> Wrenches:
-    """Return the wrench (force and moment) that force elements, films and contacts exert on each
-    body, by name; zero for a body on which none acts.
+    """Return the wrench that force elements, films and contacts exert on each body, by name; zero
+    for a body on which none acts.
+
+    A wrench is a force at the centre of mass, N in global axes, and a moment about it, N m in body
+    axes.
 
     Gravity is not included, because the coordinates add it as an acceleration.
 
@@ -76,7 +79,8 @@ def applied_wrenches(
     """
     wrenches = dict.fromkeys(scene.bodies, NO_WRENCH)
 
-    # Names need not be those of the scene's bodies: grouped joints act on groups of bodies.
+    # A group of joints, which differ only in numbers and are computed as arrays, has wrenches by
+    # the name of its group of bodies. This name need not be one of `scene.bodies`.
     def apply(given: Iterable[tuple[str, Wrench]]) -> None:
         for name, wrench in given:
             if name != GROUND:

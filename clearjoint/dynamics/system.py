@@ -114,8 +114,8 @@ class System(eqx.Module):
         return self.formulation.coordinates.motions(self.scene, variables)
 
     def mechanics(self, variables: MotionVariables) -> AbstractMechanics:
-        """Return the equations of motion of the scene for given variables, without any forces: its
-        mass matrix and kinematics."""
+        """Return kinematics and mass matrix of the scene for given variables. The result solves the
+        equations of motion for any wrenches on the bodies, but computes none itself."""
         return self.formulation.coordinates.mechanics(self.scene, variables)
 
     def rows(self, motions: Motions, t: Scalar) -> ByLabel[Row]:

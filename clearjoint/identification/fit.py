@@ -202,7 +202,7 @@ class Fit(AbstractTabular):
 
     @property
     def posterior(self) -> Posterior | None:
-        """Posterior distribution by few points, from `check`, if chi squared is not quadratic.
+        """Posterior, with few points, that `check` computes if chi squared is not quadratic.
 
         The `intervals` come from it. ``None`` if `check` has computed none.
         """
@@ -213,8 +213,9 @@ class Fit(AbstractTabular):
         """Values of the parameters, by name, at each other minimum that fits the data about as
         well.
 
-        Their chi squared is within the joint 95 % confidence region of the best minimum, and they
-        lie outside its confidence intervals. The list begins with the smallest chi squared.
+        By their chi squared they are in the joint 95 % confidence region of the best minimum. They
+        lie outside the 95 % intervals, by the covariance, of that minimum and of all lower ones in
+        the list, which begins with the smallest chi squared.
         """
         minima = statistics.competing_minima(self.best.best, self._other_minima)
         return [values_at(self.parameters, minimum.coordinates) for minimum in minima]
@@ -348,9 +349,10 @@ class Fit(AbstractTabular):
         # The first explored point is the end of the search, and `best` the minimum to which the fit
         # has moved since.
         moved = float(explored.chi_squared[0]) - self.chi_squared
-        # Standard errors are still right if there is one minimum, and the exploration, where it can
-        # be trusted, found intervals of about their width. The test tolerates a decrease of chi
-        # squared up to `FLOOR`, which is no move to another minimum.
+        # Standard errors are still right if there is one minimum, and the exploration found
+        # intervals of about their width. It is trusted if the intervals no longer grew, and if
+        # integration errors change chi squared by no more than one standard error does, 1. The test
+        # tolerates a decrease of chi squared up to `FLOOR`, which is no move to another minimum.
         single = check.minima == 1 and moved <= checking.FLOOR
         reliable = explored.settled and abs(check.difference) <= 1.0
         alike = single and reliable and check.widening(self.best.best) < ALIKE

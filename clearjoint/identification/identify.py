@@ -323,6 +323,10 @@ class _Problem:
         """Search from coordinates (p,), window by window, each from the result of the one before.
 
         **Arguments:** `data`: all samples of the record; `on_iteration`: called after each run.
+
+        **Returns:** the search; after Ctrl-C, with `Ending.INTERRUPTED` and the best run so far.
+
+        **Raises:** `KeyboardInterrupt` if Ctrl-C comes before the first run has ended.
         """
         max_changes = step_limits(self.parameters)
         windows, at = [], start
@@ -414,8 +418,8 @@ def iteration_callback(
     """Yield the function to call after each run of a search.
 
     It calls the user's function `progress`. If `progress` is ``True``, it shows a line with the
-    number of runs, the chi squared per sample and the values of the parameters; if ``False``, it
-    shows nothing.
+    number of runs, the chi squared per sample, the length of the step in standard deviations and
+    the values of the parameters; if ``False``, it shows nothing.
 
     **Arguments:** `searches`: number of searches to come, which the line shows.
     """

@@ -254,7 +254,7 @@ class LaneMargins:
         violation.
 
         An interval up to the first violation is doubtful if the smaller margin at its ends is below
-        the largest change of the margin over the interval and its `NEIGHBOURS`.
+        the largest change of the margin over it or one of the `NEIGHBOURS` intervals on each side.
         """
         count = min(first_violation(self.margins), len(self.margins) - 1)
         ends = self.margins[: count + 1]

@@ -74,7 +74,7 @@ def minimise(
 
     **Arguments:**
 
-    - `scene`, `state`, `start_time` s: as in `identify`.
+    - `scene`, `state`: the scene and its initial state at `start_time`, s.
     - `objective`: a function of the outputs by name, each (N,), that returns a finite number and
       that JAX can differentiate.
     - `parameters`: the free parameters by name; the search starts from the values in the scene.
@@ -87,8 +87,9 @@ def minimise(
 
     **Returns:** a `Minimum`, for the run with the smallest objective.
 
-    **Raises:** `ValueError` for unsupported arguments, and if the first run fails or its objective
-    is not finite.
+    **Raises:** `ValueError` for no parameters or no outputs, for times that decrease or are before
+    the start, for `iterations` below 1, for settings with which derivatives can't be computed, and
+    if the first run fails or its objective is not finite.
 
     >>> def squares(outputs):
     ...     return jnp.sum((outputs["x"] - 0.1 * jnp.cos(12.0 * times)) ** 2)

@@ -14,7 +14,7 @@ def estimates_table(
 ) -> str:
     """Return a table with a row for each parameter: estimate, standard error, interval and unit.
 
-    All arguments are by name of the parameter.
+    All arguments are by name of the parameter; the intervals are 95 % intervals (low, high).
     """
     rows = [["parameter", "estimate", "standard error", "95 % from", "to", "unit"]]
     for name, value in estimates.items():

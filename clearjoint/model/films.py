@@ -27,6 +27,8 @@ from .contact.laws import Limit
 class FilmGap:
     """Position and motion of a journal in its bearing, as inputs of a film law.
 
+    All vectors, and the force that the law returns, are in the same axes.
+
     - `axis`: of the bearing, a unit vector. `offset` and `rate` are perpendicular to it.
     - `offset`: vector from the bearing's axis to the journal's, divided by the clearance; its
       length is the eccentricity ratio, below 1.

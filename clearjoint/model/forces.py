@@ -191,7 +191,8 @@ class AppliedLoad(AbstractForce):
         return {self.body: motion.wrench(force, self.point) + motion.torque(torque)}
 
     def breakpoints(self) -> PyTree:
-        """Return the times, s, at which components that are functions of time jump or have kinks.
+        """Return the times, s, at which components that are tables jump or have kinks; those of
+        Python functions are unknown.
 
         Integration steps end there.
         """

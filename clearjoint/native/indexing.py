@@ -2,8 +2,9 @@
 
 A rule takes the `Lowering`, which converts a jaxpr to a program of elementary operations, an
 equation of the jaxpr and the equation's arguments. It adds operations to the program and returns
-the equation's results. Arguments and results are `Array`s: a scalar value, a vector of tangents (`Packed`), a NumPy array of values, or
-an array in memory (`InMemory`), which may be overwritten only if it is `owned`.
+the equation's results. Arguments and results are `Array`s: a scalar value, a vector of tangents
+(`Packed`), a NumPy array of values, or an array in memory (`InMemory`), which may be overwritten
+only if it is `owned`.
 
 A block is a rectangular part of an array. It is given by the row-major index of its first element,
 which the program computes, and by the offsets of all its elements from there, which are known while
@@ -212,7 +213,7 @@ def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -
         blocks = [
             block_at(flat[k * depth : (k + 1) * depth], read) for k in range(math.prod(batch))
         ]
-        # A `Value` is an integer, which stands for a number in the program.
+        # A `Value` is an integer, the name of a number in the program.
         values = np.array(blocks, dtype=np.int64).reshape([*batch, *block])
         # The axes of a block go to `offset_dims` of the result, those of the batch between them.
         values = np.moveaxis(values, range(len(batch), values.ndim), numbers.offset_dims)

@@ -400,7 +400,8 @@ class _Writer:
         return self._builder.shuffle_vector(one, undefined, mask)
 
     def _holds_in_any(self, condition: Word) -> Word:
-        """Return a scalar condition that is true if the given one holds in any lane."""
+        """Return a scalar condition that is true if the given one holds in any lane or for any
+        tangent."""
         if not isinstance(condition.type, ir.VectorType):
             return condition
         return self._intrinsic("vector.reduce.or", _BASES["b"], [condition])

@@ -246,7 +246,7 @@ def report(
     unit: str | None = None,
 ) -> Figure:
     """Draw a report of a run on one page: descriptions of scene and run, paths of the journals in
-    their bearings (orbits), contact forces, times of free flight, impact and lasting contact,
+    their bearings (orbits), contact forces, phases of free flight, impact and lasting contact,
     energies, the spectrum of one quantity, and the largest impacts.
 
     For a scene without clearance joints, paths of the bodies replace the orbits, and there are no

@@ -239,8 +239,8 @@ def bifurcation(
     exceeds 12 times the smallest one; that of the parameter also if its values form a geometric
     series.
 
-    **Raises:** `ValueError` for unknown names, without `axis` for a sweep with several axes, and for
-    several values of an axis that is not drawn.
+    **Raises:** `ValueError` for unknown names, without `axis` for a sweep with several axes, and
+    for several values of an axis that is not drawn.
 
     >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
     >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")

@@ -181,8 +181,8 @@ def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
 
     - `data`: any shape; its name is used in the label. Its SI unit is in ``attrs["units"]``, "1" if
       this is missing.
-    - `present`: label of the axes, such as "force, kN", if these already show other data,
-      whose unit is then used and whose name precedes the new one; empty for new axes.
+    - `present`: label of the axes, such as "force, kN", if these already show other data:
+      its unit is used, and its names precede the new one. Empty for new axes.
 
     **Raises:** `ValueError` if the unit of `present` is not that of the data with some prefix. Data
     in "1" are not checked.

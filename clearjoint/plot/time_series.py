@@ -84,8 +84,8 @@ def rate_series(
     """Return the time derivative of a quantity at the saved states of a solution.
 
     No differences of values are taken: the derivative follows from the velocities of each state,
-    and from the accelerations that the equations of motion give for it. The quantity must be a
-    function of positions, velocities and time.
+    and from the accelerations that the equations of motion give for it. Entry speeds of contacts
+    and deflections of bristles, on which a force may depend, count as constant.
 
     **Arguments**, **Raises:** see `series`.
 
@@ -245,8 +245,9 @@ def amplitude_spectrum(record: xr.DataArray, taper: str = "hann") -> xr.DataArra
     frequency, power = signal.periodogram(
         values, rate, taper, detrend="constant", scaling="spectrum"
     )
-    # A harmonic of amplitude A has the mean square A² / 2. At the Nyquist frequency, which only an
-    # even number of samples has, it is A², because the samples are A and -A in turn.
+    # A harmonic of amplitude A has the mean square A² / 2, hence the factor 2. At the Nyquist
+    # frequency, which only an even number of samples has, the mean square is A², because the
+    # samples are A and -A in turn, hence the factor 1.
     sides = np.full(len(power), 2.0)
     if len(values) % 2 == 0:
         sides[-1] = 1.0
@@ -289,8 +290,7 @@ def spectrum(
     **Returns:** the axes; frequency in Hz or kHz, amplitude in the quantity's unit with a suitable
     prefix, on a logarithmic scale.
 
-    **Raises:** `ValueError` for a solution without saved states, for fewer than four states or
-    states at unequal intervals of time, for a quantity without a unit, and for an unknown `taper`.
+    **Raises:** see `plot.series` and `plot.amplitude_spectrum`.
 
     >>> save = cj.Saving(np.linspace(0, 0.5, 101))
     >>> solution = cj.simulate(scene, state, 0.5, save=save, progress=False)

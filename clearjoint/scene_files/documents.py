@@ -309,6 +309,8 @@ def format_document(document: Document, suffix: str, units: Units, schema: str |
 
     **Arguments:** `suffix`: ".toml" or ".json"; `units`: units of the values, by the keys that lead
     to them; `schema`: name of the JSON Schema file to which the text refers for editors, or None.
+
+    **Raises:** `ValueError` for JSON with a number that is infinite or NaN, which JSON lacks.
     """
     if suffix == ".json":
         whole = document if schema is None else {SCHEMA: schema, **document}

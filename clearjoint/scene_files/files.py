@@ -89,6 +89,9 @@ class Writer:
     def _value(self, value: object, expected: Expectation, location: FileLocation) -> object:
         """Return a value as a number, text, list or table, and add its unit to `units`.
 
+        **Arguments:** `expected`: unit and classes of the argument or entry that has the value;
+        `location`: its location in the file.
+
         **Raises:** `ValueError` for a value that a file can't hold, such as a function or NaN.
         """
         if isinstance(value, Tracer):

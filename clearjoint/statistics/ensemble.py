@@ -52,12 +52,13 @@ def disturbed_velocities(
 ) -> Float[np.ndarray, "n v"]:
     """Return initial velocities (m/s, global) and spins (rad/s, body axes) of n disturbed starts.
 
-    Positions stay as they are. Velocities and spins are those of `state` plus a part of the random
-    directions `along`, from `directions`, that the constraints permit.
+    Positions stay as they are. The velocities and spins of `state` are changed by the parts of the
+    random directions `along` that the constraints permit, scaled to `size`.
 
     **Arguments:** `size`: m/s, expected root mean square of the added speeds over starts and
-    bodies, in which a spin counts by the speed at its body's radius of gyration; `start_time`: s,
-    of the run, on which constraints by drivers depend.
+    bodies, in which a spin counts by the speed at its body's radius of gyration; `along`: from
+    `directions`, a row for each start; `start_time`: s, of the run, on which constraints by drivers
+    depend.
 
     **Raises:** `ValueError` if the constraints leave no velocity free.
     """
@@ -222,13 +223,14 @@ def ensemble(
 
     ``failed`` counts the failed runs, which are left out of the statistics. Statistics are NaN at a
     point where all runs failed; so are ``force_deviation`` and ``force_standard_error`` where only
-    one run succeeded. ``lyapunov_exponent``,
-    1/s, is the growth rate of a disturbance in the second half of the run, on average over the
-    members, and ``lyapunov_exponent_standard_error`` the standard error of this average; both are
-    NaN if fewer than two of these runs succeed. The disturbance is a tangent: the derivative of the
-    motion by the initial velocity, as by `sensitivities`. Unlike the difference of two runs, it is
-    exact across impacts, needs no size, and does not stop growing when it is as large as the
-    motion.
+    one run succeeded.
+
+    ``lyapunov_exponent``, 1/s, is the growth rate of a disturbance in the second half of the run,
+    on average over the members, and ``lyapunov_exponent_standard_error`` the standard error of this
+    average; both are NaN if fewer than two of these runs succeed. The disturbance is a tangent: the
+    derivative of the motion by the initial velocity, as by `sensitivities`. Unlike the difference
+    of two runs, it is exact across impacts, needs no size, and does not stop growing when it is as
+    large as the motion.
 
     **Raises:** `ValueError` for unsupported arguments, such as an axis named "member" or
     "quantile", which are dimensions of the result, and for constraints that leave no velocity free.

@@ -118,7 +118,8 @@ class Axis:
 
         The function takes scenes and states of the same structure as `scene` and `state`.
 
-        **Raises:** `ValueError` for a path that selects no number, or an array.
+        **Raises:** `ValueError` for a path that selects no number, or an array, and for the delay
+        of a measured series, which only a fit can vary.
         """
         return self.variation.setter(scene, state, self.values[0])
 
@@ -191,7 +192,8 @@ def lanes_of(
     - `axes`: `Axis` by name.
     - `values`: by name of the axis, its values in every lane, (lanes,).
 
-    **Raises:** `ValueError` for an axis whose path selects no number, or an array.
+    **Raises:** `ValueError` for an axis that `Axis.setter` refuses, such as one whose path selects
+    no number.
     """
     changes = {name: axis.setter(scene, state) for name, axis in axes.items()}
     base, structure = jax.tree.flatten((scene, state))
@@ -295,6 +297,7 @@ def _columns_by_functions(
                 with quiet():
                     changed = change(*changed, values[name][lane])
             leaves, changed_structure = jax.tree.flatten(changed)
+            # The numbers of leaves may differ here; then the structures differ too.
             pairs = zip(leaves, base, strict=False)
             # All lanes run in one compiled program, which needs equal structure and shapes.
             alike = changed_structure == structure and all(

@@ -2,8 +2,8 @@
 
 Chunks are independent and may be computed more than once. Any executor with the interface of
 `concurrent.futures.Executor` is accepted, and so is a client of Dask's distributed scheduler, which
-computes the chunks of a worker that dies on another worker. For the cores of one machine, a
-script makes an executor below ``if __name__ == "__main__":`` by ::
+gives the chunks of a worker that dies to another worker. For the cores of one machine, a script
+makes an executor below ``if __name__ == "__main__":`` by ::
 
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(4, mp_context=spawn) as executor: ...

@@ -113,8 +113,8 @@ class Layout:
       the name of a function.
 
     **Raises:** `ValueError` for names that occur twice or equal `BY_LANE`, names of variables that
-    can't be those of arrays, a `chunk` that is not a positive integer, no axes, and zipped axes of
-    different lengths.
+    are empty, contain a slash or backslash, or begin with "." or "__", a `chunk` that is not a
+    positive integer, no axes, and zipped axes of different lengths.
     """
 
     axes: tuple[Coordinate, ...]
@@ -248,7 +248,8 @@ class Saved:
       those of `clearjoint.quantities`, and its unit as text.
 
     **Raises:** `ValueError` if there are no channels, or if they are not such pairs; and for a
-    channel whose name is "time", "count", or one that no array can have.
+    channel whose name is empty, "time" or "count", contains a slash or backslash, or begins with
+    "." or "__".
 
     >>> offset = cj.quantities.JournalOffset("shoulder", "x")
     >>> saved = cj.Saved(np.linspace(0.0, 0.1, 5), {"x": (offset, "m")})
@@ -397,7 +398,8 @@ def with_saving(outputs: Mapping[str, Output], save: Saving, scene: Scene) -> di
     there is an output `SAVED` with the states of all bodies at these times.
 
     **Raises:** `ValueError` for a `save` with steps or impacts, which sweeps don't support, for
-    names of outputs that no array can have, and for a name in both `outputs` and `save`.
+    names of `outputs` that can't be those of arrays (see `Layout`), and for a name in both
+    `outputs` and `save`.
     """
     require_array_names("outputs", outputs, 'pass for example {"hits": cj.ImpactCount("pin")}')
     save.require_none(["steps"], "in a sweep", "pass the lane's scene to simulate() for them")
@@ -417,7 +419,8 @@ def check_outputs(outputs: Mapping[str, Output], scene: Scene, ledger: bool) -> 
     **Arguments:** `outputs`: outputs by name; `scene`: scene of the sweep; `ledger`: whether the
     energy ledger is computed (`Settings.ledger`), which some reductions need.
 
-    **Raises:** `ValueError` that names the output; also for more than one `Saved`.
+    **Raises:** `ValueError` that names the output; also for more than one output at given times, a
+    `Saved` or the states at the times of `save`.
     """
     for name, output in outputs.items():
         expected = "a reduction, a Saved, a Section or an ImpactTable"

@@ -23,13 +23,12 @@ kg m^2. There the rounding errors of the cancelling terms cost two digits of the
 last impacts of a run. If the joints' axes are coordinate axes, the entries of the equations from
 which this inertia has disappeared are exact zeros, which the compiled program omits.
 
-A branch is a body of a tree with its carrier and the joint between them, if it has one. A link is
-the body with its kinematics, in the axes of the tree's root body and about the tree's origin, a
-point of the root. Its columns are the twists (angular and linear
-velocity of the body) that a unit of each speed of its joint causes. Arguments and results of the
-type `Speeds` have one entry for each speed: those of the first tree from its root to its leaves,
-then those of the second, and so on. Where they are rates or changes of speeds, they have the form
-of r.
+A branch is a body of a tree with its carrier and the joint between them, if there is one. A link is
+the body with its kinematics, in the axes of the tree's root body. Its columns are the twists that a
+unit of each speed of its joint causes; a twist is the angular velocity of the body and the velocity
+of its point at the tree's origin, a point of the root. Arguments and results of the type `Speeds`
+have one entry for each speed: those of the first tree from its root to its leaves, then those of
+the second, and so on. Where they are rates or changes of speeds, they have the form of r.
 """
 
 from collections.abc import Iterator

@@ -34,8 +34,8 @@ class Posterior(AbstractTabular):
 
     - `parameters`: `Parameter` by name, in the order of the p coordinates; `units` by name.
     - `coordinates`: (n, p) points, on the parameters' scales, of equal weight.
-    - `log_likelihood`: (n,) logarithm of the likelihood of all samples at each point, with the
-      constants of the normal distribution.
+    - `log_likelihood`: (n,) logarithm of the likelihood of all measured samples at each point, with
+      the constants of the normal distribution.
     - `modes`: (n,) number of the separate minimum of chi squared to which each point belongs, from
       0 for that with the most points.
     - `log_evidence`: logarithm of the marginal likelihood, the mean of the likelihood over the

@@ -71,9 +71,10 @@ class SideBySide:
         Samples that a run does not reach have the residual `UNREACHED`, 1e6 standard deviations.
         Larger residuals are reduced to this size.
 
-        **Arguments:** `coordinates`: (n, p) coordinates of the parameters in each run; `count`:
-        number of times after which runs end; `smoothing`: number of times over which residuals are
-        averaged, each with those before it, 1 for none.
+        **Arguments:** `coordinates`: (n, p) coordinates of the parameters on their scales, such as
+        logarithms of the values, a row for each run; `count`: number of times after which runs end;
+        `smoothing`: number of times over which residuals are averaged, each with those before it, 1
+        for none.
         """
         instants, sample_indices = self._instants(coordinates, count)
         curves = np.zeros((len(coordinates), count + 1))

@@ -181,10 +181,11 @@ class AbstractCentredJoint(AbstractFrictionJoint):
         return first, second
 
     def anchor(self) -> tuple[str, Vector, Vector] | None:
-        """Return the points of a joint with the ground near which rounding errors are reduced.
+        """Return the two points of a joint between a moving body and the ground, near which runs
+        reduce rounding errors; ``None`` for two moving bodies.
 
-        They consist of the moving body's name, the centre on this body, m in its axes, and the
-        centre on the ground, m in global axes. Without the ground the result is ``None``.
+        The result consists of the moving body's name, the joint's point on this body, m in its
+        axes, and the joint's point on the ground, m in global axes.
         """
         (_, first, on_first), (_, second, on_second) = self.attachments()
         if first == GROUND:
@@ -196,8 +197,8 @@ class AbstractCentredJoint(AbstractFrictionJoint):
     def _offset(self, motions: Motions) -> Vector:
         """Return the vector from the first body's point to the second body's, m, global axes.
 
-        If one body is the ground, the difference is taken relative to the anchor of the moving
-        body. The difference of two large coordinates would lose digits.
+        If one body is the ground, it is computed from the small vector between the two points of
+        `anchor`, since the difference of two large coordinates would lose digits.
         """
         (_, first, on_first), (_, second, on_second) = self.attachments()
         if second == GROUND:

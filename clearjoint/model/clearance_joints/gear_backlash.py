@@ -107,11 +107,11 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
     - `axis_first`, `axis_second`: their axes, (3,) in body axes, parallel to each other.
     - `teeth_first`, `teeth_second`: z1 and z2, numbers of teeth; `teeth_second` is negative for an
       internal second gear, as in ISO 21771.
-    - `module`: m.
+    - `module`: the module, m.
     - `backlash`: j, m, along the pitch circle, from flank to flank, at the centre distance
       m |z1 + z2|/2.
-    - `law`: normal law of the mesh, with an explicit stiffness. ISO 6336 gives about 20 N/(mm um)
-      per unit of tooth width for steel.
+    - `law`: normal law of the mesh, with an explicit stiffness. ISO 6336 gives about 20 N/um per mm
+      of tooth width for steel.
     - `pressure_angle`: alpha, rad; 20 degrees by default.
     - `phase`: rad, rotation of the first gear from its reference position. At phase 0, with the
       gears in the middle of the play, the line of centres has the direction of the first transverse
@@ -182,14 +182,15 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
     def deepest(self) -> dict[str, Scalar]:
         """Return the largest meaningful penetration of both flanks, m, by label.
 
-        It is half of a tooth's thickness along the line of action.
+        It is half of a tooth's thickness along the line of action. A run ends when a flank exceeds
+        it.
         """
         play = self.backlash * cosine(self.pressure_angle)
         deepest: Scalar = 0.25 * (self._base_pitch() - play)
         return dict.fromkeys(FLANKS, deepest)
 
     def _base_pitch(self) -> Scalar:
-        """Return the distance of two teeth along the line of action, pi m cos(alpha), m."""
+        """Return the distance from tooth to tooth along the line of action, pi m cos(alpha), m."""
         return math.pi * self.module * cosine(self.pressure_angle)
 
     def _base_radii(self) -> tuple[Scalar, Scalar]:

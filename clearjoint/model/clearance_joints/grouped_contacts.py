@@ -110,7 +110,8 @@ class GroupedContactLaw(AbstractContactLaw):
     """Normal laws of the contact `label` in all N joints of a group; results are (N,).
 
     - `joint`: the grouped joint, whose numbers are arrays (N,).
-    - `uses_entry_speed`, `force_jumps`: those of the single laws.
+    - `uses_entry_speed`, `force_jumps`: whether the single laws need the entry speed, and whether
+      their force may be nonzero at the onset or separation.
     """
 
     joint: AbstractContactJoint

@@ -348,7 +348,8 @@ class AbstractBristleFriction(AbstractConverting):
     def rate(self, deflection: Vector, slip: Vector) -> Vector:
         """Return the rate of the deflection, m/s.
 
-        **Arguments:** `deflection`: m. `slip`: tangential velocity of the surfaces, m/s.
+        **Arguments:** `deflection`: m. `slip`: tangential velocity of the second body relative to
+        the first, m/s.
         """
 
     @abc.abstractmethod

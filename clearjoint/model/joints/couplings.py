@@ -130,6 +130,7 @@ class ScrewMotion(AbstractTurning):
     It is the motion that a `ScrewJoint` allows a child body relative to its parent body. The
     position is the angle, rad; its rate is the only speed.
 
+    - `point_parent`, `point_child`: points of the joint, m in each body's axes.
     - `axis`: unit vector in the child's axes.
     - `reference`: Euler parameters that transform the child's components to the parent's at angle
       zero.
@@ -272,7 +273,10 @@ class UniversalMotion(AbstractMotionAtPoints):
         return aligning(transverse_axes(self.arm_parent)[0], self.arm_child)
 
     def _about_child(self, reference: EulerParameters) -> Hinge:
-        """Return the rotation of the child about its arm, from the orientation `reference`."""
+        """Return the subspace of the child's rotation about its arm.
+
+        `reference` is the child's orientation in the parent when the second angle is zero.
+        """
         return Hinge(self.point_parent, self.point_child, self.arm_child, reference)
 
     def _parents_arm(self, angle: Scalar) -> tuple[Vector, Vector]:

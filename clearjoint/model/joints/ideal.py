@@ -59,7 +59,7 @@ class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
 
     def _perpendicular(self, motions: Motions, a: Vector, b: Vector) -> Row:
         """Return the row that keeps unit vector `a` of the first body perpendicular to unit vector
-        `b` of the second, each in its body's axes."""
+        `b` of the second, each in its body's axes. Its value is their scalar product."""
         return perpendicular(*self._between(motions), a, b)
 
     def _in_plane(self, motions: Motions, normal: Vector) -> Row:
@@ -129,9 +129,11 @@ class AbstractAxisJoint(AbstractPairJoint):
         }
 
     def relative_angle(self, motions: Motions) -> Row:
-        """Return the second body's angle about the first's axis, rad in (-pi, pi].
+        """Return a row whose value is the second body's angle about the first's axis, rad in
+        (-pi, pi].
 
-        It is the value of a row, which also has the derivatives of the angle's rate.
+        The angle is zero if the bodies' frames differ by the shortest rotation that makes the two
+        axes parallel. The row's Jacobian gives the rate of the angle.
         """
         return relative_angle_row(*self._between(motions), self.axis_first, self.axis_second)
 

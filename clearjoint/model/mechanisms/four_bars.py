@@ -66,7 +66,8 @@ def four_bar(
     **Arguments:**
 
     - `clearance`: radial, m, by the pin's name; pins that are not named are ideal.
-    - `restitution`: requested of the default law, which is that of Lankarani and Nikravesh.
+    - `restitution`: ratio of rebound speed to entry speed, 0 to 1, requested of the default law,
+      which is that of Lankarani and Nikravesh.
     - `lengths`: of crank, coupler and rocker, and the distance of the ground joints, m.
     - `masses`: of crank, coupler and rocker, kg.
     - `angle`, `speed`: of the crank at the start, from the X axis, rad and rad/s. The "rocker pin"
@@ -202,7 +203,8 @@ def spatial_four_bar(
     **Arguments:**
 
     - `clearance`: radial, m; ``None`` for an ideal ball joint. The ball starts centred.
-    - `restitution`: requested of the default law, which is that of Lankarani and Nikravesh.
+    - `restitution`: ratio of rebound speed to entry speed, 0 to 1, requested of the default law,
+      which is that of Lankarani and Nikravesh.
     - `speed`: of the crank at the start, rad/s. The state is that of the ideal mechanism.
     - `law`: replaces the default law.
     - `friction`: of the ball; none by default.

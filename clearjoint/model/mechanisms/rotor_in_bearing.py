@@ -48,7 +48,8 @@ def rotor_in_bearing(
     - `speed`: of the rotor, rad/s.
     - `offset`: initial position of the journal along X and Y, over the clearance; by default it
       touches the wall at the lowest point.
-    - `restitution`: requested of the default law, which is that of Lankarani and Nikravesh.
+    - `restitution`: ratio of rebound speed to entry speed, 0 to 1, requested of the default law,
+      which is that of Lankarani and Nikravesh.
     - `law`: of the contact with the wall; replaces the default law.
     - `friction`: of the contact with the wall, also with a film; none by default.
     - `gravity`: (3,) m/s^2, along -Y by default; ``None`` for none.

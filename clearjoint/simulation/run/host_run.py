@@ -299,8 +299,8 @@ class Run:
             saved = Trajectory(save_at[:saved_count], pack(_joined(saved_states)))
         if STEPS in now.records:
             rows = _joined(steps)
-            # The keys of the rows are groups of elements that are computed together, such as equal
-            # joints. Those of results are single elements.
+            # Joints or bodies that differ only in their numbers are computed together, as a group.
+            # The keys of the rows are names of groups, those of results names of single elements.
             trajectory = Trajectory(rows.t, pack(named(rows.state)))
         solution = Solution(
             time,
