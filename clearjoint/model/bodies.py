@@ -207,14 +207,15 @@ class Body(AbstractReadable):
         _require_one(mass, density)
         remedy = "pass diameter= in m, or mass= in kg instead of the density"
         require(density is None, "diameter", None, "given with a density", remedy)
-        length, mass = _number("length", length, "m"), _number("mass", mass, "kg")
+        length, rod_mass = _number("length", length, "m"), _number("mass", mass, "kg")
         # A thin rod has no moment about its axis, but a body needs one. It is m d^2/8, with the
         # diameter d of a round steel bar, whose mass is rho pi/4 d^2 l.
-        squared_diameter = 4.0 * mass / (math.pi * STEEL * length)
-        fits, values = (lambda _, square, l: square <= l**2), (mass, squared_diameter, length)
+        squared_diameter = 4.0 * rod_mass / (math.pi * STEEL * length)
+        fits, values = (lambda _, square, l: square <= l**2), (rod_mass, squared_diameter, length)
         remedy = "give its diameter in m, or check mass (kg) and length (m)"
         require_numbers(fits, "mass", values, "that of a rod longer than thick", remedy)
-        return _round_body(axis, mass, mass * squared_diameter / 8.0, mass * length**2 / 12.0)
+        about, across = rod_mass * squared_diameter / 8.0, rod_mass * length**2 / 12.0
+        return _round_body(axis, rod_mass, about, across)
 
     @staticmethod
     def cylinder(
