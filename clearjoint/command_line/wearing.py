@@ -82,7 +82,7 @@ def wear(study: Study, folder: Path) -> CommandResult:
     return CommandResult(code, f"{table}\n{line}")
 
 
-def check_section(study: Study, part: WearPart) -> None:
+def check_wear_section(study: Study, part: WearPart) -> None:
     """Check the entries of the section [wear] of a study.
 
     **Raises:** `ValueError` that names the section in the study's file.

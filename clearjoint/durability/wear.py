@@ -146,10 +146,11 @@ def wear(
 
     **Raises:** `ValueError` for an empty `rates`, a name or class in it that is not supported, or
     another argument outside its range (`samples` must be 8 or more); for a parameter that does not
-    fit the scene and the state, or an initial state with which no run can start; if the run of the
-    first stage fails, its two halves differ by more than `tolerance`, or it wears nothing although
-    only `depth` ends the computation; if the state at the end of a run does not fit the drives at
-    `start_time`, so that `cycle` is not their period; and for a store of another computation.
+    fit the scene and the state, or that has the name of a wear rate; for an initial state with
+    which no run can start; if the run of the first stage fails, its two halves differ by more than
+    `tolerance`, or it wears nothing although only `depth` ends the computation; if the state at the
+    end of a run does not fit the drives at `start_time`, so that `cycle` is not their period; and
+    for a store of another computation.
 
     ```python
     import clearjoint as cj
@@ -626,9 +627,9 @@ class _Store:
         """Replace the store by one of the dataset `found`, a result of `wear`.
 
         A process that is killed meanwhile leaves the new store or the old one, which may then be in
-        the folder beside it from which `read` takes it.
+        the folder beside it that `_folder` returns.
         """
-        new, old = self._beside("new"), self._beside("old")
+        new, old = _beside(self.path, "new"), _beside(self.path, "old")
         shutil.rmtree(new, ignore_errors=True)
         with warnings.catch_warnings():
             # Zarr warns that version 3 of its format doesn't specify texts yet.
@@ -642,11 +643,9 @@ class _Store:
 
     def read(self, first: _Stages) -> _Stages:
         """Return the stored stages, or `first` if there is no store."""
-        # A process that was killed between the renamings of `write` has left only the old store.
-        existing = [path for path in (self.path, self._beside("old")) if path.exists()]
-        if not existing:
+        if not _folder(self.path).exists():
             return first
-        found = open_wear(existing[0])
+        found = open_wear(self.path)
         require(
             found.attrs.get("digest") == self.digest,
             "path",
@@ -669,10 +668,27 @@ class _Store:
             found.attrs["failure"],
         )
 
-    def _beside(self, suffix: str) -> Path:
-        """Return the path of a folder beside the store, on the same file system, so that it can be
-        renamed."""
-        return self.path.with_name(f"{self.path.name}.{suffix}")
+
+def _beside(path: Path, suffix: str) -> Path:
+    """Return the path of a folder beside a store, on the same file system, so that it can be
+    renamed."""
+    return path.with_name(f"{path.name}.{suffix}")
+
+
+def _folder(path: Path) -> Path:
+    """Return the folder that has the contents of the store with the given path: the path itself, or
+    the folder of the old store between the two renamings of `_Store.write`."""
+    old = _beside(path, "old")
+    return old if old.exists() and not path.exists() else path
+
+
+def _version(folder: Path) -> int | None:
+    """Return a number that differs for a folder by which another one is replaced; ``None`` if there
+    is no folder."""
+    try:
+        return folder.stat().st_ino
+    except FileNotFoundError:
+        return None
 
 
 def open_wear(path: str | PathLike[str]) -> "xr.Dataset":
@@ -691,10 +707,21 @@ def open_wear(path: str | PathLike[str]) -> "xr.Dataset":
     import xarray as xr
 
     remedy = "pass the `path` that was given to wear()"
-    exists = (Path(path) / "bearing_depth").is_dir()
-    require(exists, "path", str(path), "a folder with a result of wear()", remedy)
-    with xr.open_zarr(path, consolidated=False) as found:
-        return found.load()
+    while True:
+        folder, failure = _folder(Path(path)), None
+        version = _version(folder)
+        try:
+            exists = (folder / "bearing_depth").is_dir()
+            require(exists, "path", str(path), "a folder with a result of wear()", remedy)
+            with xr.open_zarr(folder, consolidated=False) as found:
+                found.load()
+        except (OSError, ValueError) as error:
+            failure = error
+        # If `wear` has replaced the store meanwhile, its arrays may be of two stores or missing.
+        if folder == _folder(Path(path)) and version == _version(folder):
+            if failure is not None:
+                raise failure
+            return found
 
 
 def final_state(found: "xr.Dataset") -> State:
