@@ -27,7 +27,7 @@ from ..simulation.run.run_checks import check_start
 from .fitting import fit_parameters
 from .study import Study
 from .sweeping import sweep_axes
-from .wearing import check_section
+from .wearing import check_wear_section
 
 
 def description(study: Study) -> Iterator[str]:
@@ -140,7 +140,7 @@ def _sections(study: Study) -> Iterator[str]:
         study.check_elements(quantities, "fit", "columns")
         yield f"fit: {', '.join(fit.parameters)} from {fit.measurements}"
     if (wear := study.parts.wear) is not None:
-        check_section(study, wear)
+        check_wear_section(study, wear)
         cycles = "cycles" if wear.cycles == np.inf else f"{wear.cycles:g} cycles"
         end = "" if wear.depth is None else f", to a depth of {_length(wear.depth)}"
         yield f"wear: {', '.join(wear.rates)} over {cycles} of {wear.cycle:g} s{end}"

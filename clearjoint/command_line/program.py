@@ -107,7 +107,7 @@ def check(file: Path, changes: tuple[str, ...], paths: bool, assemble: Path | No
     prints the run, the sweep, the fit and the wear. With --paths or --assemble, the list or the
     file is the only output.
     """
-    study = _study(file, changes)
+    study = _read_study(file, changes)
     from ..dynamics.assembly import assemble as assembled
     from ..scene_files.files import save
     from .checking import description, number_paths
@@ -276,7 +276,7 @@ def _prepare() -> None:
         runtime.configure()
 
 
-def _study(
+def _read_study(
     file: Path,
     changes: tuple[str, ...],
     section: str = "",
@@ -308,12 +308,12 @@ def _compute(
 
     **Arguments:** `command`: name of the command and of its section in a study; `function`:
     computes, given the study and the folder of the results; `out`: this folder, by default
-    results/<name of the file>/<command>; `changes`, `options`: see `_study`.
+    results/<name of the file>/<command>; `changes`, `options`: see `_read_study`.
     """
     from .folders import PAGE
 
     folder = out or Path("results") / file.stem / command
-    result = function(_study(file, changes, command, options), folder)
+    result = function(_read_study(file, changes, command, options), folder)
     page = folder / PAGE
     click.echo(f"{result.line}: {page if page.exists() else 'nothing was written'}")
     raise click.exceptions.Exit(result.code)

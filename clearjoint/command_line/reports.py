@@ -64,7 +64,7 @@ def _draw_run(folder: Path, scene: Scene, solution: Solution) -> None:
         _save(folder, f"output {name}", _over_time(values))
     for name, crossings in solution.sections.items():
         if len(crossings):
-            _save(folder, f"section {name}", _section(crossings))
+            _save(folder, f"section {name}", _draw_section(crossings))
     title = str(read_summary(folder)["title"])
     plot.report(scene, solution, folder / "report.pdf", title=title)
 
@@ -113,7 +113,7 @@ def _mark_peaks(forces: Axes, impacts: Impacts | None, joint: str) -> None:
     plot.style.legend_above(forces, min(len(forces.get_legend_handles_labels()[1]), 4))
 
 
-def _section(crossings: Crossings) -> Axes:
+def _draw_section(crossings: Crossings) -> Axes:
     """Draw the crossings of a Poincaré section: its second channel over the first one, or a single
     channel over time."""
     channels = [(name, row, crossings.units[name]) for name, row in crossings.values.items()]
@@ -234,7 +234,8 @@ def write_sweep_report(folder: Path, dataset: xr.Dataset) -> None:
         for variable in (str(v) for v, rows in dataset.items() if f"{name}_number" in rows.dims):
             channel = variable.removeprefix(f"{name}_")
             if len(axes) == 1 and channel != "time" and dataset[variable].ndim == 2:
-                _save(folder, f"{name} {channel}", plot.bifurcation(dataset, name, channel))
+                drawn = plot.bifurcation(dataset, name, channel, axes[0])
+                _save(folder, f"{name} {channel}", drawn)
     write_page(folder, _table("Lanes", frame, ROWS))
 
 
@@ -270,9 +271,14 @@ def write_wear_report(folder: Path, found: xr.Dataset) -> None:
         ("volumes", "worn volume", "mm^3", volumes),
         ("forces", "largest force", "N", forces),
     )
-    # If no part has worn, there are no depths and volumes to draw; forces alone are left out.
-    for figure, quantity, unit, curves in figures if depths else ():
-        factor, shown = fitting_unit(np.array(list(curves.values())), unit)
+    for figure, quantity, unit, curves in figures:
+        values = np.array(list(curves.values()))
+        # If no part has worn, there are no depths and volumes. The last stage has no force, and so
+        # a result with one stage has none.
+        finite = values[np.isfinite(values)]
+        if finite.size == 0:
+            continue
+        factor, shown = fitting_unit(finite, unit)
         axes = plot.style.axes_or_new(None)
         lines = ((name, frame["cycles"], factor * values) for name, values in curves.items())
         plot.style.draw_lines(axes, lines)

@@ -94,6 +94,7 @@ def run(study: Study, folder: Path) -> CommandResult:
         assert isinstance(stopped.solution, Solution)
         code, solution = INTERRUPTED, stopped.solution
     folder.mkdir(parents=True, exist_ok=True)
+    folders.write_scene(folder, study.scene, study.state)
     # The tables are about the saved states, without which none is written.
     force, contact = 0.0, ""
     if solution.saved is not None and len(solution.saved):
@@ -179,13 +180,12 @@ def write_results(
     reductions: Mapping[str, AbstractReduction],
     folder: Path,
 ) -> tuple[float, str]:
-    """Write the scene file and the tables of a run, which has saved states.
+    """Write the tables of a run, which has saved states.
 
-    The scene file has the scene with its initial state. There is a table of the saved states; a
-    table of the contacts, reactions of joints, accelerations and energies that
-    `observe` computes from these states; one of the impacts, if the run has recorded them; one for
-    each Poincaré section; and, if the study names outputs, a table of quantities at the saved
-    states and one of the numbers that reductions give.
+    There is a table of the saved states; a table of the contacts, reactions of joints,
+    accelerations and energies that `observe` computes from these states; one of the impacts, if the
+    run has recorded them; one for each Poincaré section; and, if the study names outputs, a table
+    of quantities at the saved states and one of the numbers that reductions give.
 
     **Arguments:** `study`: the scene and the outputs; `solution`: the run; `reductions`: reductions
     that the run has computed, by name; `folder`: folder of the results.
@@ -193,7 +193,6 @@ def write_results(
     **Returns:** the largest normal force of all contacts, N, and the label of its contact; zero and
     an empty label without contacts.
     """
-    folders.write_scene(folder, study.scene, study.state)
     observed = observe(study.scene, solution)
     tables = {folders.MOTION: solution, folders.OBSERVED: observed}
     if solution.impacts is not None:

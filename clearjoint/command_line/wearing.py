@@ -82,7 +82,7 @@ def wear(study: Study, folder: Path) -> CommandResult:
     return CommandResult(code, f"{table}\n{line}")
 
 
-def check_section(study: Study, part: WearPart) -> None:
+def check_wear_section(study: Study, part: WearPart) -> None:
     """Check the entries of the section [wear] of a study without a run, for `clearjoint check`.
 
     **Raises:** `ValueError` that names the section in the study's file.
@@ -98,6 +98,8 @@ def check_section(study: Study, part: WearPart) -> None:
             part.samples,
             part.stages,
             part.depth,
+            part.tolerance,
+            part.largest_change,
         )
 
 

@@ -146,10 +146,11 @@ def wear(
 
     **Raises:** `ValueError` for an empty `rates`, a name or class in it that is not supported, or
     another argument outside its range (`samples` must be 8 or more); for a parameter that does not
-    fit the scene and the state, or an initial state with which no run can start; if the run of the
-    first stage fails, its two halves differ by more than `tolerance`, or it wears nothing although
-    only `depth` ends the computation; if the state at the end of a run does not fit the drives at
-    `start_time`, so that `cycle` is not their period; and for a store of another computation.
+    fit the scene and the state, or that has the name of a wear rate; for an initial state with
+    which no run can start; if the run of the first stage fails, its two halves differ by more than
+    `tolerance`, or it wears nothing although only `depth` ends the computation; if the state at the
+    end of a run does not fit the drives at `start_time`, so that `cycle` is not their period; and
+    for a store of another computation.
 
     ```python
     import clearjoint as cj
@@ -162,7 +163,19 @@ def wear(
     """
     scene, state = with_arrays((scene, state))
     goals = np.asarray(cycles, float)
-    check_wear(scene, cycle, rates, goals, settle, measured, samples, stages, depth)
+    check_wear(
+        scene,
+        cycle,
+        rates,
+        goals,
+        settle,
+        measured,
+        samples,
+        stages,
+        depth,
+        tolerance,
+        largest_change,
+    )
     scene = _with_splines(scene, rates, samples)
     directions = {}
     if parameters is not None:
@@ -625,9 +638,9 @@ class _Store:
         """Replace the store by one of the dataset `found`, a result of `wear`.
 
         A process that is killed meanwhile leaves the new store or the old one, which may then be in
-        the folder beside it from which `read` takes it.
+        the folder beside it that `_folder` returns.
         """
-        new, old = self._beside("new"), self._beside("old")
+        new, old = _beside(self.path, "new"), _beside(self.path, "old")
         shutil.rmtree(new, ignore_errors=True)
         with warnings.catch_warnings():
             # Zarr warns that version 3 of its format doesn't specify texts yet.
@@ -644,11 +657,9 @@ class _Store:
 
         **Raises:** `ValueError` for a store of another computation.
         """
-        # A process that was killed between the renamings of `write` has left only the old store.
-        existing = [path for path in (self.path, self._beside("old")) if path.exists()]
-        if not existing:
+        if not _folder(self.path).exists():
             return first
-        found = open_wear(existing[0])
+        found = open_wear(self.path)
         require(
             found.attrs.get("digest") == self.digest,
             "path",
@@ -671,10 +682,27 @@ class _Store:
             found.attrs["failure"],
         )
 
-    def _beside(self, suffix: str) -> Path:
-        """Return the path of a folder beside the store, on the same file system, so that it can be
-        renamed."""
-        return self.path.with_name(f"{self.path.name}.{suffix}")
+
+def _beside(path: Path, suffix: str) -> Path:
+    """Return the path of a folder beside a store, on the same file system, so that it can be
+    renamed."""
+    return path.with_name(f"{path.name}.{suffix}")
+
+
+def _folder(path: Path) -> Path:
+    """Return the folder that has the contents of the store with the given path: the path itself, or
+    the folder of the old store between the two renamings of `_Store.write`."""
+    old = _beside(path, "old")
+    return old if old.exists() and not path.exists() else path
+
+
+def _version(folder: Path) -> int | None:
+    """Return a number that differs for a folder by which another one is replaced; ``None`` if there
+    is no folder."""
+    try:
+        return folder.stat().st_ino
+    except FileNotFoundError:
+        return None
 
 
 def open_wear(path: str | PathLike[str]) -> "xr.Dataset":
@@ -693,10 +721,21 @@ def open_wear(path: str | PathLike[str]) -> "xr.Dataset":
     import xarray as xr
 
     remedy = "pass the `path` that was given to wear()"
-    exists = (Path(path) / "bearing_depth").is_dir()
-    require(exists, "path", str(path), "a folder with a result of wear()", remedy)
-    with xr.open_zarr(path, consolidated=False) as found:
-        return found.load()
+    while True:
+        folder, failure = _folder(Path(path)), None
+        version = _version(folder)
+        try:
+            exists = (folder / "bearing_depth").is_dir()
+            require(exists, "path", str(path), "a folder with a result of wear()", remedy)
+            with xr.open_zarr(folder, consolidated=False) as found:
+                found.load()
+        except (OSError, ValueError) as error:
+            failure = error
+        # If `wear` has replaced the store meanwhile, its arrays may be of two stores or missing.
+        if folder == _folder(Path(path)) and version == _version(folder):
+            if failure is not None:
+                raise failure
+            return found
 
 
 def final_state(found: "xr.Dataset") -> State:
@@ -851,6 +890,9 @@ def check_wear(
     even = measured % 2 == 0
     require(even, "measured", measured, "even, as its two halves are compared", "add one")
     require_count("samples", samples, "give a number of angles")
-    few = samples >= FEWEST_SAMPLES
-    require(few, "samples", samples, f"at least {FEWEST_SAMPLES}", "take the default of 96")
+    require_positive("tolerance", tolerance, "give a relative difference, such as 0.1")
+    if largest_change is not None:
+        require_positive("largest_change", largest_change, "give a depth in m, or None")
+    enough = samples >= FEWEST_SAMPLES
+    require(enough, "samples", samples, f"at least {FEWEST_SAMPLES}", "take the default of 96")
     require_count("stages", stages, "give a number of stages")

@@ -16,6 +16,7 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
+from ..fields.checks import require
 from ..fields.objects import on_device, quantity
 from ..fields.types import Column
 from ..math.vectors import Scalar
@@ -126,7 +127,8 @@ def directions_of(
     A wear rate has the name of its joint and part, such as "pin bearing rate". Parameters come
     first, then wear rates; the index of each direction is its place in this order.
 
-    **Raises:** `ValueError` for a parameter that does not fit the scene and the state.
+    **Raises:** `ValueError` for a parameter that does not fit the scene and the state, or that has
+    the name of a wear rate.
     """
     joints = tuple(rates)
     found: dict[str, ParameterDirection] = {}
@@ -139,7 +141,10 @@ def directions_of(
     for joint, of_parts in rates.items():
         for part, rate in zip(PARTS, of_parts, strict=True):
             if rate > 0.0:
-                found[rate_name(joint, part)] = ParameterDirection(len(found), joints)
+                name = rate_name(joint, part)
+                expected = "named otherwise than the logarithm of a wear rate"
+                require(name not in parameters, "parameters", name, expected, "rename it")
+                found[name] = ParameterDirection(len(found), joints)
     return found
 
 

@@ -46,10 +46,13 @@ table with large values at short intervals have errors of this size."""
 def breakpoints(scene: Scene) -> dict[str, list[Scalar]]:
     """Return the breakpoints, s, of each joint or force that has any, by the name of the element.
 
-    Each value is a list of numbers or arrays of any shape.
+    Each value is a list of numbers or of arrays of any shape with one entry at least.
     """
     elements: dict[str, AbstractElement] = {**scene.joints, **scene.forces}
-    times = {name: jax.tree.leaves(element.breakpoints()) for name, element in elements.items()}
+    times = {
+        name: [at for at in jax.tree.leaves(element.breakpoints()) if np.size(at) > 0]
+        for name, element in elements.items()
+    }
     return {name: instants for name, instants in times.items() if instants}
 
 
@@ -206,6 +209,6 @@ def _extreme(
     for times in breakpoints(scene).values():
         for at in times:
             value = function(jax.lax.stop_gradient(jnp.asarray(at, dtype=float)))
-            value = value if jnp.ndim(value) == 0 else choice.reduce(value)
+            value = value if jnp.ndim(value) == 0 else choice.reduce(value, axis=None)
             extreme = value if extreme is None else choice(extreme, value)
     return extreme

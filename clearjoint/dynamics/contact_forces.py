@@ -13,7 +13,7 @@ from typing import TypeAlias
 import jax
 import jax.numpy as jnp
 
-from ..fields.checks import EPSILON
+from ..fields.checks import EPSILON, require
 from ..math.vectors import ZERO, Condition, Scalar, Vector
 from ..model.bodies import GROUND, Wrench
 from ..model.contact.friction import AbstractBristleFriction
@@ -75,6 +75,8 @@ def contact_forces(
     - `closed`: whether each contact has a force, whatever its depth (see `contact_force`); if
       ``None``, the contacts that penetrate have one.
     - `bristles`: deflections, m, of the contacts with bristle laws.
+
+    **Raises:** `ValueError` if `bristles` lacks such a contact.
     """
     forces: ByLabel[LoadedContact] = {}
     for name, joint in scene.contact_joints().items():
@@ -122,15 +124,15 @@ def contact_wrenches(
     # Without friction, the force may act at any point of its line of action, and points are chosen
     # that take less arithmetic.
     on_first, on_second = contact.points_of_force(friction is not None)
-    turning = None if friction_moment is None else contact.normal * friction_moment
+    moment = None if friction_moment is None else contact.normal * friction_moment
     if second != GROUND:
         yield second, motions[second].wrench(push, on_second)
-        if turning is not None:
-            yield second, motions[second].torque(turning)
+        if moment is not None:
+            yield second, motions[second].torque(moment)
     if first != GROUND:
         yield first, motions[first].wrench(-push, on_first)
-        if turning is not None:
-            yield first, motions[first].torque(-turning)
+        if moment is not None:
+            yield first, motions[first].torque(-moment)
 
 
 def contact_force(
@@ -162,6 +164,8 @@ def contact_force(
       penetrates.
     - `motions`: pose and velocities of each body.
     - `bristles`: deflections of the joint's contacts, m, by label.
+
+    **Raises:** `ValueError` if `bristles` lacks this contact and it has a bristle law.
     """
 
     def normal_force(gap: Gap) -> Scalar:
@@ -173,6 +177,9 @@ def contact_force(
     elastic = _continued(law.elastic_force, law, contact.gap, closed)
     if bristle_law := joint.bristle_laws().get(label):
         exists = contact.gap.depth + law.onset_offset() > 0.0 if closed is None else closed
+        expected = f"those of all contacts with bristles, also {label!r}"
+        remedy = "give it a deflection, bristles[joint][contact]; zero if the contact is open"
+        require(label in bristles, "bristles", list(bristles), expected, remedy)
         to_first = motions[joint.pair()[0]]
         deflection = to_first.direction(bristles[label])
         friction, rate = _bristle_friction(bristle_law, contact, deflection, normal)

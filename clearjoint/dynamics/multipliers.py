@@ -59,17 +59,19 @@ def response(
         rows = [[multiply(weights[k], a) for a in row] for k, row in zip(kept, rows, strict=True)]
         aims = [multiply(weights[k], aim) for k, aim in zip(kept, aims, strict=True)]
     # The rows of D M^-1.
-    weighted = [mechanics.solved(row) for row in rows]
+    solved_rows = [mechanics.solved(row) for row in rows]
     change: Speeds = [0.0] * len(directions[0])
     if len(rows) > LARGEST_UNROLLED:
-        jacobian, inverse = (jnp.stack([*map(as_array, part)]) for part in (rows, weighted))
-        solution = solver.dense(jacobian @ inverse.T, as_array(aims))
-        change, nonzero = list(solution @ inverse), list(solution)
+        jacobian, solved = (jnp.stack([*map(as_array, part)]) for part in (rows, solved_rows))
+        solution = solver.dense(jacobian @ solved.T, as_array(aims))
+        change, nonzero = list(solution @ solved), list(solution)
     else:
         # The lower triangle of D M^-1 D^T, which is symmetric.
-        schur = [[inner(row, other) for other in weighted[: i + 1]] for i, row in enumerate(rows)]
+        schur = [
+            [inner(row, other) for other in solved_rows[: i + 1]] for i, row in enumerate(rows)
+        ]
         nonzero = solver.unrolled(schur, aims)
-        for part, multiplier in zip(weighted, nonzero, strict=True):
+        for part, multiplier in zip(solved_rows, nonzero, strict=True):
             change = [add(a, multiply(b, multiplier)) for a, b in zip(change, part, strict=True)]
     # A weighted row has the multiplier of the row itself divided by the weight.
     for k, multiplier in zip(kept, nonzero, strict=True):

@@ -142,6 +142,8 @@ class System(eqx.Module):
         - `bristles`: deflection of the bristles of each contact with a bristle friction law, m, in
           the axes of the joint's first body, by joint and contact label; may be left out if there
           are no such contacts.
+
+        **Raises:** `ValueError` if `bristles` lacks such a contact.
         """
         mechanics = self.mechanics(variables)
         forces = contact_forces(self.scene, mechanics.motions, entry_speeds, closed, bristles)
@@ -234,6 +236,8 @@ class System(eqx.Module):
         penetrate have a force.
 
         **Arguments:** `bristles`: as in `dynamics`.
+
+        **Raises:** `ValueError` if `bristles` lacks a contact with a bristle friction law.
         """
         return contact_forces(self.scene, self.motions(variables), entry_speeds, bristles=bristles)
 

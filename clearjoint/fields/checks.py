@@ -1,8 +1,11 @@
 """Checks of values, whose error messages all have the same form.
 
 In all functions, `argument` is the name of the value and `remedy` the advice in the message, as
-`require` puts them together. Numbers are stored as 64-bit NumPy arrays. Unlike JAX arrays, these do
-not start a JAX backend when a scene is built, and do not depend on JAX's setting of precision.
+`require` puts them together. Functions that check several conditions give advice of their own for
+some of them, such as a wrong shape or an entry that is not finite.
+
+Numbers are stored as 64-bit NumPy arrays. Unlike JAX arrays, these do not start a JAX backend when
+a scene is built, and do not depend on JAX's setting of precision.
 
 A check of the numbers in a traced value cannot raise an error, because they are unknown, and
 usually passes; shapes are known and checked. But while `conditions_of` calls a check, its condition

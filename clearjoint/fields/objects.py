@@ -306,7 +306,8 @@ def with_arrays(tree: PyTree) -> PyTree:
     It is called before each run. A Python number that `equinox.tree_at` has put into a scene would
     otherwise be part of the program, which would be compiled for each of its values. Traced numbers
     are not converted, nor are numbers in Equinox modules of other packages in fields without a
-    converter, since these may be meant as parts of the program.
+    converter, since these may be meant as parts of the program. Python's bools are parts of the
+    program, so that a class may branch on them.
     """
     leaves, structure = jax.tree.flatten(tree)
     # Usually nothing is left to convert.
@@ -331,7 +332,7 @@ def _is_float_array(leaf: PyTree) -> bool:
 def _is_other_number(leaf: PyTree) -> bool:
     if isinstance(leaf, np.ndarray | np.generic | jax.Array):
         return leaf.dtype.kind in "biuf" and not isinstance(leaf, Tracer)
-    return isinstance(leaf, int | float)
+    return isinstance(leaf, int | float) and not isinstance(leaf, bool)
 
 
 @lru_cache(maxsize=256)

@@ -15,10 +15,10 @@ from .pen import Marker
 from .scene import Scene
 from .survey import survey
 
-CLOSED = 1e-6
-"""Tolerance of `is_closed`. It limits the distance between the two points of a joint, relative to
-their distance from the bodies' centres of mass, and the sine of the angle between its axes. It is
-far above rounding errors, and far below common clearances over the size of a body."""
+TOLERANCE = 1e-6
+"""Tolerance of `satisfies_joints`. It limits the distance between the two points of a joint,
+relative to their distance from the bodies' centres of mass, and the sine of the angle between its
+axes. It is far above rounding errors, and far below common clearances over the size of a body."""
 Pose: TypeAlias = tuple[np.ndarray, Rotation]
 """Position of a body's centre of mass, (3,) m in global axes, and rotation from body to global
 axes."""
@@ -35,7 +35,7 @@ def arranged_state(scene: Scene, given: State | None = None, angle: float = 0.0)
     axes.
 
     A joint between two bodies that already have a place is not used, so that a closed chain of
-    bodies may stay open at one of its joints: see `is_closed`.
+    bodies may stay open at one of its joints: see `satisfies_joints`.
 
     **Arguments:**
 
@@ -48,13 +48,11 @@ def arranged_state(scene: Scene, given: State | None = None, angle: float = 0.0)
     given = State({}) if given is None else given
     poses = _poses(given)
     joined = survey(scene).joined
-    # The poses include that of the ground, so that they are complete with one more than the bodies.
-    while len(poses) <= len(scene.bodies):
+    while missing := [name for name in scene.bodies if name not in poses]:
         # The next joint between a body that has a place and one that has none.
         pair = next((p for p in joined if (p[0].body in poses) != (p[1].body in poses)), None)
         if pair is None:
-            unconnected = next(name for name in scene.bodies if name not in poses)
-            poses[unconnected] = np.zeros(3), Rotation.identity()
+            poses[missing[0]] = np.zeros(3), Rotation.identity()
             continue
         known, other = pair if pair[0].body in poses else pair[::-1]
         poses[other.body] = _joined(poses[known.body], known, other, angle)
@@ -68,11 +66,11 @@ def arranged_state(scene: Scene, given: State | None = None, angle: float = 0.0)
     return replace(given, bodies=bodies)
 
 
-def is_closed(scene: Scene, state: State) -> bool:
+def satisfies_joints(scene: Scene, state: State) -> bool:
     """Return whether a state satisfies the joints of a scene, as far as `arranged_state` uses them.
 
     The two points of each joint must coincide, and its two axes must be parallel in either sense,
-    within the tolerance `CLOSED`. The points of a sliding joint must coincide too, although its
+    within the tolerance `TOLERANCE`. The points of a sliding joint must coincide too, although its
     block may be elsewhere on the rail in general. The state must contain all bodies.
     """
     poses = _poses(state)
@@ -80,11 +78,11 @@ def is_closed(scene: Scene, state: State) -> bool:
         (first, along), (second, along_second) = (_in_space(poses[one.body], one) for one in pair)
         # At least 1 mm, for joints whose points are the centres of mass.
         size = max(1e-3, *(float(np.linalg.norm(one.point)) for one in pair))
-        if np.linalg.norm(first - second) > CLOSED * size:
+        if np.linalg.norm(first - second) > TOLERANCE * size:
             return False
         if along is not None and along_second is not None:
             lengths = np.linalg.norm(along) * np.linalg.norm(along_second)
-            if np.linalg.norm(np.cross(along, along_second)) > CLOSED * lengths:
+            if np.linalg.norm(np.cross(along, along_second)) > TOLERANCE * lengths:
                 return False
     return True
 

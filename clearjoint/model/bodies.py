@@ -122,15 +122,15 @@ def _require_inertia(argument: str, value: ArrayLike) -> None:
     # the rounding of given numbers.
     xp, moments = inertia.__array_namespace__(), inertia
     if inertia.ndim == 2:
-        symmetric = xp.allclose(inertia, inertia.T, rtol=1e-9, atol=0.0)
-        require(symmetric, "inertia", inertia, "symmetric", "average it with its transpose")
+        symmetric = abs(inertia - inertia.T).max() <= 1e-9 * abs(inertia).max()
+        require(symmetric, argument, inertia, "symmetric", "average it with its transpose")
         moments = xp.linalg.eigvalsh(inertia)
     remedy = "give every body a positive moment of inertia about each axis"
-    require(moments.min() > 0, "inertia", inertia, "positive definite", remedy)
+    require(moments.min() > 0, argument, inertia, "positive definite", remedy)
     fine = moments.max() <= (moments.sum() - moments.max()) * (1 + 1e-9)
     expected = "such that no principal moment exceeds the sum of the other two"
     remedy = "check the order of the moments and their units (kg m^2)"
-    require(fine, "inertia", inertia, expected, remedy)
+    require(fine, argument, inertia, expected, remedy)
 
 
 class Body(AbstractReadable):
@@ -207,14 +207,15 @@ class Body(AbstractReadable):
         _require_one(mass, density)
         remedy = "pass diameter= in m, or mass= in kg instead of the density"
         require(density is None, "diameter", None, "given with a density", remedy)
-        length, weight = _number("length", length, "m"), _number("mass", mass, "kg")
+        length, rod_mass = _number("length", length, "m"), _number("mass", mass, "kg")
         # A thin rod has no moment about its axis, but a body needs one. It is m d^2/8, with the
         # diameter d of a round steel bar, whose mass is rho pi/4 d^2 l.
-        squared_diameter = 4.0 * weight / (math.pi * STEEL * length)
-        fits, values = (lambda _, d, l: d <= l**2), (weight, squared_diameter, length)
+        squared_diameter = 4.0 * rod_mass / (math.pi * STEEL * length)
+        fits, values = (lambda _, square, l: square <= l**2), (rod_mass, squared_diameter, length)
         remedy = "give its diameter in m, or check mass (kg) and length (m)"
         require_numbers(fits, "mass", values, "that of a rod longer than thick", remedy)
-        return _round_body(axis, weight, weight * squared_diameter / 8.0, weight * length**2 / 12.0)
+        about, across = rod_mass * squared_diameter / 8.0, rod_mass * length**2 / 12.0
+        return _round_body(axis, rod_mass, about, across)
 
     @staticmethod
     def cylinder(

@@ -215,7 +215,7 @@ def _with_array(coordinate: Coordinate) -> Coordinate:
     """Return a coordinate whose values are an array of numbers or truth values. If they are
     anything else, it is an array of texts, and the unit is dropped."""
     values = np.asarray(coordinate.values)
-    if values.dtype.kind in "bif":
+    if values.dtype.kind in "biuf":
         return coordinate._replace(values=values)
     return Coordinate(coordinate.name, np.array(values.tolist(), dtype=str))
 

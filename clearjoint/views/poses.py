@@ -61,11 +61,11 @@ def initial_state(scene: Scene) -> tuple[State, bool]:
     The bodies are placed by following the joints from the ground. If loops stay open, `assemble`
     closes them; if it can't, the state with open loops is returned.
     """
-    from ..model.arrangement import arranged_state, is_closed  # imports SciPy
+    from ..model.arrangement import arranged_state, satisfies_joints  # imports SciPy
 
     # Most scenes need no `assemble`, which compiles the equations of motion.
     straight = arranged_state(scene)
-    if is_closed(scene, straight):
+    if satisfies_joints(scene, straight):
         return straight, True
     # At the angle zero of the first hinge, rad, links may be in a dead-centre position.
     for angle in (0.0, 0.7, -0.7, 1.6):

@@ -412,6 +412,48 @@ def test_lanes_are_rows():
     assert frame["result"].tolist()[1] == "max_steps_reached"
 
 
+def test_sections_of_a_zipped_sweep_are_drawn_over_its_first_axis(tmp_path):
+    flags = {"flag_values": [0, 1], "flag_meanings": "successful max_steps_reached"}
+    variables = {
+        "result": ("lane", np.zeros(2, np.int8), flags),
+        "low_count": ("lane", [1, 1]),
+        "low_speed": (("lane", "low_number"), [[1.0], [2.0]], {"units": "m/s"}),
+    }
+    axes = {"a": ("lane", [1.0, 2.0], {"units": "m"}), "b": ("lane", [3.0, 5.0])}
+    (tmp_path / "summary.json").write_text('{"kind": "sweep", "title": "zipped"}')
+    reports.write_sweep_report(tmp_path, xr.Dataset(variables, axes))
+    assert [path.stem for path in (tmp_path / "figures").iterdir()] == ["low_speed"]
+
+
+def test_forces_are_drawn_of_joints_that_have_not_worn(tmp_path):
+    angles = np.arange(8) * np.pi / 4
+    depths = ("joint", "stage", "angle"), np.zeros((1, 2, 8))
+    found = xr.Dataset(
+        {
+            **{f"{part}_depth": depths for part in ("bearing", "journal")},
+            "force": (("joint", "stage"), [[2e4, np.nan]]),
+        },
+        {"joint": ["pin"], "cycles": ("stage", [0.0, 10.0]), "angle": angles},
+    )
+    (tmp_path / "summary.json").write_text('{"kind": "wear", "title": "still"}')
+    reports.write_wear_report(tmp_path, found)
+    assert [path.stem for path in (tmp_path / "figures").iterdir()] == ["forces"]
+
+
+def test_a_run_without_saved_states_writes_its_scene(folder, monkeypatch):
+    scene, state = dropped_rod()
+    counts = {"attempts": 1, "accepted": 0, "saved_count": 0}
+    parts = {"time": 0.0, "final": state, "result": cj.RESULTS.max_steps_reached, **counts}
+    nothing = dict.fromkeys(("saved", "steps", "impacts"))
+    found = cj.results.Solution(
+        **parts, **nothing, formulation=Formulation(), redundant_constraints=()
+    )
+    monkeypatch.setattr(running, "simulate", lambda *arguments, **options: found)
+    assert invoke("run", "study.toml", "--out", "early").exit_code == 1
+    read, _ = cj.load("early/scene.toml")
+    assert cj.parameters(read).keys() == cj.parameters(scene).keys()
+
+
 @pytest.mark.slow
 def test_a_run_writes_tables_figures_and_a_page(folder):
     outcome = invoke("run", "study.toml")

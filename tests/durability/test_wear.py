@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import xarray as xr
 from scipy.integrate import solve_ivp
 
 import clearjoint as cj
@@ -355,9 +356,34 @@ def test_a_store_is_continued(tmp_path):
     assert part.attrs["ending"] == "2 stages"
     rest = cj.wear(*arguments, largest_change=2e-6, stages=4, path=tmp_path / "wear", **OPTIONS)
     assert rest.drop_attrs().identical(whole.drop_attrs())
+    # As between the two renamings with which a stage replaces the store.
+    (tmp_path / "wear").rename(tmp_path / "wear.old")
+    assert cj.open_wear(tmp_path / "wear").drop_attrs().identical(whole.drop_attrs())
     other = RATES | {"other pin": cj.WearRates(journal=2.0 * RATE)}
     with pytest.raises(ValueError, match="path"):
         cj.wear(scene, state, CYCLE, other, 3000.0, path=tmp_path / "wear", **OPTIONS)
+
+
+def test_a_store_that_is_replaced_while_it_is_read_is_read_again(tmp_path, monkeypatch):
+    store, opened, reads = wear_module._Store(tmp_path / "wear", ""), xr.open_zarr, []
+
+    def write(stages):
+        depths = ("joint", "stage", "angle"), np.full((1, stages, 8), 1e-6 * stages)
+        store.write(xr.Dataset({"bearing_depth": depths}))
+
+    def replaced(*arguments, **options):
+        found = opened(*arguments, **options)
+        if not reads:
+            write(3)
+        reads.append(found)
+        return found
+
+    write(2)
+    monkeypatch.setattr(xr, "open_zarr", replaced)
+    np.testing.assert_array_equal(
+        cj.open_wear(store.path)["bearing_depth"], np.full((1, 3, 8), 3e-6)
+    )
+    assert len(reads) == 2
 
 
 def test_worn_profiles_are_put_into_the_scene(found):
@@ -370,6 +396,9 @@ def test_worn_profiles_are_put_into_the_scene(found):
         worn["other pin"].journal_profile.at(angles).value, -last["journal_depth"][1], rtol=1e-9
     )
     assert worn["pin"].journal_profile is None and worn["other pin"].bearing_profile is None
+
+
+PIN_CLEARANCE = cj.Parameter(lambda scene: scene.joints["pin"].clearance)
 
 
 def test_a_cycle_that_is_not_periodic_is_refused():
@@ -392,6 +421,7 @@ def test_a_cycle_that_is_not_periodic_is_refused():
         ({"depth": 0.0}, "depth"),
         ({"measured": 3}, "measured"),
         ({"samples": 4}, "samples"),
+        ({"parameters": {"pin bearing rate": PIN_CLEARANCE}}, "otherwise than .* of a wear rate"),
     ],
 )
 def test_unsuitable_arguments_are_refused(change, name):

@@ -80,3 +80,12 @@ def test_force_that_jumps_at_an_early_onset_continues_past_it(ahead):
 def test_a_force_with_zero_slope_at_the_wall_ends_there(law):
     assert not law.slope_jumps()
     assert not np.any(forces_at(law, True, -law.onset_offset() - DEPTH))
+
+
+def test_deflections_of_all_bristles_are_demanded():
+    scene, state = cj.mechanisms.double_pendulum(friction=cj.frictions.Dahl(0.1, 1e5))
+    scene, state = cj.extend.unpack((scene, state))
+    system = cj.extend.System(scene, cj.extend.Formulation())
+    speeds = {"shoulder": {"V": 0.0, "W": 0.0}}
+    with pytest.raises(ValueError, match=r"`bristles` must be those of .* also 'V', but is \[\]"):
+        system.contact_forces(system.encode(state.bodies), speeds)

@@ -22,3 +22,12 @@ def test_bodies_are_placed_one_after_the_other_by_their_joints():
     angle = (0.5 - 0.65) * np.pi
     expected = np.array([1.0, 3.0, 0.0]) + 0.3 * np.array([np.cos(angle), np.sin(angle), 0.0])
     np.testing.assert_allclose(turned["second"].position, expected, atol=1e-12)
+
+
+def test_a_state_of_an_unknown_body_places_no_body():
+    pin = cj.RevoluteJoint("ground", "arm", (1.0, 2.0, 0.0), (-0.5, 0.0, 0.0), Z, Z)
+    scene = cj.Scene({"arm": cj.Body(1.0, (0.1, 0.1, 0.1))}, {"pin": pin})
+    given = cj.State({"other": cj.body_state((0.0, 0.0, 0.0))})
+    placed = arranged_state(scene, given).bodies
+    assert list(placed) == ["arm"]
+    np.testing.assert_allclose(placed["arm"].position, (1.5, 2.0, 0.0), atol=1e-15)

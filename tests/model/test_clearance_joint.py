@@ -180,6 +180,8 @@ def test_journal_offset_is_in_the_frame_of_the_bearing():
     np.testing.assert_allclose(centre[along_zeta], body_axes[along_zeta], rtol=1e-12)
     z_r = unit(AXES["bearing_axis"])
     np.testing.assert_allclose(centre[:, 2], dot(body_axes, z_r), rtol=1e-9, atol=1e-12)
+    with pytest.raises(ValueError, match=r"`base` must be one of \['V', 'W'\], but is 'U'"):
+        scene.joints["pin"].journal_offset(motions, "U")
 
 
 def test_slip_is_the_tangential_velocity_of_the_contact_points():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from clearjoint.dynamics.breakpoints import next_breakpoint, one_sided_time
 from clearjoint.math.vectors import fold_constants, unpack
 from clearjoint.model.bodies import GROUND_MOTION
 from clearjoint.simulation.step.discontinuities import require_declared
@@ -63,6 +64,24 @@ def test_elements_have_the_breakpoints_of_their_tables():
     )
     assert jax.tree.leaves(cj.DriveTorque("a", "b", Z, 2.0).breakpoints()) == []
     assert jax.tree.leaves(cj.AppliedLoad("rod", (1.0, 0.0, 0.0)).breakpoints()) == []
+
+
+@pytest.mark.parametrize("table", [[[0.1, 0.3], [0.2, 0.4]], [0.1, 0.3, 0.2, 0.4]])
+def test_breakpoints_are_found_in_arrays_of_any_shape(table):
+    class Switched(cj.AppliedLoad):
+        def breakpoints(self):
+            return np.array(table), np.zeros((0, 2))
+
+    bodies, load = {"rod": cj.Body(1.0, (0.1, 0.1, 0.1))}, Switched("rod", (1.0, 0.0, 0.0))
+    system = cj.extend.System(cj.Scene(bodies, forces={"load": load}), cj.extend.Formulation())
+    assert [float(next_breakpoint(system, t)) for t in (0.0, 0.15, 0.3, 0.4)] == [
+        0.1,
+        0.2,
+        0.4,
+        np.inf,
+    ]
+    assert 0.2 < float(one_sided_time(system, 0.2, 0.2)) < 0.2 + 1e-12
+    assert 0.3 - 1e-12 < float(one_sided_time(system, 0.2, 0.3)) < 0.3
 
 
 def test_a_function_that_decides_by_time_without_saying_so_has_no_derivatives():

@@ -90,6 +90,16 @@ def test_measures_may_be_design_variables():
     assert float(jax.grad(moment)(0.4)) == pytest.approx(exact, rel=1e-12)
 
 
+def test_an_inertia_matrix_may_be_asymmetric_by_rounding():
+    """As a rotated one is whose products of inertia vanish."""
+    inertia = np.diag([1e-3, 2e-3, 2.5e-3])
+    inertia[0, 1], inertia[1, 0] = 3e-18, -1e-18
+    np.testing.assert_array_equal(cj.Body(1.0, inertia).inertia, inertia)
+    inertia[0, 1] = 1e-11
+    with pytest.raises(ValueError, match="`inertia` must be symmetric"):
+        cj.Body(1.0, inertia)
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [

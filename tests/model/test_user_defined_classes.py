@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.fields.objects import AbstractConverting
+from clearjoint.fields.objects import AbstractConverting, with_arrays
 from clearjoint.simulation.run.host_run import segment_compiled
 
 ABSTRACT = {
@@ -76,6 +76,13 @@ def test_values_become_arrays_and_names_static():
     assert thing.by_name["x"].tolist() == [1.0, 2.0] and thing.with_unit == 2.0
     assert {leaf.dtype for leaf in jax.tree.leaves(thing)} == {np.dtype(float)}
     assert jax.tree.structure(thing) == jax.tree.structure(Thing("a", 7.5, by_name={"x": (3, 4)}))
+
+
+def test_a_bool_of_any_annotation_stays_one():
+    """A class may branch on it, which a number that is traced would not allow."""
+    changed = eqx.tree_at(lambda thing: thing.number, Thing("a", 1, row=True), 2)
+    found = with_arrays(changed)
+    assert found.row is True and found.number.dtype == float
 
 
 def test_the_numbers_of_a_user_defined_class_are_listed_by_their_paths():

@@ -224,16 +224,18 @@ class FreeBranch:
         gradient = _gradient(state.spin, ZERO)
         return Link(IDENTITY, ZERO, state.spin, ZERO, ZERO, gradient, tuple(columns))
 
-    def rates(self, state: BodyState, speeds: Speeds, axes: Matrix, gravity: Vector) -> BodyState:
+    def rates(
+        self, state: BodyState, speed_rates: Speeds, axes: Matrix, gravity: Vector
+    ) -> BodyState:
         """Return the time derivatives of position (m/s), Euler parameters, velocity and spin.
 
-        **Arguments:** `speeds`: time derivatives of the six speeds in body axes, m/s^2 (relative to
-        free fall) and rad/s^2; `gravity`: m/s^2, global.
+        **Arguments:** `speed_rates`: time derivatives of the six speeds in body axes, m/s^2
+        (relative to free fall) and rad/s^2; `gravity`: m/s^2, global.
         """
         shift = self._shift(axes, state.velocity, state.spin)
         orientation = euler_parameter_rates(state.orientation, state.spin)
-        acceleration = axes @ Vector(*speeds[:3]) + gravity
-        return BodyState(shift, orientation, acceleration, Vector(*speeds[3:]))
+        acceleration = axes @ Vector(*speed_rates[:3]) + gravity
+        return BodyState(shift, orientation, acceleration, Vector(*speed_rates[3:]))
 
     def _shift(self, axes: Matrix, velocity: Vector, spin: Vector) -> Vector:
         """Return the velocity of the point that the position variable describes, m/s, global.
@@ -360,13 +362,15 @@ class JointedBranch:
         bias = bias + coriolis + gradient @ arm
         return Link(rotation, point + arm, spin, angular_bias, bias, gradient, tuple(columns))
 
-    def rates(self, state: JointState, speeds: Speeds, axes: Matrix, gravity: Vector) -> JointState:
+    def rates(
+        self, state: JointState, speed_rates: Speeds, axes: Matrix, gravity: Vector
+    ) -> JointState:
         """Return the time derivatives of the joint's position and of its speeds.
 
-        The argument `speeds` consists of the time derivatives of the speeds, m/s^2 or rad/s^2.
+        The argument `speed_rates` consists of the time derivatives of the speeds, m/s^2 or rad/s^2.
         `axes` and `gravity` are ignored; only a `FreeBranch` needs them.
         """
-        return JointState(self.motion_subspace.rates(state), tuple(speeds))
+        return JointState(self.motion_subspace.rates(state), tuple(speed_rates))
 
     def after_displacement(self, state: JointState, changes: Speeds, axes: Matrix) -> JointState:
         """Return the state with the position moved along the free directions of the joint, m or

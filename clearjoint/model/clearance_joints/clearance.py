@@ -579,12 +579,16 @@ class ClearanceJoint(AbstractCentredJoint):
 
         **Arguments:** `base`: "V" or "W", or the label of a point between them, or ``None``, the
         default, for the journal's centre.
+
+        **Raises:** `ValueError` for another label.
         """
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         offset = self._offset(motions)
         if base is not None:
-            position = self._axial_points()[base].position
-            offset = offset + journal.direction(self._half()) * position
+            points = self._axial_points()
+            expected, remedy = f"one of {list(points)}", "or pass None for the journal's centre"
+            require(base in points, "base", base, expected, remedy)
+            offset = offset + journal.direction(self._half()) * points[base].position
         offset = bearing.components(offset)
         axis = unit(self.bearing_axis)
         first, second = transverse_axes(axis)
