@@ -25,7 +25,7 @@ XLA_FLAGS = (
 XLA's CPU compiler then compiles the loop of a run to one function, instead of a kernel for each
 fusion of operations: an attempt of the double pendulum took 1.3 instead of 82 µs under `jax.jit`,
 and the program compiled in 2.4 instead of 58 s. The threshold, in bytes, makes the loop count as
-small; multi-output fusion avoids that shared terms are computed repeatedly; the other options
+small; multi-output fusion avoids computing shared terms repeatedly; the other options
 shorten compilation. XLA reads the variable when JAX first computes something; `configure` sets it,
 and must be called before that. These options cannot be passed to `jax.jit`. Calls of `simulate`,
 `sweep` and `sensitivities` outside of transformations do not need them.
@@ -123,7 +123,9 @@ def configure(threads: int | None = None, cache: str | os.PathLike | None = None
 def _keep() -> bool:
     """Return whether whole programs are saved: not if ``CLEARJOINT_KEEP_PROGRAMS`` is "0".
 
-    **Raises:** `ValueError` if the variable is neither "0" nor "1".
+    An empty variable counts as unset.
+
+    **Raises:** `ValueError` if the variable has another value than "0" and "1".
     """
     value = os.environ.get(_KEEP) or "1"
     if value not in ("0", "1"):

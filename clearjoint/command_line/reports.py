@@ -48,7 +48,7 @@ def _draw_run(folder: Path, scene: Scene, solution: Solution) -> None:
     """Draw the figures of a run: path of the journal (orbit) and forces of each clearance joint,
     energies, outputs, Poincaré sections, and the report on one page.
 
-    **Arguments:** `folder`: folder of the results, which has the table of outputs already.
+    **Arguments:** `folder`: folder of the results, with the table of outputs if there are any.
     """
     observed = observe(scene, solution)
     for name, joint in scene.contact_joints().items():

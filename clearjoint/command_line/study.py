@@ -234,7 +234,8 @@ class WearPart:
       that are measured, even; `tolerance`: largest relative difference of the wear in the two
       halves of these.
     - `largest_change`: largest change of depth in a stage, m; by default a fifth of the largest
-      penetration. `samples`: number of angles around each part; `stages`: largest number of stages.
+      penetration. A stage is a run whose wear is extrapolated over many cycles. `stages`: largest
+      number of stages; `samples`: number of angles around each part.
     - `start`: time at which runs begin, s; `preset`, `settings`: as in [run].
 
     **Raises:** `ValueError` if both `cycles` and `depth` are missing.
@@ -351,8 +352,9 @@ def find_path(
     **Arguments:** `texts`: a written path, or several; `location`: their location in the file, for
     messages.
 
-    **Raises:** `ValueError` for a name that does not exist, with the names that do, for paths of
-    which some are in the scene and others in the state, and for numbers of different units.
+    **Raises:** `ValueError` for a text that is no path, for a name that does not exist, with the
+    names that do, for a path that leads to several numbers, for no path, for paths of which some
+    are in the scene and others in the state, and for numbers of different units.
     """
     with location.in_errors():
         paths = [keys_of(text) for text in ([texts] if isinstance(texts, str) else texts)]
@@ -521,7 +523,8 @@ def read_study(path: Path, changes: Iterable[str] = ()) -> Study:
     **Arguments:** `changes`: changes of numbers or tables, such as "joints.pin.clearance=0.2mm" in
     the scene or "run.end=2" in the study.
 
-    **Raises:** `ValueError` with the location, the value, the expected values and a remedy.
+    **Raises:** `ValueError` for a file or a change that is not valid, with the location, the value,
+    the expected values and a remedy.
     """
     document, location = read_document(path)
     if "bodies" in document:  # a scene file, which may have sections of a study

@@ -4,11 +4,12 @@ The caller computes residuals and Jacobian at each point that optimistix propose
 works with their linear model instead of the function. A step is therefore compiled once for each
 number of parameters, separately from the runs (`clearjoint.simulation.run.sensitivities`).
 
+A parameter's coordinate is its value on its scale, such as the logarithm of the value for `Log`.
 There are four differences from `optimistix.LevenbergMarquardt`. Coordinates are scaled by the
 column norms of the first Jacobian, so that damping affects all of them alike. The damping decreases
-if the linear model was good, not only if it was almost exact. No coordinate changes by more than
-its scale's `max_step`. The search ends when the Gauss-Newton step is a small fraction of the
-standard deviation of the estimates.
+if the linear model was good, not only if it was almost exact. In one step no coordinate changes by
+more than the `max_step` that the parameter's scale sets. The search ends when the Gauss-Newton step
+is a small fraction of the standard deviation of the estimates.
 """
 
 from collections.abc import Callable, Iterable
@@ -61,7 +62,7 @@ class Iteration:
     - `number`: number of the run, from 0.
     - `accepted`: whether this is the best run so far.
     - `chi_squared`: sum of the squared residuals of this run.
-    - `coordinates`: (p,) coordinates of the parameters in this run.
+    - `coordinates`: (p,) values of the parameters in this run on their scales, such as logarithms.
     - `decrement`: length of the Gauss-Newton step from the best run so far, in standard deviations
       of the estimates.
     - `trust`: trust in the linear model, the inverse of the Levenberg-Marquardt damping.
@@ -257,6 +258,7 @@ def search_with_damping(
                 latest.chi_squared,
                 latest.coordinates,
                 float(length),
+                # The step size of optimistix is the inverse of the damping.
                 float(arrays.search_state.step_size),
             )
             iterations.append(iteration)

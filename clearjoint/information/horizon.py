@@ -94,7 +94,8 @@ class FitHorizon:
     - `numerical`: s, first time at which `error` exceeds 1 or `derivative_error` exceeds 0.1.
     - `guesses`: the wrong guesses that were tested, each with the records for which a fit from it
       may fail.
-    - `information`: smallest standard deviations that the data allow, also for shorter records.
+    - `information`: smallest standard deviations of the parameters that the data allow, also for
+      shorter records.
 
     `numerical`, `convergence` and `single_shot` are infinite if their limit is not reached within
     the record.

@@ -1,2 +1,2 @@
 """Arithmetic on scalars, without mechanics: vectors, rotations, smoothing, interpolation, small
-linear systems, and groups of elements that are computed as arrays."""
+linear systems, and groups of bodies or joints of the same structure, computed at once as arrays."""

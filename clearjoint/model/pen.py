@@ -170,7 +170,6 @@ class AbstractPen(abc.ABC):
         - `centre`: of the gear, with its axis.
         - `radius`: of the pitch circle, m, negative for an internal gear.
         - `teeth`: number of teeth.
-        - `phase`: angle of the middle of a tooth about the gear's axis, rad, from a direction that
-          depends on the axis only: the first of the two unit vectors across it that
-          `transverse_axes` returns.
+        - `phase`: angle of the middle of a tooth about the gear's axis, rad, from the first vector
+          that `clearjoint.math.rotations.transverse_axes` returns for this axis.
         """

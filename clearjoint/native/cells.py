@@ -30,7 +30,8 @@ class Region(NamedTuple):
 
     @staticmethod
     def of(array: "ShapedArray | jax.ShapeDtypeStruct | np.ndarray", start: int) -> "Region":
-        """Return the region of an array of this shape and dtype whose first cell is `start`."""
+        """Return the region of `array`, of which only shape and dtype are used. Its first cell is
+        `start`."""
         end = start + math.prod(array.shape)
         return Region(slice(start, end), tuple(array.shape), np.dtype(array.dtype))
 

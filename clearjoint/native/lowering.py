@@ -359,8 +359,8 @@ class Lowering:
         return copy
 
     def flatten(self, arrays: Sequence[Array]) -> list[Value]:
-        """Return all values of arrays in one list, as blocks and functions exchange them; an array
-        in memory has none."""
+        """Return all values of arrays in one list, as blocks and functions exchange them. A vector
+        of tangents is one value, and an array in memory has none."""
         flat: list[Value] = []
         for array in arrays:
             if isinstance(array, Packed):

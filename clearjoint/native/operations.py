@@ -55,7 +55,9 @@ class Branch:
     """Execute the block `yes` if the condition holds, else the block `no`.
 
     The values `outs` become `yes_values` or `no_values`, which the executed block computes. With
-    several lanes, `yes` is executed for all lanes if the condition holds in any of them.
+    several lanes, `yes` is executed for all lanes if the condition holds in any of them; operations
+    in the block or after it must select the results of the others. The same holds for the elements
+    of a condition that is a vector of tangents.
     """
 
     condition: Value

@@ -145,7 +145,8 @@ def require_fits(leaves: list[PyTree], numbers: list[Number], value: Leaf) -> No
 def value_at(tree: PyTree, path: NumberPath) -> Leaf:
     """Return the value that a path selects in a scene or state; of tied numbers, the first value.
 
-    **Raises:** `ValueError` if the path leads to no number, see `numbers_at`.
+    **Raises:** `ValueError` if the path leads to no number, see `numbers_at`; `IndexError` for a
+    component that a NumPy array doesn't have.
     """
     number = numbers_at(tree, path)[0]
     leaf = jax.tree.leaves(tree)[number.leaf]

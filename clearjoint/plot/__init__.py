@@ -15,7 +15,7 @@ units; axes have units with suitable prefixes.
 | times of free flight, impact and lasting contact | `motion_timeline` |
 | directions of contact | `contact_rose` |
 | energies and the error of their balance | `energy_ledger` |
-| motion of any quantity | `phase_portrait`, `poincare_section`, `spectrum`, `over_angle` |
+| any quantity of the motion | `phase_portrait`, `poincare_section`, `spectrum`, `over_angle` |
 | report on one page | `report` |
 
 | of a sweep | functions |

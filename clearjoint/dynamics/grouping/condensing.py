@@ -115,7 +115,8 @@ def _with_groups(family: Mapping[str, T], groups: Mapping[GroupName, T]) -> dict
 def _joint_group(joints: list[AbstractContactJoint]) -> GroupedContactJoint:
     """Return one joint for a group of n joints, whose numbers are arrays (n,).
 
-    Each of its two bodies is a group of bodies, or the ground.
+    Each of its two bodies is the ground, or a `GroupName` of the joints' bodies. It repeats one name
+    if all joints are attached to one single body.
     """
     first, second = zip(*(joint.pair() for joint in joints), strict=True)
     return GroupedContactJoint(
@@ -176,7 +177,7 @@ def _joint_structure(joint: AbstractContactJoint, group_of: Mapping[str, GroupNa
     if structure is None or anonymous.pair() != _roles(joint, ROLES):
         return None
     # The first bodies of a group of joints are in one group, so that their motions are elements of
-    # the same arrays; so are the second bodies.
+    # the same arrays, or they are one body; likewise the second bodies.
     return structure, tuple(joint.laws()), tuple(group_of.get(name, name) for name in pair)
 
 
@@ -347,9 +348,12 @@ class GroupedMechanics(AbstractMechanics):
         return [*self._rest.solved(rest), *self._groups.solved(groups)]
 
     def bias(self, row: Row) -> Scalar:
-        """Return the second time derivative that a constraint row's value has if the time
-        derivatives of all speeds are zero, without the row's own `bias`, the part at constant
-        velocities and spins of the bodies. Only single bodies have constraints."""
+        """Return the part of the second time derivative of a constraint row's value that the
+        accelerations of the bodies cause if the time derivatives of all speeds are zero.
+
+        The row's own `bias`, the part without accelerations of the bodies, is not included. Only
+        single bodies have constraints.
+        """
         return self._rest.bias(row)
 
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
@@ -425,7 +429,8 @@ def summed_wrenches(wrenches: Wrenches, bodies: Iterable[str]) -> Wrenches:
     """
     sums = dict.fromkeys(bodies, NO_WRENCH)
     for name, wrench in wrenches.items():
-        if name == GROUND:  # the ground doesn't move, and constraint rows have it all the same
+        # The ground does not move, but constraint rows also give the wrench on it.
+        if name == GROUND:
             continue
         members = name.members if isinstance(name, GroupName) else (name,)
         key = name

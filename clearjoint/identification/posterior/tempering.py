@@ -13,8 +13,8 @@ in the rough chi squared.
 A length of the record is given as a number of its T sample times: chi squared over the first k
 times is that of all samples up to the k-th time.
 
-The cloud only finds the region, because a small cloud loses the ends of a curved one. The points
-of the result and the evidence come from rounds of importance sampling, each with a mixture of
+The cloud serves only to find this region, because a small cloud loses the ends of a curved region.
+The points of the result and the evidence come from rounds of importance sampling, each with a mixture of
 normal distributions around the weighted points of the round before (O. Cappé et al., *Population
 Monte Carlo*, 2004).
 
@@ -151,15 +151,15 @@ def draw(
     sampling therefore makes many runs at points drawn from wide normal distributions around the
     cloud, and weights them by the posterior. The next round draws around these weighted points,
     until the effective number of runs is at least `number`; after five rounds it may remain
-    smaller. Only the last round enters the result:
-    the mean of its weights is an estimate of the evidence without bias, because its mixture does
-    not depend on its own runs.
+    smaller. Only the last round enters the result: the mean of its weights is an estimate of the
+    evidence without bias, because its mixture does not depend on its own runs.
 
-    **Arguments:** `target`: the posterior; `number`: of points; `generator`: source of random
-    numbers; `on_step`: function that is called after each step and round with the number of times
-    in the likelihood, which may be a fraction.
+    **Arguments:** `target`: the posterior; `number`: number of points to draw; `generator`: source
+    of random numbers; `on_step`: function that is called after each step and round with the number of
+    times in the likelihood, which may be a fraction.
 
-    **Raises:** `FloatingPointError` if all points are impossible.
+    **Raises:** `FloatingPointError` if, in a step or round, all points have a prior or likelihood
+    of zero, as that of a failed run.
     """
     from scipy.stats import qmc
 
@@ -183,9 +183,11 @@ def draw(
         # A mixture around a few points would shrink to a spot, where all weights are equal.
         if len(kept) >= fewest_for_covariance(points.shape[1]):
             mixture = Mixture.around(cloud.points[kept], copies / number, WIDER)
+        # If the share of effective runs stays the same, `number` of the next ones are effective.
         next_runs = int(number * len(drawn) / effective)
         runs = min(next_runs, GROWTH * len(drawn), MOST * number)
     # The prior is given up to a constant, so the result is divided by its integral over the box.
+    # `log_mean` is for points inside the box only; the weights of all others are zero.
     widths = target.high - target.low
     box = qmc.LatinHypercube(len(widths), rng=generator)
     prior = normalised(target.log_prior(target.low + widths * box.random(PRIOR_POINTS)))[1]

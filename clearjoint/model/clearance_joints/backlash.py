@@ -180,7 +180,11 @@ class Backlash(AbstractPair, AbstractFlankJoint):
         return contacts
 
     def centred_rows(self, motions: Motions) -> dict[str, Row]:
-        """Return the constraint row "angle", which holds the second body in the middle of the play:
-        its angle from there, rad."""
+        """Return the constraint row "angle": the second body's angle from the middle of the play,
+        rad.
+
+        `assemble`, which corrects initial states, uses it to move a body that starts outside the
+        play into its middle.
+        """
         row = self.relative_angle(motions)
         return {"angle": replace(row, value=wrapped(row.value - self.middle, TURN))}

@@ -123,8 +123,8 @@ class Spline(AbstractTable):
 
     **Arguments:**
 
-    - `times`: (N,) s, increasing.
-    - `values`: (N,), or (N, 3) for a force.
+    - `times`: (N,) s, increasing, at least two.
+    - `values`: (N,), or (N, 3) for a force, in the SI unit of the quantity.
     - `rates`: time derivatives of the values, of the same shape.
 
     **Raises:** `ValueError` if the arrays have different lengths or shapes or fewer than two rows,
@@ -149,7 +149,7 @@ class Spline(AbstractTable):
 
         Its second derivative is continuous, and zero at both ends.
 
-        **Arguments:** `times`: (N,) s, increasing. `values`: (N,), or (N, 3) for a force.
+        **Arguments:** `times`, `values`: as for `Spline`.
 
         **Raises:** `ValueError` as for `Spline`.
         """
@@ -236,8 +236,9 @@ class PiecewiseConstant(AbstractTable):
     """A step function from a table, for torques and loads that are switched.
 
     Each value holds from its time until the next; the first value also holds before the first time,
-    the last value after the last time. The times are declared as `breakpoints`, so that integration
-    steps end there. They may be parameters; derivatives by them include the effect of each jump.
+    the last value after the last time. All times but the first are declared as `breakpoints`, so
+    that integration steps end there. The times may be parameters; derivatives by them include the
+    effect of each jump.
 
     ```python
     import clearjoint as cj

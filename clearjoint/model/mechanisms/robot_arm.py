@@ -235,8 +235,9 @@ def robot_arm(
     Each motor ("motor 1" to "motor 3", `PrescribedRotation`) prescribes the angle of the flange at
     the output of its gearbox ("flange 1" to "flange 3", 1 g). The backlash ("play 1" to "play 3")
     is between flange and link. Its angle and its contacts, which have a stiffness of 1e9 N/m^1.5
-    and are 50 mm from the axis, are our choice. The hinges are "joint 1" to "joint 3"; their
-    angle, which the quantity `JointAngle` gives, is that of Denavit and Hartenberg.
+    and are 50 mm from the axis, are our choice. The flanges have hinges "bearing 1" to
+    "bearing 3", and the links "joint 1" to "joint 3"; the angle of the latter, which the quantity
+    `JointAngle` gives, is that of Denavit and Hartenberg.
 
     **Arguments:**
 

@@ -199,7 +199,7 @@ class Window(eqx.Module):
 
 
 class AbstractWindowedReduction(AbstractReduction):
-    """Base class of reductions over a window of time.
+    """Base class of reductions over a window of time, which subclasses get from `self._window()`.
 
     **Arguments:** `after`, `until`: s, start and end of the window; ``None`` for those of the run.
 

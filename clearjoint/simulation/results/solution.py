@@ -180,8 +180,8 @@ def states_between(times: Times, states: State, wanted: Wanted) -> State:
 
     **Returns:** a state whose arrays have a first axis of length M.
 
-    **Raises:** `ValueError` if `wanted` is empty, decreases, or has times that are not finite or
-    outside this range.
+    **Raises:** `ValueError` if `wanted` is empty, not one-dimensional, or decreases, or has times
+    that are not finite or outside this range.
     """
     wanted = checked_times(times[0], times[-1], wanted, "times")
     # The step of a wanted time begins at the last row whose time is not later. The last row of all
@@ -292,8 +292,9 @@ class Trajectory(AbstractReadable, AbstractTabular):
 
         **Returns:** a `Trajectory` of M times and states.
 
-        **Raises:** `ValueError` if `times` is empty, decreases, or has times that are not finite or
-        outside this range, and for a trajectory of fewer than two states.
+        **Raises:** `ValueError` if `times` is empty, not one-dimensional, or decreases, or has
+        times that are not finite or outside this range, and for a trajectory of fewer than two
+        states.
 
         >>> scene, state = cj.mechanisms.double_pendulum()
         >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(steps=True), progress=False)

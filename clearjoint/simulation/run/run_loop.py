@@ -2,7 +2,8 @@
 
 Single runs, runs with derivatives and lanes of sweeps all use `RunLoop`. They differ in their
 recorders, which collect data during the run. JAX's loops repeat the body of the loop in single
-runs, and the scheduler of lanes repeats it in sweeps.
+runs, and the scheduler of lanes repeats it in sweeps. Times are on the clock of the run's `System`,
+which counts the time from the system's `origin`, s; without an origin it shows the scene's time.
 """
 
 import abc
@@ -67,7 +68,7 @@ class StepOutcome:
     - `before`, `after`: the complete state of the run before and after the attempt. If the step was
       not accepted, time and variables are the same in both.
     - `tried`: the attempt, with its data for dense output.
-    - `kept`: whether the step was accepted.
+    - `kept`: whether the step was accepted; false for a lane that waits.
 
     The properties are computed only if a recorder uses them.
     """

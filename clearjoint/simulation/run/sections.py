@@ -1,8 +1,8 @@
 """Poincaré sections: values of quantities at the instants at which another quantity rises through
 zero.
 
-These instants are called crossings, and the quantities to evaluate there channels. A quantity is a
-scalar function of an `Instant`, a scene with its motion at one time.
+These instants are called crossings, and the quantities to evaluate there are called channels. A
+quantity is a scalar function of an `Instant`, a scene with its motion at one time.
 
 Single runs and runs with derivatives compute the channels at each crossing. Lanes of sweeps record
 the state at each crossing, from which the channels are computed after the run. Lanes are computed
@@ -213,7 +213,7 @@ class Section:
     @property
     def state_recorder(self) -> SectionRecorder:
         """The recorder that tabulates the states at the crossings of this section in a lane. Its
-        buffer is emptied during the run, so that `count` does not limit its size."""
+        buffer is emptied during the run, so it may have fewer than `count` rows."""
         return SectionRecorder(self.crossing, on_device(self.after), None, ROWS)
 
     def check(self, scene: Scene) -> None:

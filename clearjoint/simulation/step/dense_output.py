@@ -2,7 +2,8 @@
 
 Where the stabilisation projects states onto the constraints, interpolated states are projected too.
 Times are on the clock of a run's `System`, which counts the time from the system's `origin`, s;
-without an origin it shows the scene's time.
+without an origin it shows the scene's time. A `Method` contains the solver; it is the one with
+which the step was made.
 """
 
 from collections.abc import Callable, Mapping

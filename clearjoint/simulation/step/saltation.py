@@ -56,8 +56,8 @@ def across_contacts(
 
     **Arguments:**
 
-    - `before`, `entry_speeds`: contact gaps and entry speeds, m/s, at the start of the step, by
-      joint and contact.
+    - `before`, `entry_speeds`: contact gaps (penetrations, m, and their rates, m/s) and entry
+      speeds, m/s, at the start of the step, by joint and contact.
     - `y`: variables at the end of the step; `t`: the time there, s.
     - `keep`: whether the step is accepted; otherwise `y` is returned.
     """
@@ -194,7 +194,8 @@ def _mean_force(
 
 
 def _multiplied(force: LoadedContact, factor: Scalar) -> LoadedContact:
-    """Return the contact with all of its forces and its friction moment multiplied by `factor`."""
+    """Return the contact with all of its forces and its friction moment multiplied by `factor`, and
+    without the rate of its bristles."""
     forces = force.normal_force, force.elastic_force, force.friction, force.friction_moment
     # Friction and its moment may be ``None``, which has no leaves.
     normal, elastic, friction, moment = jax.tree.map(lambda number: number * factor, forces)

@@ -29,8 +29,8 @@ from .time_map import AbstractTimeMap
 T = TypeVar("T")
 
 SolverState: TypeAlias = PyTree[Scalar]
-"""Data that a diffrax solver keeps from one step to the next; `UnrolledExplicit` keeps the rates at
-the end of the step."""
+"""Data that a diffrax solver keeps from one step to the next. `UnrolledExplicit`, this package's
+form of explicit Runge-Kutta methods, keeps the rates at the end of the step."""
 ControllerState: TypeAlias = PyTree[Scalar]
 """Data that a diffrax step-size controller keeps from one step to the next."""
 
@@ -140,8 +140,9 @@ class Attempt(eqx.Module):
     - `kept`: whether the trial was accepted.
     - `t_start`, `entry_speeds_start`: time, s, and entry speeds, m/s, at the start of the trial.
     - `information`: the solver's data for dense output.
-    - `time_map`: function that gives the elapsed part of the trial's time at each of the solver's
-      stages (see `.time_map`); ``None`` if time is uniform in all steps.
+    - `time_map`: function of the fraction x of the trial, 0 to 1, at which the solver's tableau
+      places a stage. Its value is the part of the trial's time that has elapsed there; ``None`` if
+      this part is x in all steps. See `.time_map`.
     - `tangents`: derivatives of the data for dense output; ``None`` in runs without tangents.
     """
 

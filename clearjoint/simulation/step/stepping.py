@@ -108,7 +108,7 @@ def start(
     # The onset of a contact that exists already is unknown, and counts as long past.
     since_onset = jnp.where(begins_contact, 0.0, jnp.inf)
     # No step has begun with an onset yet, so the first step's length stands for `entry_length`. It
-    # is short, and after each onset the length may double.
+    # may be too short, but the first step after each onset may be twice as long as after the last.
     step = Step(
         t=t0,
         y=y,
@@ -191,7 +191,7 @@ def attempt(
     """Try one step, and either accept it or propose a shorter one.
 
     **Arguments:** `step`: the state before the attempt; `t_end`: end of the run, s, on the clock of
-    `system`, beyond which no step goes; `family`: the systems as functions of the parameters, if
+    `system`, beyond which no step goes; `family`: the system as a function of the parameters, if
     the step carries tangents.
 
     **Returns:** an `Attempt`, whose `step` is the next state if the trial was accepted; otherwise
@@ -372,7 +372,7 @@ def blank_attempt(
     """Return an `Attempt` that contains `step` and is zero otherwise. It is the initial value in a
     loop over attempts, which needs the structure and shapes of an attempt.
 
-    **Arguments:** as those of `attempt`; `attempt`: the function that tries a step.
+    **Arguments:** `attempt`: the function that tries a step; the others are its arguments.
     """
     if isinstance(method.solver, UnrolledExplicit):
         # The structure is known. To trace an attempt only for its shapes would take as long as

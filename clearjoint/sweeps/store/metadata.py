@@ -155,7 +155,9 @@ def create(path: Path, contents: Contents) -> None:
     The store is written under another name and then renamed, so that at any time it is either
     complete or absent.
 
-    **Arguments:** `contents`: layout and identity of the sweep.
+    **Arguments:** `contents`: contents of the new store.
+
+    **Raises:** `OSError` if the store can't be renamed for another reason.
     """
     with unfinished(path) as store:
         _write(store / BY_LANE, contents)
