@@ -861,6 +861,8 @@ def check_wear(
     samples: int,
     stages: int,
     depth: float | None,
+    tolerance: float,
+    largest_change: float | None,
 ) -> None:
     """Check these arguments of `wear`.
 

@@ -421,6 +421,8 @@ def test_a_cycle_that_is_not_periodic_is_refused():
         ({"depth": 0.0}, "depth"),
         ({"measured": 3}, "measured"),
         ({"samples": 4}, "samples"),
+        ({"tolerance": np.nan}, "tolerance"),
+        ({"largest_change": 0.0}, "largest_change"),
         ({"parameters": {"pin bearing rate": PIN_CLEARANCE}}, "otherwise than .* of a wear rate"),
     ],
 )
