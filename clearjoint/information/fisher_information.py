@@ -142,8 +142,9 @@ class Combination:
     - `weights`: (p,), scaled so that the largest absolute value is 1.
     - `standard_deviation`: lower bound of the sum's standard deviation; infinite if the data don't
       determine the sum.
-    - `shares`: (p,) share of each parameter's variance that the uncertainty of this sum causes; NaN
-      if the parameter's variance is infinite.
+    - `shares`: (p,) share of each parameter's variance that the uncertainty of this sum causes. If
+      the data don't determine the sum, they are NaN or infinite; otherwise, a parameter of infinite
+      variance has the share zero.
     """
 
     weights: Float[np.ndarray, " p"]

@@ -36,7 +36,7 @@ def cosine(angle: Scalar) -> Scalar:
 def polar_angle(sine: Scalar, cosine: Scalar) -> Scalar:
     """Return the polar angle, rad in [-pi, pi], of the point with the coordinates (cosine, sine).
 
-    The point may be at any distance from the origin. The angle is -pi only if `sine` is -0.0.
+    The point may be at any distance from the origin.
     """
     return library((sine, cosine)).arctan2(sine, cosine)
 

@@ -67,11 +67,12 @@ def arranged_state(scene: Scene, given: State | None = None, angle: float = 0.0)
 
 
 def satisfies_joints(scene: Scene, state: State) -> bool:
-    """Return whether a state satisfies the joints of a scene, as far as `arranged_state` uses them.
+    """Return whether the points and axes of all joints fit together, also those that close loops.
 
-    The two points of each joint must coincide, and its two axes must be parallel in either sense,
-    within the tolerance `TOLERANCE`. The points of a sliding joint must coincide too, although its
-    block may be elsewhere on the rail in general. The state must contain all bodies.
+    The two points of each joint (see `arranged_state`) must coincide, and its two axes must be
+    parallel in either sense, within the tolerance `TOLERANCE`. The points of a sliding joint must
+    coincide too, although its block may be elsewhere on the rail in general. The state must contain
+    all bodies.
     """
     poses = _poses(state)
     for pair in survey(scene).joined:

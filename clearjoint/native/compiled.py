@@ -1,6 +1,7 @@
 """Functions that are compiled to native code on CPUs, and by XLA elsewhere.
 
-Native code is made from a jaxpr by a rule for each JAX primitive. Some primitives have no rule.
+Native code is made from a jaxpr by a rule for each JAX primitive. Some primitives have no rule; XLA
+compiles functions that use them.
 """
 
 import os

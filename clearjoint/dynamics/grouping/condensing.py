@@ -115,8 +115,8 @@ def _with_groups(family: Mapping[str, T], groups: Mapping[GroupName, T]) -> dict
 def _joint_group(joints: list[AbstractContactJoint]) -> GroupedContactJoint:
     """Return one joint for a group of n joints, whose numbers are arrays (n,).
 
-    Each of its two bodies is the ground, or a `GroupName` of the joints' bodies. It repeats one name
-    if all joints are attached to one single body.
+    Each of its two bodies is the ground, or a `GroupName` of the joints' bodies, which repeats one
+    name if all joints are attached to one single body.
     """
     first, second = zip(*(joint.pair() for joint in joints), strict=True)
     return GroupedContactJoint(

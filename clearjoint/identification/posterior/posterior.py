@@ -141,8 +141,9 @@ def posterior(
     - `log_prior`: logarithm of the prior density of the coordinates in the box, up to a constant: a
       function of the values by name, (n,) each, that returns (n,). By default the prior is uniform.
     - `number`: number of points, at least 32. The importance sampling goes on until the effective
-      number of its weighted runs is at least this, or ends with a warning. With three parameters,
-      500 points take about 10 000 runs.
+      number of its weighted runs is at least this, for at most five rounds; the result's `warnings`
+      tell if the effective number is too small. With three parameters, 500 points take about
+      10 000 runs.
     - `seed`: seed of the random numbers, a whole number from 0. Equal seeds give equal bits, for
       any number of threads.
     - `progress`: whether to show a line.

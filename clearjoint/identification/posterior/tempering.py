@@ -13,10 +13,10 @@ in the rough chi squared.
 A length of the record is given as a number of its T sample times: chi squared over the first k
 times is that of all samples up to the k-th time.
 
-The cloud serves only to find this region, because a small cloud loses the ends of a curved region.
-The points of the result and the evidence come from rounds of importance sampling, each with a mixture of
-normal distributions around the weighted points of the round before (O. Cappé et al., *Population
-Monte Carlo*, 2004).
+The cloud serves only to find the region, because a small cloud loses the ends of a curved region.
+The points of the result and the evidence come from rounds of importance sampling, each with a
+mixture of normal distributions around the weighted points of the round before (O. Cappé et al.,
+*Population Monte Carlo*, 2004).
 
 This module runs no scene: likelihoods are an argument. They come from lanes of native code, which
 no function that JAX traces can call; and the samplers of libraries such as BlackJAX trace the
@@ -155,11 +155,12 @@ def draw(
     evidence without bias, because its mixture does not depend on its own runs.
 
     **Arguments:** `target`: the posterior; `number`: number of points to draw; `generator`: source
-    of random numbers; `on_step`: function that is called after each step and round with the number of
-    times in the likelihood, which may be a fraction.
+    of random numbers; `on_step`: function that is called after each step and round with the number
+    of times in the likelihood, which may be a fraction.
 
     **Raises:** `FloatingPointError` if, in a step or round, all points have a prior or likelihood
-    of zero, as that of a failed run.
+    of zero, as that of a failed run; `numpy.linalg.LinAlgError` if the covariance of the points
+    with a positive weight is singular.
     """
     from scipy.stats import qmc
 

@@ -91,8 +91,8 @@ class HasJournal(Protocol):
     def journal_offset(self, motions: Motions, base: str | None = None) -> Vector:
         """Return the vector from the bearing's centre to the journal's centre or to a base, m.
 
-        Components are in the bearing's frame, whose z axis is the bearing's axis. `base` is "V" or
-        "W", or ``None`` for the journal's centre.
+        Components are in the bearing's frame, whose z axis is the bearing's axis. `motions` has the
+        motion of each body by name. `base` is "V" or "W", or ``None`` for the journal's centre.
         """
         ...
 

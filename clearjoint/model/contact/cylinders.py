@@ -198,7 +198,7 @@ class PereiraCylinder(AbstractCylinder):
         return 1e3 * factor * (1e3 * depth) ** exponent
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """Return the range of clearances for which the formula is valid, m."""
+        """Return the clearance and its valid range, m, as one `Limit`."""
         clearance = radii_of(gap)[2]
         return (Limit(type(self).__name__, "clearance", "m", clearance, 5e-6, 10e-3),)
 
@@ -522,8 +522,9 @@ class RoughCylinders(AbstractContactLaw):
     """Contact of a rough journal with its bearing: of asperities first, then of the walls.
 
     The force begins at a distance of four times the roughness, with the pressure of the asperities
-    along the arc of contact. The force of the walls is added where the mean surfaces meet. In a
-    `LubricatedJoint` without `transition`, film and asperities share the load.
+    along the arc of contact. The force of the walls is added where the mean surfaces meet. A
+    `LubricatedJoint` adds a fluid film; without its `transition`, the depth over which contact
+    replaces the film, film and asperities share the load.
 
     **Arguments:**
 

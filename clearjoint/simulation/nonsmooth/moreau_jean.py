@@ -144,8 +144,8 @@ def _smooth_step(
 
 
 def _is_shallow(contacts: list[Touch]) -> Condition:
-    """Return whether no penetration exceeds the bearing's clearance. Contacts without a bearing
-    have no such limit."""
+    """Return whether no penetration exceeds the bearing's clearance, beyond which the side of the
+    contact is unknown. Contacts without a bearing have no such limit."""
     shallow = jnp.asarray(True)
     for touch in contacts:
         if touch.clearance is not None:

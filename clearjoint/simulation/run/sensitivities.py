@@ -62,7 +62,8 @@ class Sensitivities(AbstractTabular):
     - `attempts`, `accepted`: numbers of steps that were tried, and that were accepted.
     - `saved`: the `Trajectory` at `Saving.times`, and `impacts`: the table of finished contacts;
       each is ``None`` unless requested.
-    - `sections[name]`: the `Crossings` of each requested section.
+    - `sections[name]`: the `Crossings` of each requested Poincaré section: the times at which a
+      quantity rose through zero, and the values of other quantities there.
     - `units[name]`: unit of each quantity that declares one.
     - `scales`: (p,) labels of the parameters' coordinates, such as "log clearance".
     - `settings`: the settings of the run, as pairs of a name and a text or number.
@@ -143,7 +144,7 @@ def sensitivities(
     At points where the equations of motion are not differentiable, the derivatives follow
     conventions. At a centred journal, and at zero penetration, they are the derivatives of free
     flight. At zero slip velocity they are those of one side of the friction law. At zero entry
-    speed they use the damping at the law's `entry_speed_floor`.
+    speed they use the damping at the law's `entry_speed_floor`, which replaces lower speeds.
 
     Derivatives with respect to the initial position of a journal that touches the wall at the start
     are meaningless: such a contact counts as elastic, so that the motion is a discontinuous
@@ -166,10 +167,11 @@ def sensitivities(
 
     **Returns:** `Sensitivities`.
 
-    **Raises:** `ValueError` for invalid arguments, and for elements that compare something with
-    time but declare no `breakpoints`, because derivatives would then lack the effect of a shift of
-    these times; `SimulationError` for a run that fails. If a user-defined force jumps at a state of
-    the motion, the run ends there with `RESULTS.force_jumped`.
+    **Raises:** `ValueError` for invalid arguments, and for a joint, driver or force that may jump
+    or have a kink at some time (it compares, rounds or clips a number that depends on time) but
+    declares no `breakpoints`, because derivatives would lack the effect of a shift of these times;
+    `SimulationError` for a run that fails. If a user-defined force jumps at a state of the motion,
+    the run ends there with `RESULTS.force_jumped`.
 
     >>> found = cj.sensitivities(scene, state, 0.3, {"stiffness": stiffness}, {"x": x}, times)
     >>> exact = -0.5 * times * np.sin(10.0 * times)  # d x/d log k
@@ -192,6 +194,7 @@ def sensitivities(
     all_times = requested if saved is None else np.union1d(requested, saved)
     family = parametrised(scene, state, parameters, coordinates_of(scene, state, parameters))
     span = start_time, end_time, settings.length_of_first_step(start_time, end_time)
+    # The times are padded to one of few lengths, so that few programs are compiled.
     arguments = (
         scheme,
         family,

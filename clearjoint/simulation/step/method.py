@@ -100,8 +100,8 @@ Auxiliary = TypeVar("Auxiliary")
 class SystemFamily(eqx.Module):
     """A scene's equations of motion (`System`) and initial state as functions of p parameters.
 
-    Runs without derivatives compute bodies, or clearance joints, that differ only in their numbers
-    together as arrays. Here each one is computed on its own.
+    Bodies, or clearance joints, that differ only in their numbers are computed one by one. Only
+    `System.of`, in runs without derivatives, combines them into arrays.
 
     - `family`: the scene and its initial state as functions of the parameters.
     - `formulation`: coordinates, stabilisation of the constraints, and energy ledger.
