@@ -26,7 +26,7 @@ REPORT = "report.txt"
 
 def fit(study: Study, folder: Path) -> CommandResult:
     """Fit the parameters of a study's section [fit] to its measurements, and write the estimates,
-    the fitted series, a report and a page.
+    the fitted series, a report and an HTML page.
 
     After Ctrl-C, the best fit so far is written; nothing is written if no run had ended.
 
@@ -119,8 +119,8 @@ def fit_parameters(study: Study, part: FitPart) -> tuple[dict[str, Parameter], d
     """Return the parameters of the fit, by name, and the first guesses of those for which the study
     has one, by name in SI units.
 
-    **Raises:** `ValueError` for a path that the scene or the state does not have, and for a guess
-    that is no number or has a wrong unit.
+    **Raises:** `ValueError` for wrong paths, as `find_path`, and for a guess that is no number or
+    has a wrong unit.
     """
     parameters, guess = {}, {}
     for name, one in part.parameters.items():

@@ -114,6 +114,7 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
         files = f"{MOTION}.nc and {SCENE}"
         remedy = "run `clearjoint run` again"
         raise ValueError(f"{folder}: found no {files}, expected both: {remedy}.")
+    # Warnings about unusual values were issued when the run was made.
     with quiet():
         scene, _ = load(folder / SCENE)
     redundant = motion.attrs["redundant_constraints"]
@@ -147,14 +148,13 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
 def formulation_of(notes: Mapping[str, object], redundant: bool) -> Formulation:
     """Return the formulation of a run: its coordinates, stabilisation and ledger.
 
-    **Arguments:** `notes`: attributes of a table of the run, of which those such as
-    "setting_stabilisation", with the text "Baumgarte(alpha=5.0, beta=5.0)", describe its settings;
-    without such an attribute the default is taken; `redundant`: whether some constraints depend on
-    others.
+    **Arguments:** `notes`: attributes of a table of the run; "setting_coordinates",
+    "setting_stabilisation" and "setting_ledger" have its settings as texts, such as
+    "Baumgarte(alpha=5.0, beta=5.0)", and defaults replace those that are absent; `redundant`:
+    whether some constraints depend on others.
     """
     chosen = {}
     for name in ("coordinates", "stabilisation"):
-        # A text such as "Baumgarte(alpha=5.0, beta=5.0)".
         kind, _, arguments = str(notes.get(f"setting_{name}", "")).partition("(")
         if kind:
             numbers = re.findall(r"(\w+)=([^,)]+)", arguments)

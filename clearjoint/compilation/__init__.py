@@ -2,16 +2,18 @@
 
 - `Compiled` wraps functions that XLA compiles, and `HostFirst` functions that NumPy computes if it
   can; `traced_once` wraps functions that are called several times while JAX traces another one.
-- `keep_programs` sets whether whole native programs, which other processes can load without tracing
-  the function again, are saved, and `keeps_programs` returns it; `prepare_folder` makes a folder
-  for them.
+- `keep_programs` sets whether whole native programs are saved, which other processes can load
+  without tracing the function again; `keeps_programs` returns whether they are. `prepare_folder`
+  makes a folder for them.
 - `program_of` returns the jaxpr of a function.
 - `seconds_of_compiling` returns the time for which a program has been compiling.
-- `remember_contents` is called once, at the end of the import of the package (see `package_code`).
-  `plain_values.digest_of` and `package_code.source_digest` make the keys of saved programs.
+- `plain_values.digest_of` and `package_code.source_digest` make the keys of saved programs.
+- `remember_contents` records the code of the package, so that `source_digest` notices later
+  changes. It is called once, at the end of the import of the package.
 """
 
-# First, so that the source files are recorded before any other module is read from them.
+# First, because its import records the state of the source files, before any other module is read
+# from them.
 from .package_code import remember_contents as remember_contents
 
 # isort: split

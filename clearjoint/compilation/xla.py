@@ -141,7 +141,7 @@ def begins_a_program(function: Callable[Arguments, Result]) -> Callable[Argument
 def program_is_made_inside() -> Iterator[None]:
     """End the time of compiling, which a wrapper of `begins_a_program` began, with the context.
 
-    If contexts are nested, the time ends with the outermost one.
+    If contexts are nested, the time ends with the innermost of those that were open when it began.
     """
     thread = threading.get_ident()
     is_inner = thread in _began

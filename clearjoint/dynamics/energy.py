@@ -68,7 +68,8 @@ def bristle_energy(
     also changes with the normal force, without any work of the bodies.
 
     **Arguments:** `motions`: pose and velocities of each body; `forces`, `bristles`: forces of all
-    contacts, and deflections, m, both by joint and contact label.
+    contacts, and deflections, m in the axes of the joint's first body, both by joint and contact
+    label.
     """
     stored: list[Scalar] = []
     for name, family in scene.bristle_laws().items():

@@ -4,8 +4,8 @@ After many impacts chi squared may be rough on the scale of the standard errors:
 converges in one of several minima close together, and the covariance describes only that minimum.
 Therefore about twenty runs for each parameter compare chi squared with the prediction of the
 covariance. If they differ, many runs without derivatives, and local searches from the points with
-the lowest chi squared, explore the neighbourhood. Then a
-small posterior around the lowest minimum gives the intervals.
+the lowest chi squared, explore the neighbourhood. Then a posterior distribution around the lowest
+minimum, computed with few points, gives the intervals.
 
 Points are coordinates of p parameters: a coordinate is a parameter's value on its scale, such as
 the logarithm of the value. Residuals are in standard deviations of the noise, and chi squared is
@@ -66,10 +66,10 @@ def displacements(
     """Return displacements (n, p) from a minimum of chi squared, at which runs test its quadratic
     model.
 
-    Some are ±1, ±2 and ±4 standard errors along each parameter, where the model predicts the
-    smallest chi squared for that value of the parameter, and along each eigenvector of the
-    correlation matrix. Others are random: normally distributed with the covariance, every second
-    one twice as long. No displacement exceeds the limits.
+    Some change each parameter by ±1, ±2 and ±4 standard errors, and the other parameters so that
+    the model predicts the smallest chi squared for that change. If p is not 1, as many are along
+    each eigenvector of the correlation matrix. The rest are random: normally distributed with the
+    covariance, every second one twice as long. All are scaled down to the limits by `within`.
 
     **Arguments:** `covariance`: (p, p) of the coordinates; `limits`: (p,) largest displacement of
     each coordinate; `generator`: source of random numbers.
@@ -367,8 +367,8 @@ class LikelihoodCheck:
     The runs test whether chi squared rises as the covariance predicts. If not, more runs explore
     chi squared around the estimates.
 
-    - `test`: the rise of chi squared at points up to four standard errors away, predicted and
-      actual, and the time up to which they agree.
+    - `test`: the rise of chi squared at points some standard errors away, predicted and actual, and
+      the time up to which they agree.
     - `exploration`: more points and minima with their chi squared; ``None`` if the test passed.
     - `searches`: the local searches that found the minima.
     - `posterior`: a small `Posterior`, of few points, around the lowest minimum, from which the
@@ -545,14 +545,14 @@ def _small_posterior(
     number: int,
     lowest: float,
 ) -> Posterior | None:
-    """Return the posterior in a box by few points.
+    """Return the posterior for a uniform prior in a box of coordinates, computed with few points.
 
     It is ``None`` if the points don't represent the posterior, if they would need too many runs, or
     if none could be drawn.
 
     **Arguments:** `lanes`: the runs, and the samples; `parameters`, `units`, `number`: as in
-    `check`; `box`: lower and upper ends (p,) of the coordinates, between which the prior is
-    uniform; `lowest`: smallest chi squared that is known.
+    `check`; `box`: lower and upper ends (p,) of the coordinates; `lowest`: smallest chi squared
+    that is known.
     """
 
     def uniform(points: np.ndarray) -> np.ndarray:
@@ -588,9 +588,9 @@ def _quadratic_test(
     times, shape = np.asarray(runs.times), data.weights.shape
     trials = [run_misfit(runs, data, times[-1], best.coordinates + offset) for offset in offsets]
     moved = np.array([trial.residuals.reshape(shape) for trial in trials])
-    # Far points bend chi squared by the scale of a parameter (such as a logarithm), which says
-    # nothing about the motion: only near points decide up to which time the fit is reliable. Half
-    # of the limits is the scale's `max_step`, where that is finite.
+    # At far points chi squared deviates from the quadratic model because the scale of a parameter,
+    # such as a logarithm, is not linear, whatever the motion: only near points decide up to which
+    # time the fit is reliable. Half of the limits is the scale's `max_step`, where that is finite.
     near = np.all(np.abs(offsets) < 0.5 * limits, axis=1)
     residuals, jacobian = best.residuals.reshape(shape), best.jacobian.reshape(*shape, -1)
     return tested(residuals, jacobian, offsets, moved, times, near)
@@ -628,9 +628,9 @@ def _largest_offsets(
 ) -> Float[np.ndarray, " p"]:
     """Return the largest distance of explored points from the estimates, (p,), in coordinates.
 
-    The distance is twice the scale's `max_step` (see `AbstractScale`). If that is infinite, it is
-    the larger of the coordinate's absolute value and `FARTHEST` standard deviations of an estimate
-    of that parameter alone.
+    The distance is twice the scale's `max_step`, the largest change of the coordinate in one step
+    of a fit. If that is infinite, it is the larger of the coordinate's absolute value and
+    `FARTHEST` standard deviations of an estimate of that parameter alone.
     """
     max_changes = step_limits(parameters)
     norms = np.linalg.norm(best.jacobian, axis=0)

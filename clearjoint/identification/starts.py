@@ -39,8 +39,8 @@ class Starts:
       distance.
     - `seed`: seed of the random numbers.
 
-    **Raises:** `ValueError` for a `number` below 1, and for a `spread` that is negative or not
-    finite.
+    **Raises:** `ValueError` for a `number` that is not a positive integer, and for a `spread` that
+    is negative or not finite.
 
     >>> cj.Starts(4, spread=0.5)
     Starts(number=4, spread=0.5, seed=0)
@@ -74,7 +74,9 @@ class Starts:
 def half_widths(
     spread: float | Mapping[str, float], names: Sequence[str]
 ) -> Float[np.ndarray, " p"]:
-    """Return half the width of the box in which starts or points are drawn, for each parameter.
+    """Return half the width of the box in which random points are drawn, for each parameter.
+
+    The points are starts of a fit, or those of a screening or a posterior.
 
     **Arguments:** `spread`: half the width, in the coordinates of the scales: one number for all
     parameters, or a dictionary by name, in which missing parameters have zero; `names`: names of

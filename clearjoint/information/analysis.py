@@ -76,7 +76,7 @@ def as_sensors(sensors: Sensors, scene: Scene) -> dict[str, Sensor]:
 
     A series becomes a sensor with its channel, times and noise; its values are not used.
 
-    **Raises:** `ValueError` for other types, an empty dictionary, names that are not non-empty
+    **Raises:** `ValueError` for other types, an empty dictionary, names that are empty or no
     texts, and for a channel of an element that the scene lacks.
     """
     by_name = sensors.series if isinstance(sensors, Measurements) else sensors
@@ -270,8 +270,9 @@ class Identifiability:
     def correlation(self) -> Float[np.ndarray, "p p"]:
         """Correlation of the estimated coordinates, (p, p).
 
-        It is NaN if the Fisher information is singular, for example if a parameter has no effect on
-        the data.
+        It is NaN if the Fisher information is exactly singular, for example if a parameter has no
+        effect on the data. If it is singular except for rounding, correlations of the parameters
+        that are not determined are near 1 or -1.
         """
         return information.correlation(information.covariance(self.root))
 
@@ -354,7 +355,8 @@ def identifiability(
     **Arguments:**
 
     - `scene`, `state`, `start_time` s: as in `simulate`.
-    - `parameters`: parameters by name, with expected values.
+    - `parameters`: parameters by name. The run is computed at their values, which are those of
+      `scene` and `state` unless a `Parameter` has a `value` of its own.
     - `sensors`: sensors (`Sensor`) by name, each with its times; or measured `Series` by name, or
       `Measurements`, whose values are not used.
     - `settings`: settings of the integration; by default `clearjoint.presets.derivatives`.

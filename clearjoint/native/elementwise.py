@@ -2,9 +2,9 @@
 
 A rule takes the arguments of a primitive as values of the program (`Symbol`), adds the operations
 that compute the result, and returns the result. The same rules serve scalars and vectors of
-tangents (derivatives by parameters). An operator such as ``a + b`` adds an
-operation to the program, and so does `Symbol.emit`, whose first argument is the operation's name.
-The letter of a value is its kind: "f" for floats, "i" and "w" for integers, "b" for bools.
+tangents (derivatives by parameters). An operator such as ``a + b`` adds an operation to the
+program, and so does `Symbol.emit`, whose first argument is the operation's name. The letter of a
+value is its kind: "f" for floats, "i" and "w" for integers, "b" for bools.
 """
 
 import math
@@ -193,8 +193,8 @@ def _select(index: Symbol, *cases: Symbol) -> Symbol:
 
 
 def convert(a: Symbol, letter: str) -> Symbol:
-    """Convert a value to the kind with the given first letter: "f" (float64), "i" (int64), "w"
-    (int32) or "b" (bool).
+    """Convert a value to the kind with the given letter: "f" (float64), "i" (int64), "w" (int32) or
+    "b" (bool).
 
     A float beyond the range of the integers becomes the nearest of them, and NaN zero. Of an int64,
     int32 keeps the lower 32 bits. A bool is true for all numbers but zero.

@@ -1,8 +1,8 @@
 """Quantities of joints: contacts, the journal in its bearing, reactions, films and angles.
 
-A contact has a label. Those of a clearance joint are "V" and "W", the names of the journal's two
-ends, and further ones if the joint has contacts between the ends or shoulders, such as "point 2"
-and "lower shoulder".
+A contact has a label. Those of a revolute joint with clearance are "V" and "W", the names of the
+journal's two ends, and further ones if the joint has contacts between the ends or shoulders, such
+as "point 2" and "lower shoulder". Other joints have other labels, such as "lower wall" for a slot.
 """
 
 import math
@@ -214,7 +214,7 @@ class AbstractJournalQuantity(AbstractJointQuantity):
     unit: ClassVar[str | None] = "m"
 
     def joints(self, scene: Scene) -> Collection[str]:
-        """Return the names of the clearance joints."""
+        """Return the names of the revolute joints with clearance, which have a journal."""
         return [name for name, j in scene.joints.items() if isinstance(j, HasJournal)]
 
     def offset(self, now: Instant, base: str | None) -> Vector:
@@ -236,7 +236,7 @@ class JournalOffset(AbstractJournalQuantity):
 
     **Arguments:**
 
-    - `joint`: name of a clearance joint.
+    - `joint`: name of a revolute joint with clearance.
     - `component`: "x", "y" or "z" of the bearing's frame, which moves with the bearing's body: z is
       the bearing's axis, x and y are perpendicular to it. For a bearing axis of (0, 0, 1) they are
       the axes of the body. For others, x and y are two directions fixed in the body, by the formula
@@ -261,8 +261,8 @@ class JournalOffset(AbstractJournalQuantity):
 class Eccentricity(AbstractJournalQuantity):
     """Distance of the centre of a journal, or of one of its ends, from the bearing's axis, m.
 
-    **Arguments:** `joint`: name of a clearance joint. `base`: "V" or "W", one end of the journal,
-    or ``None``, the default, for its centre.
+    **Arguments:** `joint`: name of a revolute joint with clearance. `base`: "V" or "W", one end of
+    the journal, or ``None``, the default, for its centre.
 
     **Raises:** `ValueError` for another base.
 
@@ -481,8 +481,9 @@ class AbstractJointAngle(AbstractJointQuantity):
 class JointAngle(AbstractJointAngle):
     """Angle of a joint's second body relative to its first, rad within (-pi, pi], right-handed.
 
-    - Revolute, cylindrical and clearance joints: the angle about the axis of the first body. It is
-      zero for parallel frames if the axis has the same components in both bodies.
+    - Revolute joints with or without clearance, cylindrical, screw and planar joints, and
+      `Backlash`: the angle about the axis of the first body. It is zero for parallel frames if the
+      axis has the same components in both bodies.
     - Drivers and drive torques: the driven angle.
     - User-defined joints: any joint with a method ``relative_angle(motions)`` that returns a row.
 

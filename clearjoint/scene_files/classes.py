@@ -242,7 +242,9 @@ def expectation(annotation: object) -> Expectation:
     if origin is Annotated:
         unit = next((note for note in inner[1:] if isinstance(note, str)), None)
         return replace(expectation(inner[0]), unit=unit)
-    if annotation == Quantity:  # also any function, which a file can't contain
+    # A `Quantity` is any function of an instant. A file can contain only objects of the package's
+    # class of such functions.
+    if annotation == Quantity:
         return Expectation(classes=(AbstractQuantity,))
     if origin in (Union, UnionType):
         parts = [expectation(kind) for kind in inner if kind is not NoneType]

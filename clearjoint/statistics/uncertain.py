@@ -124,7 +124,7 @@ class Uncertain:
 def check_uncertain(uncertain: Mapping[str, Uncertain]) -> None:
     """Check that the argument is a dictionary of `Uncertain` by name, with one at least.
 
-    **Raises:** `ValueError` that names the wrong entry.
+    **Raises:** `ValueError` that names the wrong entry; also for an empty dictionary.
     """
     require_types("uncertain", uncertain, Uncertain, "an Uncertain", PASS_UNCERTAIN)
     require(len(uncertain) > 0, "uncertain", {}, "not empty", PASS_UNCERTAIN)

@@ -269,8 +269,9 @@ def sweep(
     Each combination of values is a lane. Lanes run side by side, but each has its own time and step
     size, so its numbers are those of a single run and don't depend on the other lanes. A lane that
     fails keeps its result code and the time it reached, and the other lanes continue. A lane with a
-    value that a scene can't have is not run: its result code is that of `bad_parameters`, and its
-    outputs, final state and numbers of steps are NaN, or -1 for integers.
+    value that a scene can't have, or with constraints that nearly depend on others, is not run: its
+    result code is that of `bad_parameters`, and its outputs, final state and numbers of steps are
+    NaN, or -1 for integers.
 
     **Arguments:**
 
@@ -401,7 +402,7 @@ def checked_starts(
 def _common_values(
     lanes: Lanes, scheme: Scheme, outputs: Mapping[str, Output], start_time: float, max_steps: int
 ) -> Common:
-    """Return the data that all lanes share: the constant scene, settings of the run, and outputs.
+    """Return the data that all lanes share: the scene, settings of the run, and outputs.
 
     **Arguments:** `scheme`: method of the integration; `outputs`: outputs by name; `start_time`: s;
     `max_steps`: largest number of steps of a lane.
@@ -431,7 +432,8 @@ def _common_values(
     }
     capacity = {name: section.count for name, section in sections.items()}
     capacity |= {log: tables[name].count for name, contacts in logs.items() for log in contacts}
-    # Numbers that lanes share may be folded into the program; varied ones must stay arguments.
+    # Zeros and ones that all lanes share may become constants of the compiled program, which
+    # shortens it; numbers that vary must stay arguments.
     folded_scene = fold_constants(lanes.scene, lanes.varied)
     start = np.asarray(start_time, dtype=float)
     return Common(plan, folded_scene, start, capacity, channels, saved, tables=logs)
@@ -449,8 +451,8 @@ def _lane_tasks(
     **Arguments:** `end_time`: s, a number or a function of the lane's scene; `start_time`: s;
     `settings`: settings of the integration; `outputs`: outputs by name.
 
-    **Raises:** `ValueError` for ends that are not finite or not after the start, for times to save
-    at that are outside of the run, and for different numbers of these times.
+    **Raises:** `ValueError` for ends that are not finite or not long enough after the start, for
+    times to save at that are outside of the run, and for different numbers of these times.
     """
     saved = next((output for output in outputs.values() if isinstance(output, AnySaved)), None)
     count = len(jax.tree.leaves(lanes.states)[0])

@@ -58,10 +58,12 @@ class Work:
         - `on_progress`: function that is called several times a second with the progress of the
           running lanes.
 
-        **Returns:** the `Batch` that has run the lanes. Its attribute `turns` counts the iterations
-        of the compiled loops, in each of which every running lane tries a step.
+        **Returns:** the `Batch` that has run the lanes. Its attribute `turns` is the number of
+        iterations of the compiled loops, in each of which every running lane tries a step, times
+        the number of lanes that a loop can run side by side.
         """
-        # Lanes with invalid parameters get a result code at once, and pending entries otherwise.
+        # Apart from result code and time, lanes with invalid parameters keep the entries of lanes
+        # that have not been computed.
         bad = np.array([lane for lane in lanes if lane in self.bad], int)
         if bad.size:
             results = {name: v.pending(len(bad)) for name, v in self.variables.items()}

@@ -128,6 +128,7 @@ def check_law(
     wall = (jnp.asarray(bearing_radius), jnp.asarray(clearance))
     depth, rate, entry = _grid(DEPTHS, RATES, ENTRY_SPEEDS)
 
+    # As in a simulation, laws that do not use the entry speed get None.
     def force(law: AbstractContactLaw, depth: Scalar, rate: Scalar, entry: Scalar) -> jax.Array:
         force = law.force(Gap(depth, rate, *wall), entry if law.uses_entry_speed else None)
         return jnp.asarray(force)
@@ -355,9 +356,9 @@ def check_constraint(
     """Check that the constraint rows of an ideal joint agree with central differences in time.
 
     A row is a scalar equation with a value, which is zero for a satisfied joint, its Jacobian by
-    the velocities of the bodies, and its time rate for bodies at rest. The value's rate must be the
-    Jacobian times the velocities plus the time rate, and the row's bias must be the rate of this
-    rate at constant velocities.
+    the velocities of the bodies, its time rate for bodies at rest, and its bias. The rate of the
+    value must be the Jacobian times the velocities plus the time rate, and the bias must be the
+    time derivative of this sum at constant velocities.
 
     **Arguments:**
 
@@ -367,7 +368,7 @@ def check_constraint(
     - `tolerance`: largest accepted difference of rates, relative to one plus the size of the rate.
       The bias may differ by ten times as much, because its rounding errors are larger.
 
-    **Raises:** `AssertionError` that states the row and the first problem.
+    **Raises:** `AssertionError` that states the first problem.
 
     >>> motions = {
     ...     "ground": testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0)),

@@ -1,7 +1,7 @@
 """Check user-defined joints with contacts.
 
-A contact of such a joint has a penetration (depth), m, and a normal, the direction of its force on
-the first body; or it transmits a couple instead of a force.
+A contact of such a joint has a penetration (depth), m. It transmits either a force, whose direction
+on the first body is the contact's normal, or a couple.
 """
 
 from collections.abc import Mapping
@@ -56,9 +56,9 @@ def check_contact_joint(
       each parameter of the joint agrees with finite differences;
     - `jax.vmap` gives the same result as a single evaluation.
 
-    The joint is tested at the given motions, at the onset of each contact's force, a micrometre
-    deeper, with its attachment points on both bodies (those of its method `attachments`)
-    coincident, and at all these positions at rest. The second body is only shifted to these
+    The joint is tested at the given motions; at the onset of each contact's force, and a micrometre
+    deeper; with the joint's attachment points on both bodies (those of its method `attachments`)
+    coincident; and at all these positions at rest. The second body is only shifted to these
     positions, so that contacts with couples, which depend on its rotation, keep their penetration.
 
     **Arguments:**

@@ -55,7 +55,7 @@ def arrows(
 
     - `pen`: the pen with which the scene has drawn itself; it has the journals as they are drawn,
       and the loads.
-    - `observation`: observation at the times of the frames, None without contact forces.
+    - `observation`: the contact forces at the times of the frames; None to draw loads only.
     - `sizes`: has the size of the mechanism, and the radius of the bar by which a body is drawn.
     - `scale`: length of an arrow divided by its force, m/N; None to choose it, so that the arrow of
       the largest force has the length `LONGEST` times the size of the mechanism. For a given scale,
@@ -148,7 +148,7 @@ def coloured_by_mode(
     A joint without observed motion modes, such as a ball in a socket, has the mode 1 (contact at
     one end) if one of its contacts touches, else 0 (free flight).
 
-    **Arguments:** `observation`: observation at the times of the frames.
+    **Arguments:** `observation`: motion modes and contacts at the times of the frames.
 
     **Returns:** all parts; the motion modes that occur in any frame, sorted by number.
     """

@@ -19,7 +19,8 @@ from .meshes import FORCE, LOAD, DrawnPart, corners, frame_about
 from .poses import BodyPoses
 
 BORE = 2.4
-"""Smallest drawn radius of a bearing, in radii of a bar."""
+"""Smallest drawn radius of a bearing by default, and that of a bearing of unknown radius, in radii
+of a bar."""
 
 
 @dataclass(frozen=True)

@@ -387,8 +387,8 @@ class SketchingPen(AbstractPen):
             self._add(GROUND, stand.moved(pose_at(point, frame)))
 
     def _edge(self, radius: float, profile: AbstractProfile) -> np.ndarray:
-        """Return the corners of the drawn cross-section of a bearing or a journal, (N, 2) m, in its
-        own frame; `radius`: of the drawn circle from which it deviates, m."""
+        """Return the corners of the drawn cross-section of a bearing or a journal, (`CORNERS`, 2),
+        m, in its own frame; `radius`: of the drawn circle from which it deviates, m."""
         angles = np.arange(CORNERS) * 2.0 * np.pi / CORNERS
         deviation = np.asarray(profile.at(angles).value, float)
         return meshes.outline(radius + self._sizes.clearance_scale * deviation)
@@ -469,7 +469,8 @@ class SketchingPen(AbstractPen):
 
     def _range(self, base: Marker, runner: Marker, axis: np.ndarray) -> tuple[float, float]:
         """Return the smallest and the largest position, m, of the marker `runner` relative to the
-        marker `base` in all frames, along a direction: the length of a rail or of walls.
+        marker `base` in all frames, along a direction. A rail or walls must reach from one to the
+        other.
 
         **Arguments:** `axis`: the direction, (3,) unit vector in the axes of the body of `base`.
         """

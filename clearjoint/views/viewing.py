@@ -40,9 +40,8 @@ class View:
       its `notes`.
     - `clearance_scale`, `bearing_scale`: drawn size divided by true size of clearances and of
       bearings.
-    - `force_scale`: length of the arrow of the largest force divided by that force, m/N, before the
-      arrow is cut to 0.3 times the size of the mechanism; the scale passed to `view`, or 1 if none
-      was passed and there are no forces.
+    - `force_scale`: the scale passed to `view`, m/N; if none was passed, the length of the arrow of
+      the largest force divided by that force, or 1 without forces.
 
     >>> four_bar = cj.view(*cj.mechanisms.four_bar(), title="four-bar", clearance_scale=50.0)
     >>> four_bar
@@ -62,7 +61,10 @@ class View:
 
     @cached_property
     def html(self) -> str:
-        """The text of an HTML page with the view, which needs no server and no network."""
+        """The text of an HTML page with the view, which needs no server and no network.
+
+        **Raises:** `ImportError` without the package k3d.
+        """
         return page(self.parts, self._camera, self.legend, self.times, self._height)
 
     def save(self, file: str | Path, *, time: float | None = None) -> Path:
@@ -161,7 +163,7 @@ def view(
     - `scene`: the mechanism.
     - `motion`: a `State`; a solution with saved states or steps; or a `Trajectory`. By default,
       bodies are arranged by following the joints from the ground, and `assemble` closes loops,
-      which compiles.
+      which compiles. Loops that it can't close are shown open, and the legend says so.
     - `observation`: result of `observe` at the instants of the motion; not used for a `State`. By
       default, `view` observes a solution, which compiles once for all scenes with the same
       structure; a `Trajectory` is shown without contact forces.
@@ -172,10 +174,10 @@ def view(
       reads, an object with `vertices` and `faces`, or a pair of such arrays.
     - `clearance_scale`, `bearing_scale`: drawn size divided by true size of clearances and of
       bearings. By default both are chosen so that clearances and bearings are visible.
-    - `force_scale`: length of an arrow divided by its force, m/N. By default the largest force has
-      an arrow of 0.3 times the size of the mechanism. If this force is more than five times the
-      median, as in an impact, lengths are proportional to the square root of forces; the legend
-      says so.
+    - `force_scale`: length of an arrow divided by its force, m/N; longer arrows are cut to 0.3
+      times the size of the mechanism. By default the arrow of the largest force has this length,
+      and if this force is more than five times the median, as in an impact, lengths are
+      proportional to the square root of forces. The legend says so in both cases.
     - `centres_of_mass`, `inertias`: whether to add a black ball at each centre of mass, and the
       homogeneous solid with each body's mass and moments of inertia.
     - `title`: title of the legend.
@@ -185,7 +187,7 @@ def view(
 
     **Raises:** `ValueError` for a solution without states, bodies that the scene does not have, an
     observation of other instants, a number of frames below 1, and meshes or scales that can't be
-    drawn; `ImportError` without the extra `view` (k3d, trimesh).
+    drawn; `ImportError` without the package trimesh of the extra `view`.
     """
     require_count("frames", frames, "give a number of frames")
     if force_scale is not None:
@@ -225,8 +227,8 @@ def _poses(
     """Return the poses of the bodies in at most `frames` frames, the observation at the same times,
     and notes for the legend.
 
-    The observation is None if `forces` is false, for a single state, for a trajectory without a
-    given observation, and for a scene without contacts. The arguments are those of `view`.
+    The observation is None if `forces` is false, for a single state and, unless it is given, for a
+    trajectory and for a scene without contacts. The arguments are those of `view`.
 
     **Raises:** `ValueError` for a motion without states, of other bodies or with arrays of wrong
     shapes, and for an observation of other instants.
@@ -266,9 +268,10 @@ def _at(recorded: T, chosen: np.ndarray) -> T:
 
 
 def _trajectory(motion: Solution | NonsmoothSolution | Trajectory) -> Trajectory:
-    """Return the saved states of a run, or the states at its steps if there are no others.
+    """Return the saved states of a run, or the states at its steps if there are no others; a
+    trajectory is returned as it is.
 
-    **Raises:** `ValueError` for a run without saved states.
+    **Raises:** `ValueError` for a run with neither, and for an object of another type.
     """
     if isinstance(motion, Trajectory):
         return motion

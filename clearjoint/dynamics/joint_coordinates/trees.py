@@ -115,6 +115,9 @@ class Inertia:
         """Return the inertia of carried bodies that a joint transmits to its carrier, if these
         bodies do not follow the carrier's rotation about the joint's axis.
 
+        They do not follow it because the unknown rate of the joint's speed is relative to a carrier
+        that does not rotate about the axis (see `.coordinates`).
+
         Let M be the 6x6 matrix of this inertia, and let column be the twist for a unit of the
         joint's speed, so that whole = M column. P = 1 - column axis^T takes the rotation about the
         axis from a twist. The result is P^T M P = M - axis whole^T - rest axis^T, in which `axis`

@@ -39,10 +39,10 @@ class PinInSlot(AbstractFrictionJoint):
     width minus the pin's diameter. The contacts are called "lower wall" and "upper wall", along the
     normal, and "lower end" and "upper end", along the axis.
 
-    The contact is a line across the plate's thickness, perpendicular to axis and normal, and the
-    force acts at its middle. On a flat wall a line of length L has the stiffness (pi/4) E* L N/m
-    with the exponent 1, where 1/E* is the sum of (1 - nu^2)/E of both materials (V. L. Popov,
-    Contact Mechanics and Friction, chapter 5): pass this number as the stiffness of a law, such as
+    The contact is a line along the pin, perpendicular to axis and normal, and the force acts at its
+    middle. On a flat wall a line of length L has the stiffness (pi/4) E* L N/m with the exponent 1,
+    where 1/E* is the sum of (1 - nu^2)/E of both materials (V. L. Popov, Contact Mechanics and
+    Friction, chapter 5): pass this number as the stiffness of a law, such as
     `Hertz(stiffness, exponent=1.0)`. Only the walls and ends hold the pin: the other joints of a
     planar mechanism have to hold both bodies in the plane.
 
@@ -125,7 +125,7 @@ class PinInSlot(AbstractFrictionJoint):
         return contacts
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return the largest meaningful penetration of each contact by label, m.
+        """Return the penetration of each contact at which a run ends, by label, m.
 
         It is `pin_radius`, at which the pin's centre is at the wall.
         """
@@ -133,12 +133,16 @@ class PinInSlot(AbstractFrictionJoint):
         return dict.fromkeys(self.contact_labels(), deepest)
 
     def centred_joint(self) -> AbstractConstraint:
-        """Return the ideal joint that keeps the pin's centre in the middle plane of the slot."""
+        """Return the ideal joint that keeps the pin's centre in the middle plane of the slot.
+
+        `assemble` corrects initial states by it if the pin is outside the play.
+        """
         return self._ideal(self.slot_point)
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
         """Return the ideal joint that holds the pin's centre where a load presses it to a wall.
 
+        `assemble`, which corrects initial states, uses it for the joints in its argument `resting`.
         It is ``None`` if the load is along the walls, apart from rounding errors.
 
         **Arguments:** `load`: of the pin on the slot, (3,) N in the axes of the slot's body.
@@ -266,17 +270,24 @@ class SliderInGuide(AbstractFrictionJoint):
         return contacts
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return the largest meaningful penetration of each corner by label, m: `half_height`."""
+        """Return the penetration of each corner at which a run ends, by label, m.
+
+        It is `half_height`, at which the middle of the slider's end is at the wall.
+        """
         deepest: Scalar = self.half_height
         return dict.fromkeys(CORNERS, deepest)
 
     def centred_joint(self) -> AbstractConstraint:
-        """Return the ideal joint that keeps the slider's axis in the middle plane of the guide."""
+        """Return the ideal joint that keeps the slider's axis in the middle plane of the guide.
+
+        `assemble` corrects initial states by it if the slider is outside the clearance.
+        """
         return self._ideal(self.guide_point)
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
         """Return the ideal joint that holds the slider where a load presses it to a wall.
 
+        `assemble`, which corrects initial states, uses it for the joints in its argument `resting`.
         It is ``None`` if the load is along the walls, apart from rounding errors.
 
         **Arguments:** `load`: of the slider on the guide, (3,) N in the axes of the guide's body.

@@ -119,7 +119,8 @@ class AbstractAxialPolicy(AbstractConverting):
 
 
 class FreeAxially(AbstractAxialPolicy):
-    """No axial support: the journal slides freely along a bearing of unlimited length.
+    """No axial support: the journal slides freely, and its contact forces are those in a bearing of
+    unlimited length.
 
     Use it in a mechanism whose other joints hold the bodies in a plane, such as a slider-crank.
     Elsewhere the journal eventually slides out and `simulate` warns with a `LeftBearingWarning`;
@@ -406,7 +407,8 @@ class ClearanceJoint(AbstractCentredJoint):
         """Return the largest meaningful penetration of each contact with the wall, m, by label.
 
         It is the journal's radius: then the eccentricity equals the bearing's radius, so that the
-        journal's axis is at the wall. Shoulders have no entry and thus no limit.
+        journal's axis is at the wall. A run ends when a contact is deeper. Shoulders have no entry
+        and thus no limit.
         """
         radius = subtract(self.bearing_radius, self.clearance)
         return dict.fromkeys(self.contact_labels(), radius)
@@ -436,7 +438,8 @@ class ClearanceJoint(AbstractCentredJoint):
         return contacts
 
     def _wall_contact(self, motions: Motions, base: JournalBase) -> Contact:
-        """Return the contact of one base with the wall (Flores et al. 2006, eqs 10-21)."""
+        """Return the contact of one base, or of a point between the bases, with the wall (Flores et
+        al. 2006, eqs 10-21)."""
         if self.bearing_profile is not None or self.journal_profile is not None:
             return self._profile_contact(motions, base)
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
@@ -461,7 +464,8 @@ class ClearanceJoint(AbstractCentredJoint):
         return Contact(gap, normal, on_bearing, on_journal, slip, on_axis, base.local)
 
     def _profile_contact(self, motions: Motions, base: JournalBase) -> Contact:
-        """Return the contact of one base if the wall or the journal deviates from a circle."""
+        """Return the contact of one base, or of a point between the bases, if the wall or the
+        journal deviates from a circle."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         x_axis, y_axis = map(bearing.direction, transverse_axes(unit(self.bearing_axis)))
         eccentricity = base.centre + base.arm
@@ -618,12 +622,17 @@ class ClearanceJoint(AbstractCentredJoint):
 
     def centred_joint(self) -> AbstractConstraint:
         """Return the ideal joint that keeps the journal's axis on the bearing's: a revolute joint,
-        or a cylindrical joint if the journal is axially free."""
+        or a cylindrical joint if the journal is axially free.
+
+        `assemble`, which corrects initial states, centres a journal that starts outside of the
+        bearing.
+        """
         return self._ideal(self.bearing_point)
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
         """Return the ideal joint that holds the journal where a load presses it to the wall.
 
+        `assemble`, which corrects initial states, uses it for the joints in its argument `resting`.
         It is ``None`` if the load presses the journal nowhere, because the component across the
         axis is at most `LEAST_TRANSVERSE_LOAD` times the load. The journal counts as a circle,
         since the load doesn't determine its rotation.

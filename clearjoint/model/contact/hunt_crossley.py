@@ -398,7 +398,10 @@ class AbstractDampedLaw(AbstractHertzianLaw):
     force_jumps = False
 
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
-        """Return the normal force, N, with an entry speed of at least `entry_speed_floor`."""
+        """Return the normal force, N, with an entry speed of at least `entry_speed_floor`.
+
+        The `entry_speed`, m/s, must be known: ``None`` is for laws that do not use it.
+        """
         assert entry_speed is not None
         return super().force(gap, jnp.maximum(entry_speed, self.entry_speed_floor))
 

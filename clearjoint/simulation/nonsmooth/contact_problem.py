@@ -253,7 +253,8 @@ class ContactProblem:
         relative to the largest magnitude among the `aims` of closed contacts.
 
         **Arguments:** `closed`: whether each contact is closed; `aims`: m/s, for each contact its
-        opening velocity without impulses, less the smallest one that is allowed.
+        opening velocity without impulses, less the smallest one that is allowed, such as -e U- for
+        Newton's restitution.
         """
         normal = [row[: i + 1] for i, row in enumerate(self._matrix[: self._count])]
         # An open contact is fixed to an impulse of zero by equal bounds.
@@ -329,7 +330,8 @@ def _extrapolation(last: Alternation, change: Impulses) -> Scalar:
     bend = [a - b for a, b in zip(change, last.change, strict=True)]
     square = inner(bend, bend)
     factor = -last.factor * inner(last.change, bend) / jnp.where(square > 0.0, square, 1.0)
-    # The first turn has no earlier change to compare with, and two equal changes have no limit.
+    # The first turn has no earlier change to compare with, and for two equal changes the factor
+    # would be infinite.
     usable = (last.turns > 0) & (square > 0.0)
     return jnp.where(usable, jnp.clip(factor, LEAST_FACTOR, LARGEST_FACTOR), 1.0)
 

@@ -56,8 +56,10 @@ def decide_step(
     end. It is then repeated: in the first case with a shorter step, in the second case up to the
     event.
 
-    **Arguments:** `step`: the state before the trial; `trial`: the trial as the solver computed it;
-    `t_end`: end of the run, s.
+    **Arguments:** `method`: solver, step-size controller, and the rule `landing` by which steps end
+    at contact events, or ``None``; `system`: the scene and its equations of motion; `step`: the
+    state before the trial; `trial`: the trial as the solver computed it; `t_end`: end of the run,
+    s.
 
     **Returns:** whether the trial is accepted; the step to try next; and the result code of the run
     so far.
@@ -111,6 +113,8 @@ def decide_step(
     # start of the step is the same, so the flag stays.
     jumps = may_jump(method, system.scene)
     if slopes_may_jump(method, system.scene):
+        # Rates are continuous here. But where a contact begins or ends, their derivatives jump, so
+        # that the tangents of the rates cannot be reused.
         jumps = changes(step.contact_gaps, after)
     made_jump = jnp.where(keep, made_jump | jumps, last.made_jump)
 
@@ -198,8 +202,11 @@ def _result(
     controller_result: diffrax.RESULTS,
     t_end: Scalar,
 ) -> RESULTS:
-    """Return the result code of the run after a trial step. If several checks fail, the last one
-    decides.
+    """Return the result code of the run after a trial step.
+
+    If several checks fail, the last of these decides: the step is too small, a journal is too deep
+    in the wall, a driver or ideal joint is not followed, a variable is not finite, the solver or
+    the controller failed.
 
     **Arguments:**
 

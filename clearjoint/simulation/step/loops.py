@@ -53,8 +53,8 @@ class Loops(eqx.Module):
         """Try one step from `step`, at most to `t_end`, s, and return its outcome; see the function
         `attempt` in `.stepping`.
 
-        In loops with checkpoints, a trial whose numbers are not finite has derivatives of zero, so
-        that it does not spoil those of the run.
+        In loops with checkpoints, the derivatives of a trial whose numbers are not finite are left
+        out, so that they do not spoil those of the run.
         """
         function = attempt if self.checkpoints is None else _attempt_without_overflow
         return function(method, system, step, t_end)

@@ -343,8 +343,8 @@ class SweepStore:
         until the caller has written the new results.
 
         **Arguments:** `group`: arrays of the store; `chunk`: number of the chunk; `span`: rows of
-        the store in this chunk; `rows`: (n,) rows of the given
-        results, counted from the start of the chunk; `results`: given results, by variable.
+        the store in this chunk; `rows`: (n,) rows of the given results, counted from the start of
+        the chunk; `results`: given results, by variable.
         """
         arrays = {name: opened(group, name) for name in results}
         variables, count = self.layout.variables, span.stop - span.start
