@@ -330,7 +330,8 @@ def structural(x, y, table, k):
 def test_structure():
     x, y = RANDOM.normal(size=3), RANDOM.normal(size=3)
     table = np.cumsum(RANDOM.uniform(size=(80, 2)), axis=0)
-    for k in (0, 2):
+    # A plain number is known when the program is built, an array only when it runs.
+    for k in (0, 2, np.asarray(2)):
         expected = jax.jit(structural)(x, 10.0 * abs(y), table, k)
         assert_same(NativeFunction(structural)(x, 10.0 * abs(y), table, k), expected, ulp=64)
 
