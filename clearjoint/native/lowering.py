@@ -619,7 +619,6 @@ class Lowering:
         """Add an equation that works element by element, and return its result."""
         aval, name = aval_of(equation.outvars[0]), equation.primitive.name
         kind, shape = kind_of(aval), tuple(aval.shape)
-        # Versions of JAX differ in whether "mul" has its parameter.
         parameter = equation.params.get(PARAMETERS[name]) if name in PARAMETERS else None
         rule = self.operation(name, aval, parameter)
         if shape != ():
