@@ -101,7 +101,8 @@ def contact_forces(
 
     **Returns:** the axes; time in ms or s, force in N or kN.
 
-    **Raises:** `ValueError` for a name that is not one of a joint with contacts.
+    **Raises:** `ValueError` for a name that is not one of a joint with contacts, and for a window
+    outside of the observed times.
 
     >>> axes = plot.contact_forces(observed, "shoulder", window=(0.01, 0.0115))
     """
@@ -124,7 +125,8 @@ def joint_forces(
 
     **Returns:** the axes; time in ms or s, force in N or kN.
 
-    **Raises:** `ValueError` for a scene without contacts.
+    **Raises:** `ValueError` for a scene without contacts, and for a window outside of the observed
+    times.
 
     >>> axes = plot.joint_forces(observed)
     """
@@ -171,8 +173,8 @@ def _over_time(
         usual = np.quantile(values[acting], 0.5, weights=weights[acting], method="inverted_cdf")
         largest = peaks.max()
         # On a linear axis, half of the peaks would be in the lowest sixth of its height, or half of
-        # the forces in its lowest twentieth. Among fewer than three peaks none is an exception.
-        has_outlier = len(peaks) >= 3 and largest > 6.0 * np.median(peaks)
+        # the forces in its lowest twentieth.
+        has_outlier = largest > 6.0 * np.median(peaks)
         if logarithmic or has_outlier or largest > 20.0 * usual:
             # The axis begins somewhat below the smallest peak and the usual force, but it spans at
             # least one and a half decades, and at most four.
