@@ -103,7 +103,7 @@ def _is_number(a: Symbol) -> bool:
     return isinstance(known, float) and not math.isnan(known)
 
 
-def _multiply(a: Symbol, b: Symbol, dtype: DTypeLike = None) -> Symbol:
+def _multiply(a: Symbol, b: Symbol, dtype: DTypeLike | None = None) -> Symbol:
     """Return the product; with `dtype`, both factors are converted to it first."""
     return a * b if dtype is None else _convert(a, dtype) * _convert(b, dtype)
 

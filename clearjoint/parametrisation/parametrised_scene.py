@@ -95,7 +95,7 @@ class ParametrisedScene(eqx.Module):
         separate scalars."""
         return unpack(self.scene_and_state(values)[1])
 
-    def pushed(
+    def with_derivatives(
         self,
         function: Callable[..., tuple[PyTree, PyTree]],
         primals: tuple[PyTree, ...],

@@ -379,25 +379,25 @@ def motion_timeline(
     factor, unit = time_unit(times, window)
     for row, name in enumerate(names):
         phases, durations = contact_phases(observation, name), []
-        for phase, (height, look) in BAR_STYLES.items():
+        for phase, (height, style) in BAR_STYLES.items():
             # An interval ends where one of another phase begins; both are in the window, s.
             begins, ends = observed.spans(phases == phase).T
             starts = np.clip(times[begins], first, last)
             lengths = np.clip(times[np.minimum(ends, len(times) - 1)], first, last) - starts
             bars = (factor * np.stack([starts, lengths], axis=1)[lengths > 0.0]).tolist()
-            axes.broken_barh(bars, (row - 0.5 * height, height), label=_phase_name(phase), **look)
+            axes.broken_barh(bars, (row - 0.5 * height, height), label=_phase_name(phase), **style)
             durations.append(lengths.sum())
         total = max(sum(durations), np.finfo(float).tiny)  # zero if no interval is in the window
         text = " / ".join(f"{100.0 * part / total:.0f}" for part in durations) + " %"
         # To the right of the axes: x is a fraction of their width, y is the row.
-        look = {"transform": axes.get_yaxis_transform(), "va": "center", "fontsize": "small"}
-        axes.text(1.01, row, text, **look)
-    look = {"transform": axes.transAxes, "va": "bottom", "fontsize": "small"}
-    axes.text(1.01, 1.02, "shares of the time", **look)
+        text_style = {"transform": axes.get_yaxis_transform(), "va": "center", "fontsize": "small"}
+        axes.text(1.01, row, text, **text_style)
+    text_style = {"transform": axes.transAxes, "va": "bottom", "fontsize": "small"}
+    axes.text(1.01, 1.02, "shares of the time", **text_style)
     axes.set_yticks(range(len(names)), [shown(name) for name in names])
     axes.set_xlim(first * factor, last * factor)
     axes.set_ylim(len(names) - 0.5, -0.5)  # the first joint at the top
-    samples = [Patch(label=_phase_name(phase), **look) for phase, (_, look) in BAR_STYLES.items()]
+    samples = [Patch(label=_phase_name(phase), **style) for phase, (_, style) in BAR_STYLES.items()]
     legend_above(axes, 3, handles=samples)
     dress(axes, f"time, {unit}", "")
     axes.grid(False, axis="y")

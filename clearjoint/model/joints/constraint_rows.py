@@ -72,8 +72,8 @@ def coincident_points(
     for label, axis in (("x", UNIT_X), ("y", UNIT_Y), ("z", UNIT_Z)):
         wrench_first, bias_first = _along(first, local_first, axis)
         wrench_second, bias_second = _along(second, local_second, axis)
-        reaction = Wrench(-wrench_second.force, -wrench_second.moment)
-        jacobian = {names[0]: wrench_first, names[1]: reaction}
+        negative_second = Wrench(-wrench_second.force, -wrench_second.moment)
+        jacobian = {names[0]: wrench_first, names[1]: negative_second}
         rows[f"translation {label}"] = Row(axis.dot(separation), jacobian, bias_first - bias_second)
     return rows
 
