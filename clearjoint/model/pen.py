@@ -37,8 +37,8 @@ class Marker(NamedTuple):
         """
         remedy = "draw with Marker(body, point, axis)"
         require(self.axis is not None, "axis", None, "a direction in body axes", remedy)
-        require_axis("axis", self.axis)
         numbers = np.asarray(self.axis, dtype=float)
+        require_axis("axis", numbers)
         return numbers / np.linalg.norm(numbers)
 
 

@@ -109,7 +109,7 @@ def start_with_tangents(
         y = Variables(motion, {}, initial_bristles(system.scene, state.bristles))
         return jax.tree.map(jnp.asarray, (y, state.entry_speeds)), None
 
-    # `pushed` evaluates a function of the system, and differentiates it with respect to the
+    # `with_derivatives` evaluates a function of the system, and differentiates it with respect to the
     # parameters. For this it takes the derivatives of the function's other arguments, which for the
     # parameters themselves are the identity matrix.
     scenes, count = family.family, len(family.family.values)
@@ -216,7 +216,7 @@ def followed(
             system: System, y: Variables, entry_speeds: EntrySpeeds
         ) -> tuple[dict[str, Scalar], None]:
             """Return the quantities at the time for the variables `y` of dense output, and
-            ``None``, the auxiliary result, which `systems.pushed` expects."""
+            ``None``, the auxiliary result, which `systems.with_derivatives` expects."""
             # `dense` is corrected already, but its derivatives, `along`, are not. The correction is
             # repeated here, where it is differentiated.
             y = correct(system, y, time)
