@@ -383,13 +383,13 @@ def test_an_instant_of_a_late_run_has_the_same_time_after_a_transformation():
 
 
 def test_a_row_without_a_multiplier_is_refused():
-    motor = cj.PrescribedRotation("ground", "ball", (0, 0, 1), 1.0)
-    scene = cj.Scene({"ball": cj.Body(1.0, (1.0, 1.0, 1.0))}, {"motor": motor})
+    pivot = cj.SphericalJoint("ground", "ball", (0, 0, 0), (0, 0, 0))
+    scene = cj.Scene({"ball": cj.Body(1.0, (1.0, 1.0, 1.0))}, {"pivot": pivot})
     scene, state = unpack((scene, cj.State({"ball": cj.body_state((0, 0, 0))})))
     system = System(scene, Formulation(), origin=jnp.asarray(0.0))
     now = Instant(system, jnp.asarray(0.0), system.encode(state.bodies), {}, {})
-    with pytest.raises(ValueError, match=r"`row` must be one of \['angle'\].*'motor'.* is 'speed'"):
-        q.Multiplier("motor", "speed")(now)
+    with pytest.raises(ValueError, match=r"`row` must be .*\['translation x',.*'pivot'.* is 'x'"):
+        q.Multiplier("pivot", "x")(now)
 
 
 def test_units_are_si():

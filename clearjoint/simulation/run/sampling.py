@@ -109,9 +109,9 @@ def start_with_tangents(
         y = Variables(motion, {}, initial_bristles(system.scene, state.bristles))
         return jax.tree.map(jnp.asarray, (y, state.entry_speeds)), None
 
-    # `with_derivatives` evaluates a function of the system, and differentiates it with respect to the
-    # parameters. For this it takes the derivatives of the function's other arguments, which for the
-    # parameters themselves are the identity matrix.
+    # `with_derivatives` evaluates a function of the system, and differentiates it with respect to
+    # the parameters. For this it takes the derivatives of the function's other arguments, which for
+    # the parameters themselves are the identity matrix.
     scenes, count = family.family, len(family.family.values)
     (y, entry_speeds), _, (y_along, entry_speeds_along) = family.with_derivatives(
         initial, (scenes.values,), (jnp.eye(count),)
