@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..fields.checks import require
+from ..fields.checks import require, require_axis
 from ..fields.types import Single, Triple
 from .profiles import AbstractProfile
 
@@ -33,11 +33,12 @@ class Marker(NamedTuple):
     def along(self) -> np.ndarray:
         """Return the marker's direction as a unit vector, (3,) in body axes.
 
-        **Raises:** `ValueError` if the marker has no axis.
+        **Raises:** `ValueError` if the marker has no axis, or one of length zero.
         """
         remedy = "draw with Marker(body, point, axis)"
         require(self.axis is not None, "axis", None, "a direction in body axes", remedy)
         numbers = np.asarray(self.axis, dtype=float)
+        require_axis("axis", numbers)
         return numbers / np.linalg.norm(numbers)
 
 

@@ -99,7 +99,9 @@ class AbstractProfile(AbstractConverting):
     def angles(self) -> int:
         """Return how many evenly spaced angles resolve the waves of the profile.
 
-        The search for the closest approach of journal and wall begins at the best of them.
+        The search for the closest approach of journal and wall begins at the best of them. It uses
+        at most 48 angles: of waves above the sixth harmonic, it may find a maximum that is not the
+        largest.
         """
 
 

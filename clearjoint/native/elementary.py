@@ -200,11 +200,11 @@ def _logarithm_of(x: Symbol) -> tuple[Symbol, Symbol]:
     """Return the logarithm of a positive normal number as a high and a low part."""
     # x = m 2**k with m between the roots of 1/2 and 2, and log m = 2 artanh(s) with
     # s = (m - 1) / (m + 1) = f / divisor, as s + s_low.
-    # k is found from the bits, in which the exponent begins at the 52nd. `number` is k as a float.
+    # k is found from the bits, in which the exponent begins at the 52nd. `k_float` is k as a float.
     bits = _bits(x)
     k = (bits - _ROOT_OF_HALF).emit("shift_right", 52)
     m = _of_bits(bits - k.emit("shift_left", 52))
-    number = _of_bits(k + _bits(x.like(_ROUNDING))) - _ROUNDING
+    k_float = _of_bits(k + _bits(x.like(_ROUNDING))) - _ROUNDING
     one = x.like(1.0)
     f, (divisor, rest) = m - one, _sum(m, one)
     inverse = one / divisor
@@ -226,9 +226,9 @@ def _logarithm_of(x: Symbol) -> tuple[Symbol, Symbol]:
     high = twice + cubic
     low = (((twice - high) + cubic) + cubic_low) + twice_low
     # log x = k log(2) + log m. The first product is exact.
-    first = number * _LN_2[0]
+    first = k_float * _LN_2[0]
     result = first + high
-    low = _fma(number, _LN_2[1], low)
+    low = _fma(k_float, _LN_2[1], low)
     return result, ((first - result) + high) + low
 
 

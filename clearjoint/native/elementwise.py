@@ -12,6 +12,7 @@ import operator
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from .elementary import ELEMENTARY
 from .elementary import power as float_power
@@ -22,6 +23,7 @@ Rule = Callable[..., Symbol]
 """Function of a primitive's arguments, and of its parameter in `PARAMETERS` if there is one, that
 adds operations to the program and returns the result."""
 PARAMETERS = {
+    "mul": "out_dtype",
     "integer_pow": "y",
     "round": "rounding_method",
     "convert_element_type": "new_dtype",
@@ -101,20 +103,28 @@ def _is_number(a: Symbol) -> bool:
     return isinstance(known, float) and not math.isnan(known)
 
 
+def _multiply(a: Symbol, b: Symbol, dtype: DTypeLike | None = None) -> Symbol:
+    """Return the product; with `dtype`, both factors are converted to it first."""
+    return a * b if dtype is None else _convert(a, dtype) * _convert(b, dtype)
+
+
 def _divide(a: Symbol, b: Symbol) -> Symbol:
-    return a / b if a.letter == "f" else _whole_division("divide_whole", a, b, a.like(-1))
+    return a / b if a.letter == "f" else _whole_division("divide_whole", a, b, a.like(-1), -a)
 
 
-def _whole_division(name: str, a: Symbol, b: Symbol, by_zero: Symbol) -> Symbol:
-    """Return the quotient or remainder of integers, or `by_zero`, which is XLA's result, if the
-    divisor is zero.
+def _whole_division(
+    name: str, a: Symbol, b: Symbol, by_zero: Symbol, by_minus_one: Symbol
+) -> Symbol:
+    """Return the quotient or remainder of integers, or the given result if the divisor is 0 or -1.
 
-    LLVM leaves a division by zero undefined, so the operation divides by one in that case.
+    LLVM leaves divisions by zero undefined, and that of the least integer by -1, whose quotient is
+    out of range. In these cases the operation divides by one, and its result is not used.
 
     **Arguments:** `name`: the operation, "divide_whole" or "remainder_whole".
     """
-    is_zero = b.compare("eq", 0)
-    return is_zero.select(by_zero, a.emit(name, is_zero.select(b.like(1), b)))
+    is_zero, is_minus_one = b.compare("eq", 0), b.compare("eq", -1)
+    quotient = a.emit(name, (is_zero | is_minus_one).select(b.like(1), b))
+    return is_zero.select(by_zero, is_minus_one.select(by_minus_one, quotient))
 
 
 def _absolute(a: Symbol) -> Symbol:
@@ -178,7 +188,9 @@ def _polynomial(x: Symbol, *coefficients: Symbol) -> Symbol:
 
 
 def _remainder(a: Symbol, b: Symbol) -> Symbol:
-    return a.emit("fmod", b) if a.letter == "f" else _whole_division("remainder_whole", a, b, a)
+    if a.letter == "f":
+        return a.emit("fmod", b)
+    return _whole_division("remainder_whole", a, b, a, a.like(0))
 
 
 def _select(index: Symbol, *cases: Symbol) -> Symbol:
@@ -214,11 +226,19 @@ def convert(a: Symbol, letter: str) -> Symbol:
     return a.emit("widen" if letter == "i" else "narrow", letter=letter)
 
 
+def _convert(a: Symbol, dtype: DTypeLike) -> Symbol:
+    """Convert a value to a dtype."""
+    if a.letter == "f" and np.dtype(dtype) == np.uint32:
+        # A float beyond the range of uint32 becomes the nearest integer of that range.
+        a = _clamp(a.like(0), a, a.like((1 << 32) - 1))
+    return convert(a, KINDS[np.dtype(dtype).name])
+
+
 RULES: dict[str, Rule] = {
     "add": operator.add,
     "add_any": operator.add,
     "sub": operator.sub,
-    "mul": operator.mul,
+    "mul": _multiply,
     "div": _divide,
     **{name: _compare(name) for name in ("lt", "le", "gt", "ge", "eq", "ne")},
     **{f"{name}_to": _compare_totally(name) for name in ("lt", "le", "eq")},
@@ -240,7 +260,7 @@ RULES: dict[str, Rule] = {
     "polynomial": _polynomial,
     "rem": _remainder,
     "select_n": _select,
-    "convert_element_type": lambda a, dtype: convert(a, KINDS[np.dtype(dtype).name]),
+    "convert_element_type": _convert,
     **dict.fromkeys(("copy", "copy_p", "stop_gradient", "optimization_barrier"), lambda a: a),
     **{name: _direct(name) for name in ("sqrt", "floor", "ceil", "not", "and", "or", "xor")},
     **{name: _direct(name) for name in LIBRARY if name not in ("fmod", "pow")},

@@ -244,6 +244,7 @@ class NativeFunction:
         flat = FlatArguments.of(arguments)
         pairs = [pair for pair in zip(flat.leaves, columns, strict=True) if eqx.is_array(pair[0])]
         varied = [k for k, (_, column) in enumerate(pairs) if column is not None]
+        assert varied, "no array has a column"
         examples, values = ([pairs[k][part] for k in varied] for part in (0, 1))
         bound = BoundFunction(self, flat, varied)
         return bound.results.trees(bound(Cells(examples).rows(values)))

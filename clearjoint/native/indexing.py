@@ -18,6 +18,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from jax.extend import core
 
 from .elementwise import apply, convert
 from .lowering import (
@@ -293,9 +294,13 @@ def _scatter(
     """
     shape, index_shape, update_shape = (aval_of(v).shape for v in equation.invars)
     numbers, depth = equation.params["dimension_numbers"], index_shape[-1]
-    large = [a for a in (array, indices, updates) if isinstance(a, InMemory)]
-    if large or numbers.operand_batching_dims:
+    if numbers.operand_batching_dims:
+        raise UnsupportedPrimitiveError(f"{equation.primitive.name} of batches")
+    if any(isinstance(a, InMemory) for a in (array, indices, updates)):
         raise UnsupportedPrimitiveError(f"{equation.primitive.name} of large arrays")
+    if not math.prod(shape):
+        return [array]
+    combine = _combination(lower, equation, name)
     ops, values, strides = lower.ops, lower.values(array), _strides(shape)
     starts = lower.values(indices)
     clips = "CLIP" in str(equation.params["mode"])
@@ -323,14 +328,32 @@ def _scatter(
         # The element with this index is replaced; if the index is computed, it may be any element.
         known = ops.number(target.value)
         for k in range(len(values)) if known is None else [int(known)]:
-            # All windows were moved inside, so this happens only in an array without elements.
-            if not 0 <= k < len(values):
-                continue
             is_target = target.compare("eq", k)
             replaced = is_target if clips else fits & is_target
-            combined = apply(ops, name, values[k], new) if name else new
-            values[k] = replaced.select(Symbol(ops, combined), Symbol(ops, values[k])).value
+            combined = Symbol(ops, combine(values[k], new))
+            values[k] = replaced.select(combined, Symbol(ops, values[k])).value
     return [lower.array(values, tuple(shape))]
+
+
+def _combination(lower: Lowering, equation: Equation, name: str) -> Callable[[Value, Value], Value]:
+    """Return the function of an element and an update whose result replaces the element.
+
+    **Arguments:** `name`: see `_scatter`.
+    """
+    if name:
+        return lower.operation(name, aval_of(equation.invars[0]))
+    # The jaxpr returns the update or, in `x.at[k].apply`, a function of the element.
+    jaxpr, consts = (equation.params[key] for key in ("update_jaxpr", "update_consts"))
+    if jaxpr is None or jaxpr.outvars[0] is jaxpr.invars[1]:
+        return lambda old, new: new
+    closed = core.ClosedJaxpr(jaxpr, consts)
+
+    def combine(old: Value, new: Value) -> Value:
+        (result,) = lower.inline(closed, [old, new])
+        assert isinstance(result, int)
+        return result
+
+    return combine
 
 
 RULES: dict[str, EquationRule] = {

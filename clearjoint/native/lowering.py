@@ -49,7 +49,7 @@ Atom = core.Var | core.Literal
 Equation = core.JaxprEqn
 # Hashing a dtype takes a twentieth of the time of its name.
 _KINDS = {np.dtype(name): kind for name, kind in KINDS.items()}
-_UNSIGNED, _LARGEST = np.dtype("uint32"), (1 << 32) - 1
+_UNSIGNED, _LARGEST_UINT32 = np.dtype("uint32"), (1 << 32) - 1
 
 
 class UnsupportedPrimitiveError(NotImplementedError):
@@ -340,7 +340,9 @@ class Lowering:
         """
         if isinstance(array, InMemory):
             return array
-        memory = self.new_array(shape, self.ops.kinds[self.values(array)[0]])
+        values = self.values(array)
+        # Nothing reads an array without elements, so its kind does not matter.
+        memory = self.new_array(shape, self.ops.kinds[values[0]] if values else "f")
         self.write(array, memory.start)
         return memory
 
@@ -424,20 +426,16 @@ class Lowering:
         """Add a loop that applies a function to the elements of arrays, and return its results.
 
         **Arguments:** `rule`: adds the operations for one element of each argument, and returns
-        the result; `kind`, `shape`: those of the array of results; `arguments`: arrays in memory,
-        and scalars, which are the same for all elements.
-
-        **Raises:** `UnsupportedPrimitiveError` for an argument of another form.
+        the result; `kind`, `shape`: those of the array of results; `arguments`: arrays of that
+        shape, and scalars, which are the same for all elements.
         """
         out = self.new_array(shape, kind)
+        forms = [a if isinstance(a, int) else self.in_memory(a, shape) for a in arguments]
 
         def visit(k: Value) -> None:
             values = [
-                self.ops.load(a.kind, a.start, k) if isinstance(a, InMemory) else a
-                for a in arguments
+                self.ops.load(a.kind, a.start, k) if isinstance(a, InMemory) else a for a in forms
             ]
-            if not all(isinstance(value, int) for value in values):
-                raise UnsupportedPrimitiveError("arrays of different sizes")
             self.ops.store(rule(*values), out.start, k)
 
         self.ops.repeat(out.size, visit)
@@ -599,17 +597,30 @@ class Lowering:
         new = [loaded.get(value, value) for value in self.flatten(function.results)]
         return self.unflatten(new, function.results)
 
-    def _elementwise(self, equation: Equation, arguments: list[Array]) -> Array:
-        """Add an equation that works element by element, and return its result."""
-        aval, name, ops = aval_of(equation.outvars[0]), equation.primitive.name, self.ops
-        kind, shape = kind_of(aval), tuple(aval.shape)
-        parameter = equation.params[PARAMETERS[name]] if name in PARAMETERS else None
+    def operation(
+        self, name: str, aval: ShapedArray, parameter: object = None
+    ) -> Callable[..., Value]:
+        """Return the function that applies the primitive `name`, which works element by element, to
+        values.
+
+        **Arguments:** `aval`: has the dtype of the result; `parameter`: see `apply`.
+        """
 
         def rule(*values: Value) -> Value:
-            value = apply(ops, name, *values, parameter=parameter)
+            value = apply(self.ops, name, *values, parameter=parameter)
+            if aval.dtype != _UNSIGNED:
+                return value
             # uint32 is computed in 64-bit integers, whose higher bits are cut off.
-            return (Symbol(ops, value) & _LARGEST).value if aval.dtype == _UNSIGNED else value
+            return (Symbol(self.ops, value) & _LARGEST_UINT32).value
 
+        return rule
+
+    def _elementwise(self, equation: Equation, arguments: list[Array]) -> Array:
+        """Add an equation that works element by element, and return its result."""
+        aval, name = aval_of(equation.outvars[0]), equation.primitive.name
+        kind, shape = kind_of(aval), tuple(aval.shape)
+        parameter = equation.params.get(PARAMETERS[name]) if name in PARAMETERS else None
+        rule = self.operation(name, aval, parameter)
         if shape != ():
             arguments = [
                 self._repeat_axes(argument, aval_of(v), shape)

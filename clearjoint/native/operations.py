@@ -124,7 +124,7 @@ _FOLDED: dict[str, Callable] = {
     "and": operator.and_,
     "or": operator.or_,
     "fdiv": _divided,
-    "sqrt": lambda x: math.sqrt(x) if x >= 0.0 else (x if x == 0.0 else math.nan),
+    "sqrt": lambda x: math.sqrt(x) if x >= 0.0 else math.nan,
     **dict.fromkeys(("int_to_float", "bool_to_float"), float),
     **dict.fromkeys(("bool_to_int", "widen", "narrow"), int),
 }

@@ -19,7 +19,7 @@ from functools import partial, reduce
 import numpy as np
 from jax.core import ShapedArray
 
-from .elementwise import apply
+from .elementwise import apply, convert
 from .lowering import (
     LARGEST_UNROLLED,
     Array,
@@ -57,9 +57,13 @@ def _rearranged(
     return [lower.take(array, part) for part in rearrange(indices, equation.params)]
 
 
-def _reshape(lower: Lowering, equation: Equation, array: Array, *_: Array) -> list[Array]:
+def _reshape(lower: Lowering, equation: Equation, array: Array) -> list[Array]:
     """Return the array with the same elements in another shape."""
     shape = tuple(aval_of(equation.outvars[0]).shape)
+    order = equation.params["dimensions"] if equation.primitive.name == "reshape" else None
+    if order is not None:
+        # The axes are permuted first, as by `order="F"` of `jnp.reshape`.
+        return _rearranged(lower, equation, array, lambda k, _: [k.transpose(order).reshape(shape)])
     if isinstance(array, InMemory):
         return [replace(array, shape=shape)]
     return [lower.array(lower.values(array), shape)]
@@ -77,7 +81,7 @@ def _slice(lower: Lowering, equation: Equation, array: Array) -> list[Array]:
     return _rearranged(lower, equation, array, lambda indices, _: [indices[part]])
 
 
-def _broadcast_in_dim(lower: Lowering, equation: Equation, array: Array, *_: Array) -> list[Array]:
+def _broadcast_in_dim(lower: Lowering, equation: Equation, array: Array) -> list[Array]:
     """Return the array repeated along new axes and along axes of length one."""
     shape, dimensions = equation.params["shape"], equation.params["broadcast_dimensions"]
     if isinstance(array, int) and lower.is_packed(tuple(shape)):
@@ -166,7 +170,8 @@ def _reduce(lower: Lowering, equation: Equation, array: Array, name: str) -> lis
     unless its elements are combined along all axes.
     """
     aval, axes = _nonempty(equation), tuple(equation.params["axes"])
-    out, combine = aval_of(equation.outvars[0]), partial(apply, lower.ops, name)
+    out = aval_of(equation.outvars[0])
+    combine = lower.operation(name, out)
     # A large array can only be combined to one scalar, by a loop.
     if isinstance(array, InMemory):
         if out.shape != ():
@@ -207,6 +212,10 @@ def _cumulate_memory(
         ops.store(first, out.start)
     end = ops.constant("i", array.size)
 
+    def holds(carries: list[Value]) -> Value:
+        ops.mark_uniform(carries[0])
+        return ops.emit("ilt", "b", carries[0], end)
+
     # The loop begins with the second element; its carries are the index and the total.
     def body(carries: list[Value]) -> list[Value]:
         k, total = carries
@@ -215,8 +224,7 @@ def _cumulate_memory(
             ops.store(total, out.start, k)
         return [ops.emit("add", "i", k, ops.constant("i", 1)), total]
 
-    start = [ops.constant("i", 1), first]
-    return ops.loop(start, lambda carries: ops.emit("ilt", "b", carries[0], end), body)
+    return ops.loop([ops.constant("i", 1), first], holds, body)
 
 
 def _cumulate(lower: Lowering, equation: Equation, array: Array, name: str) -> list[Array]:
@@ -228,11 +236,12 @@ def _cumulate(lower: Lowering, equation: Equation, array: Array, name: str) -> l
     **Raises:** `UnsupportedPrimitiveError` for a large array of several axes or in reverse order.
     """
     aval = aval_of(equation.invars[0])
-    combine = partial(apply, lower.ops, name)
+    combine = lower.operation(name, aval)
     axis, reverse = equation.params["axis"], equation.params["reverse"]
     if isinstance(array, InMemory):
         if len(aval.shape) != 1 or reverse:
-            raise UnsupportedPrimitiveError(f"{equation.primitive.name} of several axes")
+            use = "in reverse order" if reverse else "of several axes"
+            raise UnsupportedPrimitiveError(f"{equation.primitive.name} of large arrays {use}")
         out = lower.new_array(array.shape, array.kind)
         _cumulate_memory(lower, array, combine, out)
         return [out]
@@ -287,7 +296,9 @@ def _dot_general(lower: Lowering, equation: Equation, first: Array, second: Arra
         """Return the elements of argument `number` as nested lists, in the shape (batch, rows,
         summed elements), for the axes `batch` and the summed axes `along`."""
         shape = aval_of(equation.invars[number]).shape
-        values = np.array(lower.values(array)).reshape(shape)
+        # `preferred_element_type` may be wider than the arguments, which are converted first.
+        given = (Symbol(lower.ops, value) for value in lower.values(array))
+        values = np.array([convert(x, kind_of(out)).value for x in given]).reshape(shape)
         others = [k for k in range(len(shape)) if k not in (*batch, *along)]
         count, length = (math.prod(shape[k] for k in axes) for axes in (batch, along))
         return values.transpose([*batch, *others, *along]).reshape(count, -1, length).tolist()
@@ -295,7 +306,7 @@ def _dot_general(lower: Lowering, equation: Equation, first: Array, second: Arra
     if math.prod(aval_of(equation.invars[0]).shape) == 0:
         raise UnsupportedPrimitiveError("dot_general of no elements")
     # Each element of the result is the inner product of a row of one array and a row of the other.
-    add, multiply = (partial(apply, lower.ops, name) for name in ("add", "mul"))
+    add, multiply = (lower.operation(name, out) for name in ("add", "mul"))
     left_rows, right_rows = rows(first, 0, left_batch, left), rows(second, 1, right_batch, right)
     totals = [
         reduce(add, [multiply(x, y) for x, y in zip(a, b, strict=True)])

@@ -349,13 +349,20 @@ class Parameter:
 
         If `value` is ``None``, the result is the coordinate of the number in the scene or state.
 
-        **Raises:** `ValueError` for a value that the scale doesn't allow, and for a path that leads
-        to no number.
+        **Raises:** `ValueError` for a value that the scale doesn't allow, for a path that leads to
+        no number, and for a `value` of ``None`` if the variation is no number in the scene or
+        state.
         """
         value = self.value
-        if value is None and isinstance(self.variation, AbstractNumber):
-            value = value_at(self.variation.tree(scene, state), self.variation.path)
-        assert value is not None
+        if value is None:
+            variation = self.variation
+            if not isinstance(variation, AbstractNumber):
+                kind = type(variation).__name__
+                raise ValueError(
+                    f"Argument `value` must be a number for a {kind}, of which the scene has no "
+                    "value, but is None: pass Parameter(..., value=...)."
+                )
+            value = value_at(variation.tree(scene, state), variation.path)
         return self.scale.coordinate(value)
 
 

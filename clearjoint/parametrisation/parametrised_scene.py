@@ -65,11 +65,11 @@ class ParametrisedScene(eqx.Module):
         # the indices of these leaves.
         setters = [change for change in self.changes if isinstance(change, NumberSetter)]
         if len(setters) == len(self.changes):
-            set_value = {
+            changed_leaves = {
                 number.leaf for setter in setters if setter.in_scene for number in setter.numbers
             }
             return jax.tree.unflatten(
-                structure, [k in set_value for k in range(structure.num_leaves)]
+                structure, [k in changed_leaves for k in range(structure.num_leaves)]
             )
         # A user's function may change any leaf. JAX traces the functions here without computing
         # numbers, and each leaf that depends on a parameter becomes a tracer.
@@ -95,7 +95,7 @@ class ParametrisedScene(eqx.Module):
         separate scalars."""
         return unpack(self.scene_and_state(values)[1])
 
-    def pushed(
+    def with_derivatives(
         self,
         function: Callable[..., tuple[PyTree, PyTree]],
         primals: tuple[PyTree, ...],
@@ -153,6 +153,6 @@ def parametrised(
     scales = tuple(p.scale for p in parameters.values())
     # Constants are folded only in leaves that no parameter changes. A first object without folded
     # constants finds these leaves.
-    family = ParametrisedScene(values, (scene, state), changes, scales, ())
-    patterns = fold_constants(scene, family.varied()).patterns
+    unfolded = ParametrisedScene(values, (scene, state), changes, scales, ())
+    patterns = fold_constants(scene, unfolded.varied()).patterns
     return ParametrisedScene(values, (scene, state), changes, scales, patterns)

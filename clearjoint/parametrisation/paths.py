@@ -44,8 +44,9 @@ class Number:
     # would never end.
     __iter__ = None
 
-    def __getitem__(self, key: Index) -> "Number":
-        return Number(self.leaf, (*self.component, key))
+    def __getitem__(self, key: Index | tuple[Index, ...]) -> "Number":
+        keys = key if isinstance(key, tuple) else (key,)
+        return Number(self.leaf, (*self.component, *keys))
 
 
 def numbers_at(tree: PyTree, path: NumberPath) -> list[Number]:
@@ -145,11 +146,12 @@ def require_fits(leaves: list[PyTree], numbers: list[Number], value: Leaf) -> No
 def value_at(tree: PyTree, path: NumberPath) -> Leaf:
     """Return the value that a path selects in a scene or state; of tied numbers, the first value.
 
-    **Raises:** `ValueError` if the path leads to no number, see `numbers_at`; `IndexError` for a
-    component that a NumPy array doesn't have.
+    **Raises:** `ValueError` if the path leads to no number, see `numbers_at`, or to a component
+    that the array does not have.
     """
     number = numbers_at(tree, path)[0]
     leaf = jax.tree.leaves(tree)[number.leaf]
+    _shape(leaf, number.component)  # refuses a missing component
     return leaf[number.component] if number.component else leaf
 
 
@@ -158,12 +160,14 @@ def _shape(leaf: PyTree, component: tuple[Index, ...]) -> tuple[int, ...]:
 
     **Raises:** `ValueError` if the leaf has no such component.
     """
+    shape = np.shape(leaf)
     try:
-        return jnp.shape(leaf[component] if component else leaf)
+        # Of an array of NumPy, which takes no memory here: JAX moves a missing index inside.
+        return np.broadcast_to(0.0, shape)[component].shape
     except IndexError as error:
         raise ValueError(
             f"Argument `path` must lead to an existing component, but leads to {list(component)} "
-            f"of an array of shape {jnp.shape(leaf)}: count from 0."
+            f"of an array of shape {shape}: count from 0."
         ) from error
 
 

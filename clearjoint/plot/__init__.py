@@ -10,7 +10,8 @@ units; axes have units with suitable prefixes.
 | of a run | functions |
 |---|---|
 | path of the journal in the bearing | `journal_orbit`, `orbit_in_contact`, `eccentricities` |
-| forces over time | `contact_forces`, `joint_forces` |
+| forces over time | `contact_forces`, `joint_forces`, `contact_and_reaction` |
+| motion of a body | `position`, `acceleration`, `path` |
 | force over penetration | `hysteresis` |
 | times of free flight, impact and lasting contact | `motion_timeline` |
 | directions of contact | `contact_rose` |
@@ -23,6 +24,7 @@ units; axes have units with suitable prefixes.
 | outputs over parameters | `against`, `parameter_map`, `convergence` |
 | Poincaré sections over a parameter, or of a run | `bifurcation`, `poincare_section_of_lane` |
 | path of the journal and wear of a run | `orbit`, `wear` |
+| depth of wear after growing numbers of cycles | `worn_profile` |
 
 | of a fit or its planning | functions |
 |---|---|

@@ -101,7 +101,8 @@ def contact_forces(
 
     **Returns:** the axes; time in ms or s, force in N or kN.
 
-    **Raises:** `ValueError` for a name that is not one of a joint with contacts.
+    **Raises:** `ValueError` for a name that is not one of a joint with contacts, and for a window
+    outside of the observed times.
 
     >>> axes = plot.contact_forces(observed, "shoulder", window=(0.01, 0.0115))
     """
@@ -124,7 +125,8 @@ def joint_forces(
 
     **Returns:** the axes; time in ms or s, force in N or kN.
 
-    **Raises:** `ValueError` for a scene without contacts.
+    **Raises:** `ValueError` for a scene without contacts, and for a window outside of the observed
+    times.
 
     >>> axes = plot.joint_forces(observed)
     """
@@ -171,8 +173,8 @@ def _over_time(
         usual = np.quantile(values[acting], 0.5, weights=weights[acting], method="inverted_cdf")
         largest = peaks.max()
         # On a linear axis, half of the peaks would be in the lowest sixth of its height, or half of
-        # the forces in its lowest twentieth. Among fewer than three peaks none is an exception.
-        has_outlier = len(peaks) >= 3 and largest > 6.0 * np.median(peaks)
+        # the forces in its lowest twentieth.
+        has_outlier = largest > 6.0 * np.median(peaks)
         if logarithmic or has_outlier or largest > 20.0 * usual:
             # The axis begins somewhat below the smallest peak and the usual force, but it spans at
             # least one and a half decades, and at most four.
@@ -377,25 +379,25 @@ def motion_timeline(
     factor, unit = time_unit(times, window)
     for row, name in enumerate(names):
         phases, durations = contact_phases(observation, name), []
-        for phase, (height, look) in BAR_STYLES.items():
+        for phase, (height, style) in BAR_STYLES.items():
             # An interval ends where one of another phase begins; both are in the window, s.
             begins, ends = observed.spans(phases == phase).T
             starts = np.clip(times[begins], first, last)
             lengths = np.clip(times[np.minimum(ends, len(times) - 1)], first, last) - starts
             bars = (factor * np.stack([starts, lengths], axis=1)[lengths > 0.0]).tolist()
-            axes.broken_barh(bars, (row - 0.5 * height, height), label=_phase_name(phase), **look)
+            axes.broken_barh(bars, (row - 0.5 * height, height), label=_phase_name(phase), **style)
             durations.append(lengths.sum())
         total = max(sum(durations), np.finfo(float).tiny)  # zero if no interval is in the window
         text = " / ".join(f"{100.0 * part / total:.0f}" for part in durations) + " %"
         # To the right of the axes: x is a fraction of their width, y is the row.
-        look = {"transform": axes.get_yaxis_transform(), "va": "center", "fontsize": "small"}
-        axes.text(1.01, row, text, **look)
-    look = {"transform": axes.transAxes, "va": "bottom", "fontsize": "small"}
-    axes.text(1.01, 1.02, "shares of the time", **look)
+        text_style = {"transform": axes.get_yaxis_transform(), "va": "center", "fontsize": "small"}
+        axes.text(1.01, row, text, **text_style)
+    text_style = {"transform": axes.transAxes, "va": "bottom", "fontsize": "small"}
+    axes.text(1.01, 1.02, "shares of the time", **text_style)
     axes.set_yticks(range(len(names)), [shown(name) for name in names])
     axes.set_xlim(first * factor, last * factor)
     axes.set_ylim(len(names) - 0.5, -0.5)  # the first joint at the top
-    samples = [Patch(label=_phase_name(phase), **look) for phase, (_, look) in BAR_STYLES.items()]
+    samples = [Patch(label=_phase_name(phase), **style) for phase, (_, style) in BAR_STYLES.items()]
     legend_above(axes, 3, handles=samples)
     dress(axes, f"time, {unit}", "")
     axes.grid(False, axis="y")

@@ -300,8 +300,8 @@ def orbit(
     **Returns:** the axes, of equal scale; offsets in mm, or in µm for a clearance below 0.2 mm. A
     dot marks the start.
 
-    **Raises:** `ValueError` for unknown names of the output or of its channels, and for a window
-    without saved times.
+    **Raises:** `ValueError` for unknown names of the output or of its channels, for several lanes,
+    and for a window without saved times.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> x, y = [cj.quantities.JournalOffset("shoulder", axis) for axis in ("x", "y")]
@@ -314,8 +314,10 @@ def orbit(
     """
     names = [f"{saved}_{channel}" for channel in channels]
     require_names(lane, (*names, f"{saved}_time"))
+    times = lane[f"{saved}_time"]
+    require(times.ndim == 1, "lane", times.dims, "a single lane", "select one: dataset.isel(...)")
     axes = axes_or_new(axes, (4.8, 5.0))
-    in_window = inside(lane[f"{saved}_time"].values, window)
+    in_window = inside(times.values, window)
     factor, unit = length_unit(clearance)
     x, y = (lane[name].values[in_window] * factor for name in names)
     axes.plot(x, y, color=BLUE, linewidth=0.8)

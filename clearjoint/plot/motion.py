@@ -11,7 +11,16 @@ from ..fields.drawn_text import shown
 from ..simulation.results.observe import Observation
 from ..simulation.results.solution import Trajectory
 from .observed import named
-from .style import TimeSpan, axes_or_new, draw_lines, dress, inside, legend_above, lines, show
+from .style import (
+    TimeSpan,
+    axes_or_new,
+    draw_lines,
+    dress,
+    inside,
+    legend_above,
+    limit_to_window,
+    lines,
+)
 
 Curve = tuple[np.ndarray, np.ndarray]
 """Angles (N,), rad, or times (N,), s, and values (N,) or (N, 3)."""
@@ -38,7 +47,8 @@ def position(
 
     **Returns:** the axes; time in s, position in m.
 
-    **Raises:** `ValueError` for an unknown body or component.
+    **Raises:** `ValueError` for an unknown body or component, and for a window outside of the times
+    of a curve.
 
     >>> axes = plot.position({"with clearance": solution.saved}, "arm 2", "Y")
     """
@@ -73,7 +83,8 @@ def acceleration(
 
     **Returns:** the axes; time in s, acceleration in m/s^2.
 
-    **Raises:** `ValueError` for an unknown body or component.
+    **Raises:** `ValueError` for an unknown body or component, and for a window outside of the times
+    of a curve.
 
     >>> axes = plot.acceleration({"with clearance": observed}, "arm 2", "Y")
     """
@@ -176,7 +187,7 @@ def _over_time(
     axes = axes_or_new(axes)
     drawn = []
     for label, (times, vectors) in curves.items():
-        mask = show(axes, np.asarray(times), window)
+        mask = limit_to_window(axes, np.asarray(times), window)
         drawn.append((label, np.asarray(times)[mask], vectors[mask, axis]))
     draw_lines(axes, drawn, width)
     legend_above(axes, len(curves))

@@ -33,7 +33,7 @@ from .forces import contact_forces, joint_forces, motion_timeline
 from .journal import journal_orbit
 from .polar import contact_rose
 from .style import GREY, draw_lines, dress, fitting_unit, time_unit
-from .time_series import energy_ledger, is_even, labelled, series, spectrum_of, trajectory_of
+from .time_series import energy_ledger, labelled, series, spectrum_of, suits_spectrum, trajectory_of
 
 Cells = Sequence[str]
 """Texts of a row of a table, from left to right."""
@@ -94,12 +94,12 @@ def _law(law: object) -> str:
     numbers = [
         f"{symbol} {number:.3g}"
         for field, symbol in SYMBOLS.items()
-        if (number := _single(law, field)) is not None
+        if (number := _single_number(law, field)) is not None
     ]
     return ", ".join([type(law).__name__, *numbers])
 
 
-def _single(owner: object, field: str) -> float | None:
+def _single_number(owner: object, field: str) -> float | None:
     """Return the value of a field that is a single number; ``None`` for all others."""
     value = getattr(owner, field, None)
     return float(np.asarray(value)) if value is not None and np.shape(value) == () else None
@@ -111,7 +111,7 @@ def _play(joint: AbstractContactJoint) -> str:
     units = {field.name: field.metadata.get("unit", "") for field in fields(joint)}
     texts = []
     for name in ("clearance", "play", "backlash"):
-        if units.get(name) and (play := _single(joint, name)) is not None:
+        if units.get(name) and (play := _single_number(joint, name)) is not None:
             factor, unit = fitting_unit(np.array(play), str(units[name]))
             texts.append(f"{play * factor:.4g} {unit}")
     return ", ".join(texts) or "yes"
@@ -184,7 +184,7 @@ def impact_rows(impacts: Impacts, most: int) -> list[Cells]:
     simultaneous impacts of several contacts of a joint, such as both ends of a journal in planar
     motion, share a row.
     """
-    groups = _alike(impacts)
+    groups = _equal_impacts(impacts)
     rows = []
     for k in sorted(groups, key=lambda k: -impacts.peak_force[k])[:most]:
         texts = [
@@ -195,7 +195,7 @@ def impact_rows(impacts: Impacts, most: int) -> list[Cells]:
     return rows
 
 
-def _alike(impacts: Impacts) -> dict[int, list[str]]:
+def _equal_impacts(impacts: Impacts) -> dict[int, list[str]]:
     """Group the equal simultaneous impacts of a joint's contacts: their onsets differ by at most a
     thousandth of the duration, and their peak forces by at most a thousandth.
 
@@ -524,7 +524,7 @@ def draw_energies(row: SubFigure, observed: Observation, record: xr.DataArray) -
     energy_ledger(observed, axes=np.array([panels["stored"], panels["drift"]]))
     panels["stored"].tick_params(labelbottom=False)
     axes = panels["lines"]
-    if is_even(np.diff(record["time"].values)):
+    if suits_spectrum(np.diff(record["time"].values)):
         spectrum_of(record, axes=axes)
     else:
         axes.set_axis_off()

@@ -13,7 +13,7 @@ from matplotlib.axis import Axis
 from matplotlib.projections.polar import PolarAxes
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 
-from ..fields.checks import require, require_type
+from ..fields.checks import as_shown, require, require_type
 from ..fields.drawn_text import broken, shown
 from ..fields.types import ArrayLike
 
@@ -119,17 +119,25 @@ def legend_above(
     )
 
 
-def show(axes: Axes, times: np.ndarray, window: TimeSpan | None) -> np.ndarray:
+def limit_to_window(
+    axes: Axes, times: np.ndarray, window: TimeSpan | None, factor: float = 1.0
+) -> np.ndarray:
     """Limit a time axis to a window, if one is given.
 
-    **Arguments:** `times`: (N,), increasing, and `window`, both in the unit of the axis.
+    **Arguments:** `times`: (N,), increasing, and `window`, both in s; `factor`: from s to the unit
+    of the axis.
 
     **Returns:** mask (N,) of the times to draw: those in the window and the nearest one on either
     side, so that curves reach the window's edges; all times without a window.
+
+    **Raises:** `ValueError` for a window before the first or after the last time.
     """
     if window is None:
         return np.full(np.shape(times), True)
-    axes.set_xlim(*window)
+    overlaps = max(window[0], times[0]) <= min(window[1], times[-1])
+    expected = f"an interval within {as_shown(times[0])} to {as_shown(times[-1])} s"
+    require(overlaps, "window", window, expected, "give the start and end of the drawn time")
+    axes.set_xlim(factor * window[0], factor * window[1])
     first, last = np.searchsorted(times, window[0], "right") - 1, np.searchsorted(times, window[1])
     index = np.arange(len(times))
     return (index >= first) & (index <= last)
@@ -184,8 +192,7 @@ def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
     - `present`: label of the axes, such as "force, kN", if these already show other data:
       its unit is used, and its names precede the new one. Empty for new axes.
 
-    **Raises:** `ValueError` if the unit of `present` is not that of the data with some prefix. Data
-    in "1" are not checked.
+    **Raises:** `ValueError` if the unit of `present` is not that of the data with some prefix.
     """
     values = np.asarray(data.values, dtype=float)
     exponent, unit = _prefixed(values, data.attrs.get("units", "1"))
@@ -199,6 +206,10 @@ def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
             expected = f"of an axis with the unit of {present!r}"
             require(unit in exponents, "axes", base, expected, "draw it into new axes")
             exponent = exponents[unit]
+        else:
+            last = names.rpartition(", ")[2].split("/")[0]
+            has_unit = last in {prefix + base for prefix in PREFIXES.values() for base in PREFIXED}
+            require(not has_unit, "axes", present, "axes of data in 1", "draw it into new axes")
         name = names if name in names.split(", ") else f"{names}, {name}"
     factor = 10.0**-exponent
     return ScaledValues(values * factor, name if unit == "1" else f"{name}, {unit}", factor)
@@ -259,9 +270,9 @@ def time_axis(
     **Returns:** mask (N,) of the times to draw, these times (n,) in ms or s, and the axis label.
     """
     factor, unit = time_unit(times, window)
-    times = factor * np.asarray(times)
-    mask = show(axes, times, None if window is None else (factor * window[0], factor * window[1]))
-    return mask, times[mask], f"time, {unit}"
+    times = np.asarray(times)
+    mask = limit_to_window(axes, times, window, factor)
+    return mask, factor * times[mask], f"time, {unit}"
 
 
 def _prefixed(values: np.ndarray, unit: str) -> tuple[int, str]:

@@ -48,6 +48,9 @@ def of_lanes(dataset: xr.Dataset, variable: str, along: tuple[str, ...]) -> xr.D
     not exactly these axes.
     """
     require_names(dataset, (variable, *along))
+    single = [axis for axis in along if not dataset[axis].dims]
+    expected = "a swept parameter with more than one value left"
+    require(not single, "axis", single, expected, "draw the output before that value is selected")
     # Axes that vary together share the dimension "lane".
     dims = tuple(dataset[axis].dims[0] for axis in along)
     found, expected = dataset[variable].dims, f"a number for each value of {along}"
@@ -60,9 +63,10 @@ def of_lanes(dataset: xr.Dataset, variable: str, along: tuple[str, ...]) -> xr.D
 def only_axis(dataset: xr.Dataset, axis: str | None) -> str:
     """Return `axis`, or for None the name of the sweep's only axis.
 
-    **Raises:** `ValueError` for None if the sweep has several axes.
+    **Raises:** `ValueError` for an unknown name, and for None if the sweep has several axes.
     """
     if axis is not None:
+        require_names(dataset, (axis,))
         return axis
     dims, known = dataset["result"].dims, tuple(map(str, dataset["result"].coords))
     is_only = len(dims) == 1 and dims[0] in dataset.coords
@@ -130,7 +134,7 @@ def against(
     exceeds 12 times the smallest one; that of the parameter also if its values form a geometric
     series.
 
-    **Raises:** `KeyError` for an unknown `axis`. `ValueError` for an unknown `variable`, without
+    **Raises:** `ValueError` for unknown names, without
     `axis` for a sweep with several axes, for an output that is not one number for each value of the
     parameter, for a `median` below 1 or above the number of finite values, and for axes whose units
     the values cannot be converted to.
@@ -220,7 +224,7 @@ def parameter_map(
     largest exceeds 12 times the smallest one; axes also if the values of the parameter form a
     geometric series.
 
-    **Raises:** `KeyError` for an unknown `x` or `y`. `ValueError` for an unknown `variable`, and
+    **Raises:** `ValueError` for unknown names, and
     for an output that is not one number for each pair of values.
 
     >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
@@ -230,9 +234,9 @@ def parameter_map(
     >>> found = cj.sweep(scene, state, 0.5, axes, {"speed": speed}, progress=False)
     >>> drawn = plot.parameter_map(found, "speed", "stiffness", "mass")
     """
+    values, label, _ = scaled(of_lanes(dataset, variable, (y, x)))
     axes = axes_or_new(axes)
     x_data, y_data = scaled(dataset[x]), scaled(dataset[y])
-    values, label, _ = scaled(of_lanes(dataset, variable, (y, x)))
     norm = LogNorm() if suits_logarithm(values) else Normalize()
     mesh = axes.pcolormesh(x_data.values, y_data.values, values, norm=norm, shading="nearest")
     scale_axes(axes, x_data.values, y_data.values, swept="xy")
@@ -279,7 +283,7 @@ def convergence(
 
     **Returns:** the axes, both logarithmic.
 
-    **Raises:** `KeyError` for an unknown `axis`. `ValueError` for an unknown `variable`, without
+    **Raises:** `ValueError` for unknown names, without
     `axis` for a sweep with several axes, for an output that is not one number for each value of the
     parameter, for fewer than two lanes to fit whose parameter and output are positive, and for axes
     with another unit.
@@ -319,7 +323,7 @@ def power_law_exponent(
     name of the parameter, by default the only axis of the sweep; `within`: smallest and largest
     parameter of the lanes that are fitted, in the unit of the data set, by default all are.
 
-    **Raises:** `KeyError` for an unknown `axis`. `ValueError` for an unknown `variable`, without
+    **Raises:** `ValueError` for unknown names, without
     `axis` for a sweep with several axes, for an output that is not one number for each value of the
     parameter, and for fewer than two lanes to fit whose parameter and output are positive.
 

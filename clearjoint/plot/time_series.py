@@ -240,7 +240,9 @@ def amplitude_spectrum(record: xr.DataArray, taper: str = "hann") -> xr.DataArra
     intervals = np.diff(times)
     shown = f"intervals from {intervals.min():.3g} to {intervals.max():.3g} s"
     remedy = "save states at equal intervals: Saving(np.linspace(0, end, count))"
-    require(is_even(intervals), "record", shown, "sampled at equal intervals of time", remedy)
+    require(
+        suits_spectrum(intervals), "record", shown, "sampled at equal intervals of time", remedy
+    )
     values, rate = np.asarray(record.values, float), 1.0 / float(intervals.mean())
     frequency, power = signal.periodogram(
         values, rate, taper, detrend="constant", scaling="spectrum"
@@ -248,17 +250,17 @@ def amplitude_spectrum(record: xr.DataArray, taper: str = "hann") -> xr.DataArra
     # A harmonic of amplitude A has the mean square A² / 2, hence the factor 2. At the Nyquist
     # frequency, which only an even number of samples has, the mean square is A², because the
     # samples are A and -A in turn, hence the factor 1.
-    sides = np.full(len(power), 2.0)
+    factors = np.full(len(power), 2.0)
     if len(values) % 2 == 0:
-        sides[-1] = 1.0
+        factors[-1] = 1.0
     # The first frequency is zero, at which nothing is left without the mean.
     coordinate = xr.DataArray(frequency[1:], dims="frequency", attrs={"units": "Hz"})
     where, attrs = {"frequency": coordinate}, {"units": record.attrs.get("units", "1")}
-    amplitude = np.sqrt(sides * power)[1:]
+    amplitude = np.sqrt(factors * power)[1:]
     return xr.DataArray(amplitude, where, ("frequency",), name=record.name, attrs=attrs)
 
 
-def is_even(intervals: np.ndarray) -> bool:
+def suits_spectrum(intervals: np.ndarray) -> bool:
     """Return whether a spectrum of N samples is possible: the `intervals` (N - 1,), s, between them
     are equal, and N is at least 4. Times are rounded: intervals may differ by 1e-6 of their mean.
     """

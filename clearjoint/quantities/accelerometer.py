@@ -162,14 +162,14 @@ def accelerometer(
     require_positive("mass", as_number(mass, "mass", "kg"), "give it in kg")
     # The spring's free length is long compared with its deflection, so that it acts linearly along
     # the axis although it is a spring between two points.
-    speed = 2.0 * math.pi * frequency
+    angular_frequency = 2.0 * math.pi * frequency
     spring = SpringDamper(
         body,
         name,
         position - ARM * direction,
         np.zeros(3),
-        stiffness=mass * speed**2,
-        damping=2.0 * damping_ratio * mass * speed,
+        stiffness=mass * angular_frequency**2,
+        damping=2.0 * damping_ratio * mass * angular_frequency,
         free_length=ARM,
     )
     slide = PrismaticJoint(body, name, position, np.zeros(3), direction)
@@ -182,7 +182,10 @@ def accelerometer(
             scene.gravity,
         )
     host = state.bodies[body]
-    bodies = {**state.bodies, name: _state_at_rest(host, scene, position, direction, speed)}
+    bodies = {
+        **state.bodies,
+        name: _state_at_rest(host, scene, position, direction, angular_frequency),
+    }
     start = State(bodies, state.entry_speeds, state.work, state.bristles)
     return Accelerometer(with_sensor, start, AccelerometerReading(name))
 
@@ -202,7 +205,11 @@ def _require_names(scene: Scene, state: State, body: str, name: str) -> None:
 
 
 def _state_at_rest(
-    body: BodyState, scene: Scene, position: np.ndarray, direction: np.ndarray, speed: float
+    body: BodyState,
+    scene: Scene,
+    position: np.ndarray,
+    direction: np.ndarray,
+    angular_frequency: float,
 ) -> BodyState:
     """Return the state of the seismic mass, at rest on its body with its deflection by gravity.
 
@@ -212,7 +219,7 @@ def _state_at_rest(
     - `scene`: gives the gravity.
     - `position`: of the sensor, (3,) m in the body's axes.
     - `direction`: of the sensor, a unit vector (3,) in the body's axes.
-    - `speed`: angular frequency of the mass on its spring, rad/s.
+    - `angular_frequency`: of the mass on its spring, rad/s.
     """
     # The body's rotation of a vector q v q*, by its Euler parameters q, as two cross products.
     scalar, *vector = np.asarray(body.orientation, dtype=float)
@@ -224,7 +231,7 @@ def _state_at_rest(
 
     gravity = np.zeros(3) if scene.gravity is None else np.asarray(scene.gravity)
     # At rest the spring carries the weight: its deflection is the gravity along the axis over w^2.
-    arm = position + direction * float(gravity @ in_global_axes(direction)) / speed**2
+    arm = position + direction * float(gravity @ in_global_axes(direction)) / angular_frequency**2
     spin = np.asarray(body.spin)
     return body_state(
         np.asarray(body.position) + in_global_axes(arm),

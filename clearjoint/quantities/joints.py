@@ -14,6 +14,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from ..dynamics.multipliers import row_rate
+from ..fields.checks import require
 from ..math.smoothing import norm_and_direction
 from ..math.vectors import ZERO, Scalar, Vector, add
 from ..model.bodies import GROUND, NO_WRENCH, Wrench
@@ -288,7 +289,7 @@ class Multiplier(AbstractJointQuantity):
 
     **Arguments:** `joint`: name of the joint. `row`: name of its constraint row, a key of the
     dictionary that the joint's method `rows` returns. A row that is unknown or has no multiplier
-    raises a ``KeyError`` in the run; `check` doesn't test it.
+    raises a `ValueError` in the run; `check` doesn't test it.
 
     >>> torque = cj.quantities.Multiplier("motor", "angle")
     >>> torque.check(cj.mechanisms.slider_crank()[0])  # does the scene have this joint?
@@ -298,7 +299,11 @@ class Multiplier(AbstractJointQuantity):
 
     def __call__(self, now: Instant) -> Scalar:
         """Return the multiplier of the row, N or N m."""
-        return now.dynamics.multipliers[self.joint][self.row]
+        multipliers = now.dynamics.multipliers.get(self.joint, {})
+        expected = f"one of {sorted(multipliers)}, the rows of {self.joint!r} with a multiplier"
+        remedy = "take Reaction if the joint coordinates satisfy the joint by themselves"
+        require(self.row in multipliers, "row", self.row, expected, remedy)
+        return multipliers[self.row]
 
 
 class AbstractReaction(AbstractJointQuantity):

@@ -131,6 +131,20 @@ def test_a_function_that_decides_by_time_without_saying_so_has_no_derivatives():
             lambda: load_at(cj.AppliedLoad("rod", (0.0, lambda t: (t, t), 0.0)), 0.0),
             "`function`.*one number",
         ),
+        (
+            lambda: unpack(
+                cj.PrescribedAngle(
+                    "ground", "a", Z, cj.Spline([0.0, 1.0], np.zeros((2, 3)), np.zeros((2, 3)))
+                )
+            ).rows({"ground": GROUND_MOTION, "a": GROUND_MOTION}, 0.0),
+            "`function`.*one number",
+        ),
+        (
+            lambda: unpack(
+                cj.PrescribedTranslation("ground", "a", ORIGIN, ORIGIN, Z, lambda t: (t, t, t))
+            ).rows({"ground": GROUND_MOTION, "a": GROUND_MOTION}, 0.0),
+            "`function`.*one number",
+        ),
     ],
 )
 def test_invalid_functions_of_time_are_refused(make, message):

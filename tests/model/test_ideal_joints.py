@@ -8,6 +8,7 @@ degree four, of which five-point differences give the derivatives exactly.
 import functools
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -31,7 +32,8 @@ from clearjoint.extend import rows_from_residual
 from clearjoint.math.rotations import transverse_axes
 from clearjoint.math.vectors import Matrix, Vector, pack, unpack
 from clearjoint.model.bodies import GROUND_MOTION, Motion
-from clearjoint.model.joints.constraint_rows import perpendicular, point_in_plane
+from clearjoint.model.joints.base import Row
+from clearjoint.model.joints.constraint_rows import perpendicular, point_in_plane, row_following
 
 RANDOM = np.random.default_rng(6)
 N = 12
@@ -194,6 +196,15 @@ def test_rows_from_a_residual_are_those_by_hand():
     by_hand = joint.rows(motions, 0.0)
     by_jax = rows_from_residual(("a", "b"), list(by_hand), residual, *motions.values())
     jax.tree.map(compare, by_jax, by_hand)
+    with pytest.raises(ValueError, match="`labels` must be 5, as many as the residual has values"):
+        rows_from_residual(("a", "b"), list(by_hand)[:4], residual, *motions.values())
+
+
+def test_a_row_follows_two_functions_of_time():
+    row = Row(jnp.asarray(2.0), {}, jnp.asarray(0.5))
+    twice = row_following(row_following(row, jnp.sin, 0.3), lambda t: t**3, 0.3)
+    once = row_following(row, lambda t: jnp.sin(t) + t**3, 0.3)
+    jax.tree.map(compare, twice, once)
 
 
 def test_ground_is_a_body_at_rest_in_the_origin():

@@ -121,6 +121,8 @@ def test_the_error_of_a_gear_out_of_mesh_is_reported():
         (lambda: cj.GearJoint("ground", "a", "b", Z, Z, 17, 0), "`teeth_second`.*teeth"),
         (lambda: cj.GearJoint("a", "a", "b", Z, Z, 17, 51), "`carrier`.*carries the gears"),
         (lambda: cj.GearJoint("ground", "a", "b", 0 * Z, Z, 17, 51), "`axis_first`"),
+        (lambda: cj.GearJoint(None, "a", "b", Z, Z, 17, 51), "`carrier`.*name of a body"),
+        (lambda: cj.extend.Marker("a", ORIGIN, 0 * Z).along(), "`axis`.*non-zero length"),
         (lambda: cj.ScrewJoint("a", "b", ORIGIN, ORIGIN, X, X, 0.0), "`lead`.*RevoluteJoint"),
         (lambda: cj.DistanceJoint("a", "b", ORIGIN, ORIGIN, -1.0), "`length`"),
         (lambda: cj.Motor("a", "b", Z, 0.0, -1.0, 0.0), "`proportional`"),

@@ -144,6 +144,21 @@ WHOLE: dict[str, Callable] = {
     "float": lambda a, b: a.astype(float) / 3.0,
     "short": lambda a, b: a.astype(jnp.int32) + b.astype(jnp.int32),
     "floor": lambda a, b: a // jnp.where(b == 0, 1, b),
+    "least divided": lambda a, b: lax.div(jnp.where(a > 0, a, -(2**63)), b),
+    "rest of the least": lambda a, b: lax.rem(jnp.where(a > 0, a, -(2**63)), b),
+    "rest of the short least": lambda a, b: lax.rem(
+        jnp.where(a > 0, a, -(2**31)).astype(jnp.int32), b.astype(jnp.int32)
+    ),
+    "wider product": lambda a, b: lax.mul(
+        (a * 2**28).astype(jnp.int32), b.astype(jnp.int32), out_dtype=int
+    ),
+    "floats as unsigned": lambda a, b: (a * 1e9).astype(jnp.uint32).astype(float),
+    "unsigned sums": lambda a, b: lax.cumsum(a.astype(jnp.uint32)).astype(float),
+    "unsigned added": lambda a, b: (
+        (abs(a) + 1).astype(jnp.uint32).at[1].add(jnp.uint32(2**32 - 1)).astype(float)
+    ),
+    "unsigned dot": lambda a, b: lax.dot(a.astype(jnp.uint32), b.astype(jnp.uint32)).astype(float),
+    "wider dot": lambda a, b: lax.dot(a, b, preferred_element_type=float),
 }
 
 
@@ -256,6 +271,8 @@ def structural(x, y, table, k):
         "stack": jnp.stack([x, x + 1.0], axis=1),
         "concatenate": jnp.concatenate([x, y[:2]]),
         "transposed": jnp.outer(x, y).T,
+        "by columns": jnp.ravel(jnp.outer(x, y), order="F"),
+        "table by columns": jnp.ravel(table, order="F"),
         "flipped": x[::-1],
         "padded": jnp.pad(x, (1, 2)),
         "tiled": jnp.tile(x, 30),
@@ -280,6 +297,7 @@ def structural(x, y, table, k):
         "columns of a table": jnp.split(table, [1], axis=1)[1],
         "unstacked": jnp.unstack(table, axis=1)[1],
         "table turned": table.T,
+        "large outer product": jnp.outer(x, y).reshape(9, 1) @ jnp.outer(x, y).reshape(1, 9) + 1.0,
         "batches": jnp.einsum("ij,kjl->ikl", jnp.outer(x, y), jnp.ones((2, 3, 2))),
         "repeated": jnp.expand_dims(x, (0, 2)) + jnp.zeros((2, 3, 2)),
         "small part": lax.dynamic_slice(x, (k + 1,), (2,)),
@@ -288,6 +306,8 @@ def structural(x, y, table, k):
         "at, clipped": x.at[jnp.array([7 + k, -9])].get(mode="clip"),
         "set": x.at[1].set(7.0),
         "added": x.at[jnp.array([0, 2])].add(y[:2]),
+        "applied": x.at[jnp.array([k, 1, 1])].apply(jnp.sin),
+        "part of an empty array": lax.dynamic_slice(table[:0], (0, k), (0, 1)),
         "at": x[k],
         "row": table[k],
         "outside": (jnp.arange(5) * k).at[jnp.array([7, 1])].get(mode="fill"),
@@ -310,7 +330,8 @@ def structural(x, y, table, k):
 def test_structure():
     x, y = RANDOM.normal(size=3), RANDOM.normal(size=3)
     table = np.cumsum(RANDOM.uniform(size=(80, 2)), axis=0)
-    for k in (0, 2):
+    # A plain number is known when the program is built, an array only when it runs.
+    for k in (0, 2, np.asarray(2)):
         expected = jax.jit(structural)(x, 10.0 * abs(y), table, k)
         assert_same(NativeFunction(structural)(x, 10.0 * abs(y), table, k), expected, ulp=64)
 
@@ -459,6 +480,10 @@ def test_unknown_primitives_are_named():
         NativeFunction(lambda a: jnp.prod(a))(np.zeros(0))
     with pytest.raises(UnsupportedPrimitiveError, match="dot_general of no elements"):
         NativeFunction(lambda a: a @ a)(np.zeros(0))
+    with pytest.raises(UnsupportedPrimitiveError, match="cumsum of large arrays in reverse order"):
+        NativeFunction(lambda a: lax.cumsum(a, reverse=True))(np.zeros(99))
+    with pytest.raises(UnsupportedPrimitiveError, match="scatter of batches"):
+        NativeFunction(jax.vmap(lambda a, k: a.at[k].set(1.0)))(np.zeros((2, 3)), np.array([0, 1]))
 
 
 def test_threads_may_load_a_program_at_once():

@@ -4,13 +4,14 @@ from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import clearjoint as cj
 from clearjoint.fields.checks import recheck, recheck_changes
 from clearjoint.fields.objects import quantity
-from clearjoint.parametrisation.paths import unit_at
+from clearjoint.parametrisation.paths import unit_at, value_at
 
 
 @pytest.fixture(scope="module")
@@ -90,6 +91,26 @@ def test_values_and_components_that_do_not_fit_are_refused(scene):
         cj.set_value(scene, lambda s: s.gravity, 1.0)
     with pytest.raises(ValueError, match=r"`path`.*\[3\].*shape \(3,\)"):
         cj.set_value(scene, lambda s: s.gravity[3], 1.0)
+    # JAX would read the last component, and set none.
+    for gravity in (scene.gravity, jnp.asarray(scene.gravity)):
+        same = cj.set_value(scene, lambda s: s.gravity, gravity)
+        with pytest.raises(ValueError, match=r"`path`.*\[3\].*shape \(3,\)"):
+            cj.Parameter(lambda s: s.gravity[3]).coordinate_in(same, None)
+        with pytest.raises(ValueError, match=r"`path`.*\[3\].*shape \(3,\)"):
+            cj.set_value(same, lambda s: s.gravity[3], 1.0)
+
+
+def test_components_of_matrices():
+    tree = {"matrix": np.arange(9.0).reshape(3, 3)}
+    assert value_at(tree, lambda t: t["matrix"][1, 2]) == 5.0
+    assert value_at(tree, lambda t: t["matrix"][1][2]) == 5.0
+    assert cj.set_value(tree, lambda t: t["matrix"][0, 1], -1.0)["matrix"][0].tolist() == [0, -1, 2]
+
+
+def test_a_parameter_without_a_value_is_refused(scene):
+    made = cj.Parameter(cj.Parameter.change(lambda scene, state, x: (scene, state), 1.0).variation)
+    with pytest.raises(ValueError, match=r"`value` must be.*MadeByFunction.*is None: pass"):
+        made.coordinate_in(scene, None)
 
 
 class LawWithClassVariables(cj.laws.Hertz):

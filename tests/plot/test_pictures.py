@@ -135,6 +135,8 @@ def test_the_area_of_the_loop_is_the_dissipated_energy():
         plot.hysteresis(seen, impacts, count=0)
     with pytest.raises(ValueError, match="`window` must be an interval with observed times"):
         plot.eccentricities(seen, "pin", 1e-3, window=(7.0, 8.0))
+    with pytest.raises(ValueError, match="`window` must be an interval within .*7.0, 8.0"):
+        plot.contact_forces(seen, "pin", window=(7.0, 8.0))
 
 
 def test_directions_of_contact_add_up_to_the_impulse():

@@ -87,6 +87,8 @@ def test_further_outputs_keep_the_units_of_the_axes():
     assert drawn[1] == pytest.approx(1e4 * drawn[0])
     with pytest.raises(ValueError, match="the unit of 'peak force, mean force, N', but is 'J'"):
         plot.against(data, "energy", axes=axes)
+    with pytest.raises(ValueError, match="axes of data in 1, but is 'peak force, mean force, N'"):
+        plot.against(data, "impacts", axes=axes)
     two = plot.convergence(data, "peak_force")
     plot.convergence(data, "mean_force", axes=two)
     assert len({line.get_color() for line in two.get_lines()}) == 2
@@ -203,6 +205,11 @@ def test_orbit_lies_in_the_clearance_circle():
         (lambda data: plot.against(data, "peak_force"), "name it"),
         (lambda data: plot.against(data, "peak_force", "clearance"), "select along"),
         (lambda data: plot.against(data.isel(restitution=0), "force"), "force"),
+        (lambda data: plot.against(data, "peak_force", "speed"), r"\['speed'\]"),
+        (lambda data: plot.against(data.isel(clearance=0), "impacts", "clearance"), "value left"),
+        (lambda data: plot.power_law_exponent(data, "peak_force", "speed"), r"\['speed'\]"),
+        (lambda data: plot.parameter_map(data, "peak_force", "speed", "mass"), "'mass', 'speed'"),
+        (lambda data: plot.orbit(data, "orbit", 1e-3), "a single lane"),
         (lambda data: plot.orbit(data.isel(restitution=0, clearance=0), "path", 1e-3), "path_x"),
         (lambda data: plot.parameter_map(data, "hit_speed", "clearance", "restitution"), "select"),
     ],

@@ -382,6 +382,16 @@ def test_an_instant_of_a_late_run_has_the_same_time_after_a_transformation():
     assert float(jax.tree.map(lambda leaf: leaf, now).time) == float(now.time) == 100.5
 
 
+def test_a_row_without_a_multiplier_is_refused():
+    pivot = cj.SphericalJoint("ground", "ball", (0, 0, 0), (0, 0, 0))
+    scene = cj.Scene({"ball": cj.Body(1.0, (1.0, 1.0, 1.0))}, {"pivot": pivot})
+    scene, state = unpack((scene, cj.State({"ball": cj.body_state((0, 0, 0))})))
+    system = System(scene, Formulation(), origin=jnp.asarray(0.0))
+    now = Instant(system, jnp.asarray(0.0), system.encode(state.bodies), {}, {})
+    with pytest.raises(ValueError, match=r"`row` must be .*'pivot'.* is 'translation x': take Re"):
+        q.Multiplier("pivot", "translation x")(now)
+
+
 def test_units_are_si():
     units = {name: quantity.unit for name, quantity in EVERY.items()}
     known = {"m", "m/s", "m/s^2", "rad", "rad/s", "rad/s^2", "N", "N m"}

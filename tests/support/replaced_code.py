@@ -35,7 +35,7 @@ FEATURES: Mapping[str, tuple[tuple[object, str], ...]] = MappingProxyType(
         "friction": ((RegularisedCoulomb, "force"), (common, "slip_velocity")),
         "end play": ((clearance.EndPlay, "shoulder_gap"),),
         "energy ledger": ((system, "ledger_powers"),),
-        "sensitivities": ((ParametrisedScene, "pushed"),),
+        "sensitivities": ((ParametrisedScene, "with_derivatives"),),
     }
 )
 """Of each feature of a scene or run the functions that no scene without it calls, as owner and

@@ -342,7 +342,7 @@ def _solve_equilibrium(joint: LubricatedJoint, load: jax.Array, speed: jax.Array
     """Return the result of `carried_journal`, whose arguments have been checked."""
     # Joints and films compute with scalars: `unpack` replaces the joint's arrays (3,) by `Vector`s.
     joint, rest = unpack(joint), jnp.zeros(2)
-    clearance, size = joint.dry.clearance, jnp.linalg.norm(load)
+    clearance, load_size = joint.dry.clearance, jnp.linalg.norm(load)
 
     # The search is unbounded, but a film's force exists only inside the clearance: this map keeps
     # each trial offset there.
@@ -353,7 +353,7 @@ def _solve_equilibrium(joint: LubricatedJoint, load: jax.Array, speed: jax.Array
         force = _load(joint, speed, offset_of(point), rest)[0]
         # Relative to the size of the load, so that one tolerance suits all loads; absolute for a
         # zero load.
-        return (force + load) / jnp.where(size > 0.0, size, 1.0)
+        return (force + load) / jnp.where(load_size > 0.0, load_size, 1.0)
 
     solver = optimistix.LevenbergMarquardt(rtol=TOLERANCE, atol=TOLERANCE)
     start = jnp.full(2, NEARLY_CENTRED)

@@ -6,6 +6,7 @@ Drivers of a rotation do not hold the axis: add a revolute joint, ideal or with 
 import abc
 import math
 from dataclasses import replace
+from functools import partial
 
 import equinox as eqx
 import jax
@@ -290,7 +291,7 @@ class PrescribedAngle(AbstractDriveAboutAxis, AbstractRotationDriver):
 
     def angle(self, t: Scalar) -> Scalar:
         """Return the prescribed angle, rad, at the time `t`, s."""
-        return as_function_of_time(self.function)(t)
+        return value_at(as_function_of_time(self.function), t)
 
     def breakpoints(self) -> PyTree:
         """Return the breakpoints of the function, s."""
@@ -332,7 +333,8 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
         """Return the row "distance": the distance minus the prescribed distance, m."""
         points = self.point_first, unit(self.axis), self.point_second
         distance = point_in_plane(*self._between(motions), *points)
-        return {"distance": row_following(distance, as_function_of_time(self.function), t)}
+        prescribed = partial(value_at, as_function_of_time(self.function))
+        return {"distance": row_following(distance, prescribed, t)}
 
     def breakpoints(self) -> PyTree:
         """Return the breakpoints of the function, s."""
@@ -392,7 +394,8 @@ class Motor(AbstractDriveAboutAxis, AbstractDriveTorque):
         """
         # JAX differentiates floats only, not a time given as an integer.
         t = jnp.asarray(t, dtype=float)
-        target, target_speed = jax.jvp(as_function_of_time(self.target), (t,), (jnp.ones_like(t),))
+        desired = partial(value_at, as_function_of_time(self.target))
+        target, target_speed = jax.jvp(desired, (t,), (jnp.ones_like(t),))
         # Within half a revolution: `angle` is known only up to whole revolutions.
         error = wrapped(target - angle, 2.0 * math.pi)
         torque = self.proportional * error + self.derivative * (target_speed - speed)

@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
+from ...fields.checks import require
 from ...math.rotations import rotation_matrix, transverse_axes, unit
 from ...math.smoothing import polar_angle, where
 from ...math.vectors import (
@@ -71,8 +72,8 @@ def coincident_points(
     for label, axis in (("x", UNIT_X), ("y", UNIT_Y), ("z", UNIT_Z)):
         wrench_first, bias_first = _along(first, local_first, axis)
         wrench_second, bias_second = _along(second, local_second, axis)
-        reaction = Wrench(-wrench_second.force, -wrench_second.moment)
-        jacobian = {names[0]: wrench_first, names[1]: reaction}
+        negative_second = Wrench(-wrench_second.force, -wrench_second.moment)
+        jacobian = {names[0]: wrench_first, names[1]: negative_second}
         rows[f"translation {label}"] = Row(axis.dot(separation), jacobian, bias_first - bias_second)
     return rows
 
@@ -280,6 +281,8 @@ def rows_from_residual(
       must not depend on time, by which it is not differentiated.
     - `first`, `second`: motions of the bodies.
 
+    **Raises:** `ValueError` if the residual has another number of values than there are labels.
+
     >>> names, ground = ("ground", "ball"), still
     >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> def residual(first, second):
@@ -305,6 +308,8 @@ def rows_from_residual(
     pose_rates = tuple(_pose_rate(p, v) for p, v in zip(poses, velocities, strict=True))
     biases = jax.jvp(lambda pair: rate(pair, velocities), (poses,), (pose_rates,))[1]
     values = residual(*poses)
+    expected = f"{len(values)}, as many as the residual has values"
+    require(len(labels) == len(values), "labels", labels, expected, "give each row a label")
     columns = [rate(poses, direction) for direction in _unit_velocities()]
     rows = {}
     for k, label in enumerate(labels):
@@ -358,9 +363,9 @@ def distance_row(components: Iterable[Row], length: Scalar, motions: Motions) ->
 def row_following(row: Row, function: Callable[[Scalar], Scalar], t: Scalar) -> Row:
     """Return a row less a prescribed function of time, so that its value follows the function.
 
-    **Arguments:** `row`: of the quantity to prescribe, such as an angle; its own `time_rate` must
-    be zero. `function`: the quantity in the row's unit, from the time in s; JAX must be able to
-    differentiate it twice. `t`: s.
+    **Arguments:** `row`: of the quantity to prescribe, such as an angle; `function`: the
+    quantity in the row's unit, from the time in s; JAX must be able to differentiate it twice.
+    `t`: s.
     """
 
     def rate(t: Scalar) -> Scalar:
@@ -368,7 +373,8 @@ def row_following(row: Row, function: Callable[[Scalar], Scalar], t: Scalar) -> 
 
     t = jnp.asarray(t, dtype=float)
     prescribed, acceleration = jax.jvp(rate, (t,), (jnp.ones_like(t),))
-    return Row(row.value - function(t), row.jacobian, row.bias - acceleration, -prescribed)
+    time_rate = add(row.time_rate, -prescribed)
+    return Row(row.value - function(t), row.jacobian, row.bias - acceleration, time_rate)
 
 
 def _scaled(wrench: Wrench, factor: Scalar) -> Wrench:

@@ -96,8 +96,9 @@ class GearJoint(AbstractConstraint):
     def __check_init__(self):
         # Two gears and their carrier are three bodies.
         require_distinct(self.first, self.second)
+        remedy, is_name = "name the body that carries the gears", isinstance(self.carrier, str)
+        require(is_name, "carrier", self.carrier, "the name of a body", remedy)
         for gear in (self.first, self.second):
-            remedy = "name the body that carries the gears"
             require(self.carrier != gear, "carrier", gear, "another body than the gears", remedy)
 
     def body_names(self) -> tuple[str, ...]:

@@ -116,9 +116,10 @@ def cycloid_stage(
 
     While the output has the same angle as the disc, all pins are at the distance `play` from the
     walls of their holes. The output may rotate against the disc by an angle of about
-    play/(pitch_radius cos(q)) to either side, until the first pin touches its hole. Here q, at most
-    pi/`pins`, is the angle between the motion of this pin and the line from the disc's centre to
-    the shaft's axis. There is no gravity.
+    play/(pitch_radius cos(q)) to either side, until the first pin touches its hole. Here q is the
+    angle between the motion of this pin and the line from the disc's centre to the shaft's axis, at
+    most pi/`pins` for three pins or more; one or two pins do not limit the rotation at all angles.
+    There is no gravity.
 
     Sizes and masses are an example: a shaft of 0.2 kg, a disc of 0.25 kg and an output of 0.4 kg.
 

@@ -266,12 +266,12 @@ def robot_arm(
         on_link = ARM[k].joint() - LUMPS[k].centre
         joints[f"joint {k + 1}"] = RevoluteJoint(parent, link, foot, on_link, Z_AXIS, axis)
         # The orientation of the driven body relative to its parent while the motor's angle is zero.
-        driven, zero = link, ARM[k].tilt()
+        driven, orientation_at_zero = link, ARM[k].tilt()
         if play is not None:
             # The motor drives the flange, which has a bearing of its own on the parent.
-            driven, zero, bodies[flange] = flange, BASE.orientation, FLANGE
+            driven, orientation_at_zero, bodies[flange] = flange, BASE.orientation, FLANGE
             joints[f"bearing {k + 1}"] = RevoluteJoint(parent, flange, foot, ORIGIN, Z_AXIS, Z_AXIS)
-        orientation = np.asarray(pack(zero))
+        orientation = np.asarray(pack(orientation_at_zero))
         motor = PrescribedRotation(parent, driven, Z_AXIS, speed, angle, orientation)
         joints[f"motor {k + 1}"] = motor
         if play is not None:

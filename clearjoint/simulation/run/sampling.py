@@ -109,11 +109,11 @@ def start_with_tangents(
         y = Variables(motion, {}, initial_bristles(system.scene, state.bristles))
         return jax.tree.map(jnp.asarray, (y, state.entry_speeds)), None
 
-    # `pushed` evaluates a function of the system, and differentiates it with respect to the
-    # parameters. For this it takes the derivatives of the function's other arguments, which for the
-    # parameters themselves are the identity matrix.
+    # `with_derivatives` evaluates a function of the system, and differentiates it with respect to
+    # the parameters. For this it takes the derivatives of the function's other arguments, which for
+    # the parameters themselves are the identity matrix.
     scenes, count = family.family, len(family.family.values)
-    (y, entry_speeds), _, (y_along, entry_speeds_along) = family.pushed(
+    (y, entry_speeds), _, (y_along, entry_speeds_along) = family.with_derivatives(
         initial, (scenes.values,), (jnp.eye(count),)
     )
     # Entry speeds and energy ledger, which the initial state may lack, are added here.
@@ -132,7 +132,7 @@ def start_with_tangents(
     none = jnp.zeros(count)
     y_along = replace(y_along, work=dict.fromkeys(step.y.work, none))
     entry_speeds_along = entry_speeds_along or jax.tree.map(lambda _: none, step.entry_speeds)
-    _, _, state_along = family.pushed(
+    _, _, state_along = family.with_derivatives(
         solver_state, (step.y, step.entry_speeds), (y_along, entry_speeds_along)
     )
     return replace(step, tangents=Tangents(y_along, entry_speeds_along, state_along))
@@ -216,7 +216,7 @@ def followed(
             system: System, y: Variables, entry_speeds: EntrySpeeds
         ) -> tuple[dict[str, Scalar], None]:
             """Return the quantities at the time for the variables `y` of dense output, and
-            ``None``, the auxiliary result, which `systems.pushed` expects."""
+            ``None``, the auxiliary result, which `systems.with_derivatives` expects."""
             # `dense` is corrected already, but its derivatives, `along`, are not. The correction is
             # repeated here, where it is differentiated.
             y = correct(system, y, time)
@@ -227,7 +227,7 @@ def followed(
             """Return the quantities and their derivatives at the time."""
             dense = look_inside(method, systems.system(), latest, time)
             along = look_at_tangents(method, latest, time)
-            values, _, derivatives = systems.pushed(observed, dense, along)
+            values, _, derivatives = systems.with_derivatives(observed, dense, along)
             return values, derivatives
 
         # At a repeated time, quantities need not be computed: those at the first of equal times are

@@ -118,7 +118,7 @@ class SystemFamily(eqx.Module):
         taken."""
         return System(self.family.scene(self.family.values), self.formulation, self.origin)
 
-    def pushed(
+    def with_derivatives(
         self,
         function: Callable[..., tuple[Value, Auxiliary]],
         primals: tuple[PyTree, ...],
@@ -144,4 +144,4 @@ class SystemFamily(eqx.Module):
         def of_scene(scene: Scene, *primals: PyTree) -> tuple[Value, Auxiliary]:
             return function(System(scene, self.formulation, self.origin), *primals)
 
-        return self.family.pushed(of_scene, primals, tangents)
+        return self.family.with_derivatives(of_scene, primals, tangents)

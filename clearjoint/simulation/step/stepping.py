@@ -276,7 +276,7 @@ def _accepted_state(
 
         # The derivatives are taken at the solver's result and not at the corrected one, because the
         # entry speeds were computed from the solver's result.
-        _, _, entry_speed_tangents = family.pushed(
+        _, _, entry_speed_tangents = family.with_derivatives(
             entry_speeds_after, (trial.outcome.y, step.entry_speeds), (end.y, start.entry_speeds)
         )
         tangents = Tangents(y_tangents, entry_speed_tangents, end.solver_state)
@@ -344,7 +344,7 @@ def _across_discontinuities(
         return across(system, y1, step.entry_speeds)[0], None
     assert step.tangents is not None
     tangents = y_tangents, step.tangents.entry_speeds
-    y1, _, y_tangents = family.pushed(across, (y1, step.entry_speeds), tangents)
+    y1, _, y_tangents = family.with_derivatives(across, (y1, step.entry_speeds), tangents)
     return y1, y_tangents
 
 

@@ -192,7 +192,7 @@ def try_step(
         # included, is the same step of the variational equations.
         assert step.tangents is not None
         along = step.tangents.y, step.tangents.entry_speeds, step.tangents.solver_state
-        outcome, result, tangents = family.pushed(advance, start, along)
+        outcome, result, tangents = family.with_derivatives(advance, start, along)
         finite = all_finite((outcome.y, outcome.error, tangents.y, tangents.error))
         tangents = _unless(finite, tangents, step.tangents.y)
     outcome = _unless(finite, outcome, step.y)
