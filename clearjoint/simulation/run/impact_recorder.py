@@ -158,7 +158,7 @@ class ImpactRow(eqx.Module):
         return {**vars(self), "duration": self.separation - self.onset}
 
 
-class OpenContact(eqx.Module):
+class ContactSoFar(eqx.Module):
     """A contact at the end of the latest accepted step.
 
     - `instant`: its gap and entry speed at that time.
@@ -173,7 +173,7 @@ class OpenContact(eqx.Module):
 
     def after(
         self, law: AbstractContactLaw, t0: Scalar, t1: Scalar, end: ContactInstant
-    ) -> tuple["OpenContact", Condition, ImpactRow]:
+    ) -> tuple["ContactSoFar", Condition, ImpactRow]:
         """Return the contact after a further step, from t0 to t1, s.
 
         **Arguments:** `law`: the contact's law; `end`: the contact at t1.
@@ -208,14 +208,14 @@ class OpenContact(eqx.Module):
         fresh = ImpactRow(onset, t1, speed, end.gap.rate, nothing, t1, nothing)
         # A contact that exists at the start of the run gets no row, because its onset is unknown.
         begun = touches & (begins | self.begun)
-        contact = OpenContact(end, begun, choose(begins, fresh, row))
+        contact = ContactSoFar(end, begun, choose(begins, fresh, row))
         return contact, self.begun & jnp.logical_not(touches), row
 
 
 class ContactRecord(eqx.Module):
     """A contact at the end of the latest accepted step, and the rows of its finished impacts."""
 
-    contact: OpenContact
+    contact: ContactSoFar
     rows: RowBuffer[ImpactRow]
 
 
@@ -247,7 +247,7 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
         rows = RowBuffer.like(none, self.capacity)
         instants = self._instants(loop.method, loop.system, start.now, start.step)
         return each_label(
-            lambda name, label: ContactRecord(OpenContact(instants[name][label], no, none), rows),
+            lambda name, label: ContactRecord(ContactSoFar(instants[name][label], no, none), rows),
             instants,
         )
 
