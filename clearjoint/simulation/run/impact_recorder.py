@@ -40,7 +40,7 @@ RESOLVED_TRAVEL = 1e-8
 from depths. In a shorter step, rounding errors of the depths dominate their differences."""
 PIECES = 4
 """Number of equal intervals into which a step is divided for the first search of its peak. If steps
-do not end at contact events, one step may contain a whole contact."""
+do not end at contact events, the contact may fill a small part of the step only."""
 
 
 class ContactInstant(eqx.Module):
@@ -178,8 +178,8 @@ class ContactSoFar(eqx.Module):
 
         **Arguments:** `law`: the contact's law; `end`: the contact at t1.
 
-        **Returns:** the contact after the step; whether a contact that began in the run ended in
-        the step; and its row, which is valid only in this case.
+        **Returns:** the contact after the step; whether a contact that began in an earlier step of
+        the run ended in this step; and its row, which is valid only in this case.
         """
         start, row, h = self.instant, self.row, t1 - t0
         touched, touches = start.touches(law), end.touches(law)
