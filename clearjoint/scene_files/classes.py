@@ -256,7 +256,8 @@ def expectation(annotation: object) -> Expectation:
             given = [value for part in parts if (value := getattr(part, entry.name))]
             is_tuple = isinstance(entry.default, tuple)
             merged[entry.name] = sum(given, ()) if is_tuple else next(iter(given), entry.default)
-        return Expectation(**merged | {"allows_none": NoneType in inner})
+        merged["allows_none"] = NoneType in inner
+        return Expectation(**merged)
     if origin is Literal:
         return Expectation(options={str(text): text for text in inner})
     if inspect.isclass(origin) and issubclass(origin, Mapping) and len(inner) == 2:

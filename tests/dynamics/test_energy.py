@@ -55,5 +55,6 @@ def test_friction_dissipates_and_is_booked():
 
 def test_an_observation_at_no_times_has_no_residual():
     none = np.zeros(0)
-    observed = cj.results.Observation(none, *([{}] * 6), {"mechanical": none}, True)
+    energies = {"mechanical": none}
+    observed = cj.results.Observation(none, *([{}] * 6), energies=energies, reactions_unique=True)
     assert observed.ledger_residual().shape == (0,)
