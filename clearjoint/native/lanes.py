@@ -42,7 +42,7 @@ class AbstractLaneLoop(abc.ABC):
       cases one array after the other.
     - `occupied`: cell that is 1 if the column has a lane, else 0.
     - `status`: regions of the scalars that a loop computes for its host from the state of a lane,
-      by name, such as "goes": whether the lane can take a step without the host.
+      by name, such as "moves": whether the lane can take a step without the host.
     """
 
     width: int
@@ -98,7 +98,7 @@ class LaneLoop(AbstractLaneLoop):
     **Arguments:**
 
     - `step`: function of `shared`, `own` and `state` that returns the state after a step.
-    - `status`: function of the same arguments that returns scalars by name. Among them is "goes",
+    - `status`: function of the same arguments that returns scalars by name. Among them is "moves",
       whether the lane can take a step without its host.
     - `shared`: data of all lanes.
     - `own`, `state`: constant data and state of one lane. Of these three PyTrees of arrays, only
@@ -143,7 +143,7 @@ class LaneLoop(AbstractLaneLoop):
 
         # The carries of the loop are the number of steps and the arrays of the state.
         def holds(carries: list[Array]) -> Value:
-            count, goes = carries[0], status_values(carries[1:])[names.index("goes")]
+            count, goes = carries[0], status_values(carries[1:])[names.index("moves")]
             assert isinstance(goes, int) and isinstance(count, int)
             ops.mark_uniform(count)
             # All lanes stop together as soon as one of them needs its host, so that the condition

@@ -51,7 +51,8 @@ class Expectation:
     - `options`: for an argument with a fixed set of texts, the value of each text; else None.
     - `is_text`: whether any text is allowed.
     - `is_flag`: whether true and false are allowed.
-    - `is_anything`: whether any value is allowed, because the argument has no annotation.
+    - `allows_none`: whether the annotation of the argument names None.
+    - `allows_anything`: whether any value is allowed, because the argument has no annotation.
     - `by_name`: expectation for the entries of a table whose keys are names, such as `bodies`; None
       if the argument is no such table.
     - `item`: expectation for the entries of a list; None unless the annotation is a sequence.
@@ -65,13 +66,14 @@ class Expectation:
     options: Mapping[str, object] | None = None
     is_text: bool = False
     is_flag: bool = False
-    is_anything: bool = False
+    allows_none: bool = False
+    allows_anything: bool = False
     by_name: "Expectation | None" = None
     item: "Expectation | None" = None
     default: object = REQUIRED
 
 
-ANYTHING = Expectation(is_text=True, is_flag=True, is_anything=True)
+ANYTHING = Expectation(is_text=True, is_flag=True, allows_anything=True)
 """Expectation of an argument without annotation."""
 
 
@@ -214,9 +216,9 @@ def _with_unit(expected: Expectation, metadata: Mapping) -> Expectation:
         shapes=expected.shapes if shape is None else (shape,),
         by_name=expected.by_name and _with_unit(expected.by_name, metadata),
         item=expected.item and _with_unit(expected.item, {"unit": metadata["unit"]}),
-        is_text=expected.is_text and not expected.is_anything,
-        is_flag=expected.is_flag and not expected.is_anything,
-        is_anything=False,
+        is_text=expected.is_text and not expected.allows_anything,
+        is_flag=expected.is_flag and not expected.allows_anything,
+        allows_anything=False,
     )
 
 
@@ -248,7 +250,7 @@ def expectation(annotation: object) -> Expectation:
         return Expectation(classes=(AbstractQuantity,))
     if origin in (Union, UnionType):
         parts = [expectation(kind) for kind in inner if kind is not NoneType]
-        # None needs no part: unless texts are allowed, the reader takes the text "none" for it. The
+        # None is no part: unless texts are allowed, the reader takes the text "none" for it. The
         # shapes and classes of all parts are allowed. Of every other property, the first value is
         # taken that is not a default, so that a flag is true if it is for any part.
         merged: dict[str, Any] = {}
@@ -256,6 +258,7 @@ def expectation(annotation: object) -> Expectation:
             given = [value for part in parts if (value := getattr(part, entry.name))]
             is_tuple = isinstance(entry.default, tuple)
             merged[entry.name] = sum(given, ()) if is_tuple else next(iter(given), entry.default)
+        merged["allows_none"] = NoneType in inner
         return Expectation(**merged)
     if origin is Literal:
         return Expectation(options={str(text): text for text in inner})

@@ -116,6 +116,9 @@ class Writer:
             kind = {} if expected.classes == (type(value),) else {KIND: class_name(type(value))}
             return kind | self.table(value, location)
         if value is None:
+            if expected.is_text:  # the reader would return the text "none"
+                remedy = "leave it out, or make None the default of the argument"
+                location.refuse(value, "a text", remedy)
             return ABSENT
         if isinstance(value, bool | int | str):
             return value

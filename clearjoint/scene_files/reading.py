@@ -140,7 +140,7 @@ class Reader:
                 location.refuse(dict(content), f"a table whose `{KIND}` names a class", remedy)
             if EULER_PARAMETERS in expected.shapes:
                 return self.instance(axis_and_angle, content, location)
-            if not expected.is_anything:
+            if not expected.allows_anything:
                 simple = "a text" if expected.is_text else "a number"
                 location.refuse(dict(content), simple, "replace the table by one")
         inner = expected.by_name or ANYTHING
@@ -200,7 +200,9 @@ class Reader:
         for name, item in given.items():
             families, stored = known[name].classes, getattr(made, name, None)
             is_number = bool(known[name].shapes) and isinstance(stored, np.ndarray | tuple)
-            if families and not (stored is None or is_number or isinstance(stored, families)):
+            is_option = any(item is option for option in (known[name].options or {}).values())
+            is_other = stored is None or is_number or is_option
+            if families and not (is_other or isinstance(stored, families)):
                 expected = f"a table whose `{KIND}` is a {family_names(families)}"
                 location.at(name).refuse(item, expected, "write one")
         return made

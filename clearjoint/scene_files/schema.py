@@ -4,14 +4,14 @@ A table of a file contains the arguments of a class, so that the schema follows 
 Each class has a definition, to which the schemas of arguments refer by its name.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 from ..model.bodies import State
 from ..model.scene import Scene
 from .classes import REQUIRED, Classes, Expectation, Maker, arguments, is_abstract, makers
 from .documents import SCHEMA
-from .reading import EULER_PARAMETERS, KIND, axis_and_angle
+from .reading import ABSENT, EULER_PARAMETERS, KIND, axis_and_angle
 
 Schema: TypeAlias = dict[str, object]
 """A JSON Schema, or a part of one, as a dictionary."""
@@ -85,10 +85,17 @@ class Catalogue:
 
     def _value(self, expected: Expectation) -> Schema:
         """Return the schema of the values that an argument may have according to `expected`."""
-        if expected.is_anything:
+        if expected.allows_anything:
             return {}
+        # Where texts are allowed, "none" is one of them; numbers and objects may be texts anyway.
+        is_open = expected.is_text or expected.classes or () in expected.shapes
+        if expected.allows_none and not is_open:
+            return {"anyOf": [self._value(replace(expected, allows_none=False)), {"const": ABSENT}]}
         if expected.options is not None:
-            return {"enum": list(expected.options)}
+            options: Schema = {"enum": list(expected.options)}
+            if not (expected.is_text or expected.classes or expected.shapes):
+                return options
+            return {"anyOf": [options, self._value(replace(expected, options=None))]}
         if expected.by_name is not None:
             return {"type": "object", "additionalProperties": self._value(expected.by_name)}
         if expected.item is not None:

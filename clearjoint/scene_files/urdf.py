@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import PyTree
 
 from ..fields.cautions import NotCarriedOverWarning, caution
-from ..fields.checks import nearest
+from ..fields.checks import as_number, nearest, require_positive
 from ..fields.types import TripleLike
 from ..model.bodies import GROUND, Body, State, body_state
 from ..model.clearance_joints.backlash import Backlash
@@ -289,9 +289,12 @@ def _backlash(
         if not 0.0 < effort < math.inf:
             needed = "a `torsional_stiffness`, since the joint has no effort limit"
             location.refuse(None, needed, "give it in N m/rad")
+        with location.in_errors():  # before the division by the angle
+            angle = as_number(given[BACKLASH], BACKLASH, "rad")
+            require_positive(BACKLASH, angle, "give an angle in rad")
         # The limit turns the joint past the end of the play by a tenth of it: the elastic
         # deflection of the surfaces in contact (flanks) is small compared with the play.
-        options["torsional_stiffness"] = effort / (0.1 * float(given[BACKLASH]))
+        options["torsional_stiffness"] = effort / (0.1 * float(angle))
     with location.in_errors():
         return Backlash(hinge.first, hinge.second, play=given[BACKLASH], **axes, **options)
 

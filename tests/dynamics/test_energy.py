@@ -51,3 +51,10 @@ def test_friction_dissipates_and_is_booked():
     assert observed.energies["friction"][-1] > 1e-3 * exchanged
     assert (np.diff(observed.energies["friction"]) >= -1e-12).all()
     assert np.abs(observed.ledger_residual()).max() < 1e-6 * exchanged
+
+
+def test_an_observation_at_no_times_has_no_residual():
+    none = np.zeros(0)
+    energies = {"mechanical": none}
+    observed = cj.results.Observation(none, *([{}] * 6), energies=energies, reactions_unique=True)
+    assert observed.ledger_residual().shape == (0,)

@@ -40,6 +40,22 @@ def test_hertz_impact_matches_closed_forms():
     assert found.duration == pytest.approx(3.2181 * scale / SPEED, rel=2e-5)
 
 
+@pytest.mark.parametrize(
+    ("radii", "message"),
+    [
+        ((), "`bearing_radius` .*is None"),
+        ((0.01,), "`clearance` .*is None"),
+        ((-0.01, 1e-4), "`bearing_radius` must be positive"),
+        ((0.01, 0.0), "`clearance` must be positive"),
+        ((0.01, 0.02), "`clearance` must be smaller than"),
+    ],
+)
+def test_radii_that_a_stiffness_needs_are_checked(radii, message):
+    law = cj.laws.Hertz(cj.laws.RavnStiffness(207e9, 0.3))
+    with pytest.raises(ValueError, match=message):
+        free_impact(law, MASS, SPEED, *radii)
+
+
 def test_smoothing_changes_less_the_narrower_it_is():
     wide, narrow, exact = (
         free_impact(cj.laws.LankaraniNikravesh(0.9, STIFFNESS, smoothing=width), MASS, SPEED)

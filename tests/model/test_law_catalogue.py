@@ -151,6 +151,13 @@ def test_integrated_impacts_of_dashpots(law, requested, delivered):
     assert found == pytest.approx(delivered, abs=6e-4)
 
 
+def test_a_force_that_is_largest_at_the_onset_is_found():
+    law, log = cj.laws.KelvinVoigt(0.02, 1e9, MASS), np.log(0.02)
+    damping = -2.0 * log / np.hypot(np.pi, log) * np.sqrt(1e9 * MASS)
+    found = cj.free_impact(law, MASS, SPEED).peak_force
+    assert found == pytest.approx(damping * SPEED, rel=1e-9)
+
+
 @pytest.mark.slow
 def test_flores_variant_delivers_the_root():
     found = cj.free_impact(cj.laws.FloresKelvinVoigt(0.5, 1e9, 1e-4), MASS, SPEED).restitution

@@ -238,7 +238,7 @@ def test_lanes_have_the_bits_of_a_lane_alone():
         return {**state, "n": state["n"] + 1, "out": every(state["a"], state["b"])}
 
     def status(shared, own, state):
-        return {"goes": state["n"] < 1}
+        return {"moves": state["n"] < 1}
 
     loop = LaneLoop(turn, status, None, None, state)
     columns, cells = loop.columns(None), Cells(state)

@@ -95,7 +95,7 @@ def test_lanes_that_leave_a_branch_keep_results_of_functions(way):
         return count + 1, x, v
 
     def status(shared, own, state):
-        return {"goes": state[0] < 20}
+        return {"moves": state[0] < 20}
 
     own, state = START[0], (jnp.asarray(0), *START[1:])
     loop = LaneLoop(turn, status, (), own, state)

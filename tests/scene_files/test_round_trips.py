@@ -389,6 +389,7 @@ class Forgetful(Push):
             Push("a", Polynomial((1.0,)), (0, 0, 1), limits=Unconverted(np.ones(2))),
             r"`forces.push.limits.rates`.*declare numbers by `quantity`",
         ),
+        (Push("a", Polynomial((1.0,)), (0, 0, 1), label=None), r"`forces.push.label`.*make None"),
         (Forgetful(3.0), r"`forces.push.size`.*store it in a field"),
     ],
 )

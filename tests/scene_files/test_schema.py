@@ -1,9 +1,11 @@
 """The JSON Schema: saved files satisfy it, files with mistakes don't."""
 
+import enum
 import json
 import tomllib
-from typing import Any
+from typing import Any, Literal
 
+import equinox as eqx
 import jsonschema
 import pytest
 
@@ -80,3 +82,36 @@ def test_the_schema_has_units_and_summaries(schema):
     assert definitions["Hertz"]["description"].startswith("Purely elastic contact")
     assert f"{__name__}:Motor" in definitions and "RevoluteJoint" in definitions
     assert not [name for name in definitions if name.startswith("Abstract")]
+
+
+class Way(enum.Enum):
+    SOFT = 1
+    HARD = 2
+
+
+class Pad(eqx.Module):
+    width: float
+
+
+class Brake(Motor):
+    """A motor with options, alone and beside None, numbers and objects."""
+
+    way: Way | None = eqx.field(default=Way.SOFT, static=True)
+    name: Literal["brake"] | str = eqx.field(default="brake", static=True)
+    force: Literal["auto"] | float = "auto"
+    pad: Literal["wide"] | Pad = "wide"
+
+
+@pytest.mark.parametrize(
+    "given", [{}, {"way": None, "name": "left", "force": 2.0, "pad": Pad(0.1)}]
+)
+def test_options_may_stand_beside_other_values(tmp_path, given):
+    scene, state = cj.mechanisms.double_pendulum()
+    motor = Brake("ground", "arm 2", (0, 0, 1), 2.0, **given)
+    forced = cj.Scene(scene.bodies, scene.joints, {"motor": motor})  # without gravity
+    cj.save(forced, state, tmp_path / "brake.json")
+    document = json.loads((tmp_path / "brake.json").read_text()) | {"gravity": "none"}
+    schema = jsonschema.Draft202012Validator(cj.scene_schema([Brake, Pad]))
+    schema.validate(document)
+    document["forces"]["motor"]["way"] = "MEDIUM"
+    assert not schema.is_valid(document)

@@ -150,6 +150,8 @@ def test_one_warning_lists_omitted_contents(robot):
         ('<parent link="upper"/>', "", {}, r"arm.urdf: AttributeError"),
         ("", "", {"elbow": {"backlash": "0.1 mm"}}, r"`elbow.backlash`: found '0.1 mm', .* in rad"),
         ("", "", {"elbow": {"backlash": -1.0}}, r"`elbow`: Argument `.*` must be positive"),
+        ("", "", {"elbow": {"backlash": "0 deg"}}, r"`elbow`: Argument `backlash` must be positiv"),
+        ("", "", {"elbow": {"backlash": None}}, r"`elbow`: Argument `backlash` must be a number"),
         ("", "", {"shoulder": {"backlash": 1e-3}}, r"`shoulder`: .*no effort limit: give it in N"),
         ("", "", {"elbow": {"backlash": 1e-3, "play": 1}}, r"`elbow`: found 'play', expected one"),
         ("", "", {"elbow": 1e-3}, r"`elbow`: found 0.001, expected arguments by name"),

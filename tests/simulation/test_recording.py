@@ -13,8 +13,8 @@ from clearjoint.simulation.run import sampling as module
 from clearjoint.simulation.run.impact_recorder import (
     ContactInstant,
     ContactRecord,
+    ContactSoFar,
     ImpactRow,
-    OpenContact,
     end_in_step,
     impact_rows_of,
     most,
@@ -61,7 +61,7 @@ def _record(count: int, room: int) -> dict[str, dict[str, ContactRecord]]:
         row = jax.tree.map(lambda leaf, k=k: leaf + k, NO_IMPACT)
         table = table.with_row(row, jnp.asarray(True)).with_row(row, jnp.asarray(False))
     here = ContactInstant(cj.extend.Gap(0.0, 0.0), jnp.zeros(()), None)
-    contact = OpenContact(here, jnp.asarray(False), NO_IMPACT)
+    contact = ContactSoFar(here, jnp.asarray(False), NO_IMPACT)
     return {"pin": {"V": ContactRecord(contact, table)}}
 
 

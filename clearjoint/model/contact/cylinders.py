@@ -29,6 +29,7 @@ from .laws import (
     AbstractMaterialPair,
     Gap,
     Limit,
+    radii_of,
     require_instance,
 )
 
@@ -137,12 +138,6 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
         load, slope = jax.jvp(lambda depth: self.line_force(gap, depth), (end,), (along,))
         beyond = jnp.maximum(depth - end, 0.0)
         return jnp.minimum(depth, end), slope * beyond, beyond * (load + 0.5 * slope * beyond)
-
-
-def radii_of(gap: Gap) -> tuple[Scalar, Scalar, Scalar]:
-    """Return bearing radius, journal radius and radial clearance of a gap, m."""
-    assert gap.bearing_radius is not None and gap.clearance is not None
-    return gap.bearing_radius, gap.journal_radius, gap.clearance
 
 
 class LiuCylinder(AbstractCylinder):

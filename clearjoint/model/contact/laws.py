@@ -46,9 +46,22 @@ class Gap:
 
     @property
     def journal_radius(self) -> Scalar:
-        """Bearing radius minus clearance, m; only for a gap that has both."""
-        assert self.bearing_radius is not None and self.clearance is not None
-        return self.bearing_radius - self.clearance
+        """Bearing radius minus clearance, m; a `ValueError` for a gap that lacks one of them."""
+        return radii_of(self)[1]
+
+
+def radii_of(gap: Gap) -> tuple[Scalar, Scalar, Scalar]:
+    """Return bearing radius, journal radius and radial clearance of a gap, m.
+
+    **Raises:** `ValueError` for a gap of flat surfaces, which has no radii.
+    """
+    radius, clearance = gap.bearing_radius, gap.clearance
+    for argument, value in (("bearing_radius", radius), ("clearance", clearance)):
+        needed = "a length in m, on which the law's stiffness depends"
+        remedy = "give it, or a law whose stiffness is a number"
+        require(value is not None, argument, value, needed, remedy)
+    assert radius is not None and clearance is not None
+    return radius, radius - clearance, clearance
 
 
 def slip_velocity(relative: Vector, normal: Vector, rate: Scalar) -> Vector:
@@ -269,9 +282,8 @@ class RavnStiffness(AbstractMaterialPair, AbstractStiffness):
 
     def value(self, gap: Gap) -> Scalar:
         """Return the stiffness K in N/m^1.5 for the radii of a gap."""
-        assert gap.bearing_radius is not None and gap.clearance is not None
-        radii = gap.bearing_radius * gap.journal_radius
-        return 4.0 / (3.0 * self.compliance()) * jnp.sqrt(radii / gap.clearance)
+        bearing, journal, clearance = radii_of(gap)
+        return 4.0 / (3.0 * self.compliance()) * jnp.sqrt(bearing * journal / clearance)
 
 
 def as_stiffness(value: object) -> AbstractElasticity:

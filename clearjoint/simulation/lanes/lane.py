@@ -48,7 +48,7 @@ from ..step.types import Integers, Numbers
 
 T = TypeVar("T")
 WINDOW = ROWS + 1
-"""Number of times to save at in a `SegmentRequest`. It is one more than a buffer has rows, so that
+"""Number of times to save at in a `LaneRequest`. It is one more than a buffer has rows, so that
 a lane with a full buffer still knows whether more states are to be saved."""
 
 
@@ -69,7 +69,7 @@ class Plan(eqx.Module):
     max_steps: Integers
     impacts: dict[str, ImpactRecorder] = eqx.field(default_factory=dict)
 
-    def loop(self, system: System, request: "SegmentRequest") -> RunLoop:
+    def loop(self, system: System, request: "LaneRequest") -> RunLoop:
         """Return the loop that advances a lane by one attempt at a time and records its outputs.
 
         **Arguments:** `system`: equations of motion of the lane's scene; `request`: the end time,
@@ -93,7 +93,7 @@ class Plan(eqx.Module):
         return RunLoop(self.scheme.method, system, request.end_time, recorders)
 
 
-class SegmentRequest(eqx.Module):
+class LaneRequest(eqx.Module):
     """Data that the host gives a lane, and updates whenever it has emptied the lane's buffers.
 
     - `end_time`: s, end of the run; `first_step`: s, length of its first step.
@@ -173,7 +173,7 @@ class Outcome(eqx.Module):
 
 
 def begin_lane(
-    plan: Plan, scene: Scene, state: State, start_time: Scalar, request: SegmentRequest
+    plan: Plan, scene: Scene, state: State, start_time: Scalar, request: LaneRequest
 ) -> Lane:
     """Return a lane before its first step at `start_time`, s.
 
@@ -199,7 +199,7 @@ def begin_lane(
     return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)), lane)
 
 
-def step_lane(plan: Plan, scene: Scene, lane: Lane, request: SegmentRequest) -> Lane:
+def step_lane(plan: Plan, scene: Scene, lane: Lane, request: LaneRequest) -> Lane:
     """Return a lane after one turn.
 
     In a turn, the lane tries one step, unless its run has ended, it waits for the host, or a state
@@ -209,7 +209,7 @@ def step_lane(plan: Plan, scene: Scene, lane: Lane, request: SegmentRequest) -> 
     the lane before the turn; `request`: the latest data from the host.
     """
     system = plan.scheme.system(scene)
-    run = plan.loop(system, request).advance(lane.run, goes=_goes(plan, lane, request))
+    run = plan.loop(system, request).advance(lane.run, goes=_tries_step(plan, lane, request))
     if lane.saved is None:
         return Lane(run, None)
     saved, lane = lane.saved, Lane(run, lane.saved)
@@ -242,18 +242,18 @@ def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
     )
 
 
-def moves(plan: Plan, lane: Lane, request: SegmentRequest) -> Condition:
+def moves(plan: Plan, lane: Lane, request: LaneRequest) -> Condition:
     """Return whether the next turn changes the lane, by a step or by a saved state.
 
     If not, the lane has ended or waits for the host.
     """
-    goes = _goes(plan, lane, request)
+    goes = _tries_step(plan, lane, request)
     if lane.saved is None:
         return goes
     return goes | _saves(lane, request)
 
 
-def _goes(plan: Plan, lane: Lane, request: SegmentRequest) -> Condition:
+def _tries_step(plan: Plan, lane: Lane, request: LaneRequest) -> Condition:
     """Return whether a lane tries a step in the next turn."""
     goes = lane.runs(plan, request.end_time)
     if lane.saved is not None:
@@ -272,18 +272,18 @@ def _goes(plan: Plan, lane: Lane, request: SegmentRequest) -> Condition:
     return goes
 
 
-def _next_save(lane: Lane, request: SegmentRequest) -> Scalar:
+def _next_save(lane: Lane, request: LaneRequest) -> Scalar:
     """Return the next time at which a state is to be saved, s; infinite if no such time is left."""
     assert lane.saved is not None
     return jnp.asarray(request.window)[lane.saved.count]
 
 
-def _save_is_due(lane: Lane, request: SegmentRequest) -> Condition:
+def _save_is_due(lane: Lane, request: LaneRequest) -> Condition:
     """Return whether the run has reached the next time at which a state is to be saved."""
     return _next_save(lane, request) <= lane.run.step.t
 
 
-def _saves(lane: Lane, request: SegmentRequest) -> Condition:
+def _saves(lane: Lane, request: LaneRequest) -> Condition:
     """Return whether a state is due to be saved and the buffer of states has room for it."""
     assert lane.saved is not None
     return _save_is_due(lane, request) & jnp.logical_not(lane.saved.is_full())
@@ -306,11 +306,12 @@ def _is_assembled(plan: Plan, scene: Scene, state: State, t: Scalar) -> Conditio
     # reversed, which changes an orientation by far more than `REPRESENTED`.
     chosen = System(scene, plan.scheme.formulation)
     for name, body in chosen.decode(chosen.encode(bodies)).items():
-        fits = fits & (_apart(body.orientation, bodies[name].orientation) < REPRESENTED)
+        difference = _orientation_difference(body.orientation, bodies[name].orientation)
+        fits = fits & (difference < REPRESENTED)
     return fits
 
 
-def _apart(p: EulerParameters, q: EulerParameters) -> Scalar:
+def _orientation_difference(p: EulerParameters, q: EulerParameters) -> Scalar:
     """Return the largest difference between the Euler parameters of two orientations.
 
     p and -p are the same orientation, so the sign is chosen for which the difference is smaller.

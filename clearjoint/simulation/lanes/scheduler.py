@@ -42,8 +42,8 @@ from .lane import (
     WINDOW,
     Common,
     Lane,
+    LaneRequest,
     Outcome,
-    SegmentRequest,
     Task,
     begin_lane,
     moves,
@@ -126,7 +126,7 @@ class Batch:
         # request.
         window = self.next_saves(slice(None), 0)
         wanted = {name: np.full(count, rows) for name, rows in common.capacity.items()}
-        request = SegmentRequest(tasks.end_time, tasks.first_step, window, wanted)
+        request = LaneRequest(tasks.end_time, tasks.first_step, window, wanted)
         self.own = replace(tasks, save_at=None), request
         self.turns = 0
         """Number of turns so far, the sum over all columns, including empty columns."""
@@ -214,7 +214,7 @@ class _Programs:
     - `own_cells`: layout of the data that Python gives a lane: the cells of its task, then those of
       its request.
     - `task_cells`: number of cells of a task.
-    - `request`: a `SegmentRequest` whose leaves are the indices of the request's cells in a column.
+    - `request`: a `LaneRequest` whose leaves are the indices of the request's cells in a column.
     - `begin`, `outcome`, `columns[log]`: functions without arguments, each of which makes a
       compiled function: for a lane's start, for its outcome, and for the columns of a log. Each
       thread makes functions of its own, because two threads must not call one at the same time.
@@ -239,7 +239,7 @@ class _Programs:
         # Cells of the data and the state of a lane.
         self.own_cells, self.task_cells = Cells((task, request)), Cells(task).size
         start = self.loop.own_cells.start
-        self.request: SegmentRequest = _shifted(self.own_cells.columns()[1], start)
+        self.request: LaneRequest = _shifted(self.own_cells.columns()[1], start)
         state = _shifted(Cells(lane).columns(), self.loop.state_cells.start)
         self.buffers: dict[str, tuple[np.ndarray, int]] = {}
         for name, buffer in common.logs(state).items():
@@ -397,7 +397,7 @@ class _Group:
     def _serve(self) -> None:
         """Empty the buffers of lanes that wait for the host, and end the lanes that are done."""
         status = self._loop.status_of(self._columns)
-        times, goes, runs = (status[name].tolist() for name in ("time", "goes", "runs"))
+        times, goes, runs = (status[name].tolist() for name in ("time", "moves", "runs"))
         ended: list[int] = []
         for column, slot in enumerate(self._slots):
             if slot is None:
@@ -532,7 +532,7 @@ def _on_device(number: int) -> AbstractContextManager[object]:
 @Native
 def _begun(common: Common, task: Task) -> Lane:
     """Return a lane before its first step, whose request has no times to save at yet."""
-    request = SegmentRequest(
+    request = LaneRequest(
         task.end_time, task.first_step, jnp.full(WINDOW, jnp.inf), common.capacity
     )
     scene = common.scene(task)
@@ -579,7 +579,7 @@ would count as a change of the package's code, see `clearjoint.compilation.packa
 _LOOPS_LOCK = threading.Lock()
 
 
-def _native_loop(common: Common, own: tuple[Task, SegmentRequest], lane: Lane) -> LaneLoop:
+def _native_loop(common: Common, own: tuple[Task, LaneRequest], lane: Lane) -> LaneLoop:
     """Return the loop for lanes with the structure, shapes and types of the arguments. It is
     compiled unless the process has made it before."""
     trees = common, own, lane
@@ -597,15 +597,15 @@ def _native_loop(common: Common, own: tuple[Task, SegmentRequest], lane: Lane) -
         return _LOOPS[key]
 
 
-def _lane_after_turn(common: Common, own: tuple[Task, SegmentRequest], lane: Lane) -> Lane:
+def _lane_after_turn(common: Common, own: tuple[Task, LaneRequest], lane: Lane) -> Lane:
     task, request = own
     return step_lane(common.plan, common.scene(task), lane, request)
 
 
-def _lane_status(common: Common, own: tuple[Task, SegmentRequest], lane: Lane) -> dict[str, PyTree]:
+def _lane_status(common: Common, own: tuple[Task, LaneRequest], lane: Lane) -> dict[str, PyTree]:
     _, request = own
     return {
-        "goes": moves(common.plan, lane, request),
+        "moves": moves(common.plan, lane, request),
         "runs": lane.runs(common.plan, request.end_time),
         "time": lane.run.step.t,
     }

@@ -42,8 +42,8 @@ class XlaLaneLoop(AbstractLaneLoop):
     **Arguments:**
 
     - `turn`: function (shared, own, state) that returns the state of a lane after a turn.
-    - `status`: function (shared, own, state) that returns scalars by name, among them "goes", which
-      is false if the lane waits for Python, for instance to empty a buffer of results.
+    - `status`: function (shared, own, state) that returns scalars by name, among them "moves",
+      which is false if the lane waits for Python, for instance to empty a buffer of results.
     - `shared`: data of all lanes, a PyTree of arrays.
     - `own`, `state`: examples of the constant data and of the state of one lane, as PyTrees of
       arrays, for their structures and shapes.
@@ -173,7 +173,7 @@ def _turns(
 
     # Columns without a lane must not count as waiting, because their contents are meaningless.
     def continues(now: tuple[jax.Array, PyTree]) -> jax.Array:
-        waiting = occupied & jnp.logical_not(status(own, now[1])["goes"])
+        waiting = occupied & jnp.logical_not(status(own, now[1])["moves"])
         return (now[0] < TURNS) & (WAITING * waiting.sum() < occupied.sum())
 
     def go(now: tuple[jax.Array, PyTree]) -> tuple[jax.Array, PyTree]:

@@ -119,9 +119,10 @@ def _touch(
     """
     # A face radius belongs to two flat faces, whose friction also resists their relative rotation.
     # Such a moment would need a third row of slip.
-    fine, expected = contact.face_radius is None, f"without a moment of friction at {label!r}"
+    has_no_moment = contact.face_radius is None
+    expected = f"without a moment of friction at {label!r}"
     remedy = "leave `friction` and `radius` out of EndPlay, or take simulate()"
-    require(fine, f"scene.joints[{name!r}]", type(joint).__name__, expected, remedy)
+    require(has_no_moment, f"scene.joints[{name!r}]", type(joint).__name__, expected, remedy)
     on_first, on_second = contact.points_of_force(contact.slip is not None)
 
     def row(direction: Vector) -> Row:

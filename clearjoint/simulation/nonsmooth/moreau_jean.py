@@ -199,7 +199,7 @@ def _contact_steps(
     """
     # Positions move with the mean velocity, so that its product with the impulse is the work. With
     # the opposite sign, it is the energy dissipated.
-    works = [
+    losses = [
         -0.5 * impulse * (a + b) for impulse, a, b in zip(impulses, before, after, strict=True)
     ]
     steps: dict[str, dict[str, ContactStep]] = {}
@@ -207,9 +207,9 @@ def _contact_steps(
     first = len(contacts)
     for k, touch in enumerate(contacts):
         last = first + len(touch.slip)
-        work = sum(works[first:last], works[k])
+        loss = sum(losses[first:last], losses[k])
         penetration = jnp.maximum(-touch.gap, 0.0)
-        step = ContactStep(impulses[k], jnp.asarray(before[k]), work, penetration)
+        step = ContactStep(impulses[k], jnp.asarray(before[k]), loss, penetration)
         steps.setdefault(touch.joint, {})[touch.label] = step
         first = last
     return steps

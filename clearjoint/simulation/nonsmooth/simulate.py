@@ -151,10 +151,12 @@ def _past_kink(system: System, now: RigidRun, start: Scalar, stop: Scalar) -> Ri
 
     **Arguments:** `start`, `stop`: s, the span of time that the run has just covered.
     """
-    # For each joint with breakpoints, `lands` tells whether one of them is in the span, and thus at
-    # its end, `stop`. Forces have breakpoints too, but prescribe no velocities.
+    # For each joint with breakpoints, `has_breakpoint` tells whether one of them is in the span,
+    # and thus at its end, `stop`. Forces have breakpoints too, but prescribe no velocities.
     since = since_breakpoints(system, start, stop)
-    joints = [lands for name, (lands, _) in since.items() if name in system.scene.joints]
+    joints = [
+        has_breakpoint for name, (has_breakpoint, _) in since.items() if name in system.scene.joints
+    ]
     if not joints:
         return now
     # Where a driver's velocity jumps, the change of the speeds has the least kinetic energy.
@@ -331,7 +333,6 @@ def simulate_nonsmooth(
     scene, state = with_arrays((scene, state))
     save = saving_or_nothing(save)
     save.require_none(EXCEPT_TIMES, "of a run with rigid contacts", "take simulate() for it")
-    require_restitution(scene, restitution)
     coordinates = JointCoordinates() if coordinates is None else coordinates
     traced = is_traced((scene, state, end_time, start_time, step, restitution))
     times: ArrayLike | None = save.times

@@ -72,8 +72,9 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
       requested. Later rows of `saved` and `history` repeat the last state.
     - `contacts[joint][contact]`: the `ContactTotals` of the whole run.
     - `residual`: largest violation of the contact conditions (no approach without an impulse, no
-      pulling impulse, Coulomb's law) in a step, relative to the largest contact velocity of that
-      step.
+      pulling impulse, Coulomb's law) in a step, by its impulses or by the projection of its
+      positions, relative to the largest velocity that these have to change at closed contacts, or
+      to 1 m/s if there is none.
     - `formulation`: the formulation of the equations of motion: their coordinates, and how
       constraints are kept satisfied.
     - `redundant_constraints`: names of constraint equations that depend linearly on others. If
@@ -125,9 +126,9 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
 
         **Raises:** `ValueError` if no states were saved.
         """
-        times = "pass times to simulate_nonsmooth()"
-        require(self.saved is not None, "solution", "without saved states", "with some", times)
-        assert self.saved is not None and self.history is not None
+        remedy = "pass times to simulate_nonsmooth()"
+        require(self.saved is not None, "solution", "without saved states", "with some", remedy)
+        assert self.saved is not None and self.history is not None and self.saved_count is not None
         found = self.saved.to_xarray()
         contacts = by_contact(self.history)
         if contacts:
@@ -142,5 +143,4 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
             "steps": int(self.steps),
         }
         # Rows after the last reached time repeat the last state, and are left out.
-        reached = len(found["time"]) if self.saved_count is None else int(self.saved_count)
-        return found.isel(time=slice(reached)).assign_attrs(notes)
+        return found.isel(time=slice(int(self.saved_count))).assign_attrs(notes)

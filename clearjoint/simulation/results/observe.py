@@ -282,7 +282,7 @@ class Observation(eqx.Module, AbstractTabular):
         losses = ("normal damping", "friction", "film", "stabilisation")
         dissipated = sum(self.energies.get(name, 0.0) for name in losses)
         balance = self.energies["mechanical"] + dissipated - self.energies.get("supplied", 0.0)
-        return balance - balance[0]
+        return balance - balance[:1]
 
 
 def _stacked(

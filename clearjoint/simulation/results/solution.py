@@ -92,7 +92,7 @@ def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict
         arrays[prefix + part] = Labelled(dims, np.stack(values, -2), unit, MEANINGS[part])
     if entry_speeds := by_contact(states.entry_speeds):
         values = np.stack([*entry_speeds.values()], -1)
-        text = "speed at which the contact closed; zero in flight"
+        text = "speed of approach at the onset of the contact; zero in flight"
         arrays[f"{prefix}entry_speed"] = Labelled((*rows, CONTACTS), values, "m/s", text)
     if bristles := by_contact(states.bristles):
         text = "deflection of the bristles, in the axes of the joint's first body"
@@ -225,8 +225,8 @@ def _body(body: BodyState, left: Rows, x: np.ndarray, h: np.ndarray) -> BodyStat
     # The same relation gives the spin, (0, w) = 2 p^-1 dp/dt. Its scalar part is left out: it is
     # not zero inside the step, only because the size of the interpolated p changes there.
     size = np.linalg.norm(orientation, axis=1, keepdims=True)
-    conjugate = orientation * (1.0, -1.0, -1.0, -1.0) / size**2
-    return BodyState(position, orientation / size, velocity, 2.0 * _product(conjugate, rate)[:, 1:])
+    inverse = orientation * (1.0, -1.0, -1.0, -1.0) / size**2
+    return BodyState(position, orientation / size, velocity, 2.0 * _product(inverse, rate)[:, 1:])
 
 
 def _along(start: Slope, end: Slope, x: np.ndarray, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -292,7 +292,7 @@ class Run:
                 if ended or interrupted:
                     break
         reductions = self.recorders[REDUCTIONS], now.records[REDUCTIONS]
-        final, result, left, results = _end_compiled(*program, *reductions, now.step, self.end)
+        final, result, slid_out, results = _end_compiled(*program, *reductions, now.step, self.end)
         step, saved, trajectory = now.step, None, None
         time, attempts, accepted = jax.device_get((step.t, step.attempts, step.accepted))
         if save_at is not None:
@@ -322,7 +322,7 @@ class Run:
             },
             settings=notes,
         )
-        return solution, interrupted, bool(left)
+        return solution, interrupted, bool(slid_out)
 
 
 def _end_of(
@@ -344,10 +344,10 @@ def _end_of(
     """
     system = scheme.unpacked(folded_scene)
     final = final_state(system, step)
-    left = any_slid_out(unpack(folded_scene), final.bodies)
+    slid_out = any_slid_out(unpack(folded_scene), final.bodies)
     instant = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
     results = {n: of.reduction.results(tallies[n], instant) for n, of in reductions.items()}
-    return pack(final), final_result(step, end), left, results
+    return pack(final), final_result(step, end), slid_out, results
 
 
 _end_compiled = Native(_end_of)

@@ -40,7 +40,7 @@ RESOLVED_TRAVEL = 1e-8
 from depths. In a shorter step, rounding errors of the depths dominate their differences."""
 PIECES = 4
 """Number of equal intervals into which a step is divided for the first search of its peak. If steps
-do not end at contact events, one step may contain a whole contact."""
+do not end at contact events, the contact may fill a small part of the step only."""
 
 
 class ContactInstant(eqx.Module):
@@ -158,7 +158,7 @@ class ImpactRow(eqx.Module):
         return {**vars(self), "duration": self.separation - self.onset}
 
 
-class OpenContact(eqx.Module):
+class ContactSoFar(eqx.Module):
     """A contact at the end of the latest accepted step.
 
     - `instant`: its gap and entry speed at that time.
@@ -173,13 +173,13 @@ class OpenContact(eqx.Module):
 
     def after(
         self, law: AbstractContactLaw, t0: Scalar, t1: Scalar, end: ContactInstant
-    ) -> tuple["OpenContact", Condition, ImpactRow]:
+    ) -> tuple["ContactSoFar", Condition, ImpactRow]:
         """Return the contact after a further step, from t0 to t1, s.
 
         **Arguments:** `law`: the contact's law; `end`: the contact at t1.
 
-        **Returns:** the contact after the step; whether a contact that began in the run ended in
-        the step; and its row, which is valid only in this case.
+        **Returns:** the contact after the step; whether a contact that began in an earlier step of
+        the run ended in this step; and its row, which is valid only in this case.
         """
         start, row, h = self.instant, self.row, t1 - t0
         touched, touches = start.touches(law), end.touches(law)
@@ -208,14 +208,14 @@ class OpenContact(eqx.Module):
         fresh = ImpactRow(onset, t1, speed, end.gap.rate, nothing, t1, nothing)
         # A contact that exists at the start of the run gets no row, because its onset is unknown.
         begun = touches & (begins | self.begun)
-        contact = OpenContact(end, begun, choose(begins, fresh, row))
+        contact = ContactSoFar(end, begun, choose(begins, fresh, row))
         return contact, self.begun & jnp.logical_not(touches), row
 
 
 class ContactRecord(eqx.Module):
     """A contact at the end of the latest accepted step, and the rows of its finished impacts."""
 
-    contact: OpenContact
+    contact: ContactSoFar
     rows: RowBuffer[ImpactRow]
 
 
@@ -247,7 +247,7 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
         rows = RowBuffer.like(none, self.capacity)
         instants = self._instants(loop.method, loop.system, start.now, start.step)
         return each_label(
-            lambda name, label: ContactRecord(OpenContact(instants[name][label], no, none), rows),
+            lambda name, label: ContactRecord(ContactSoFar(instants[name][label], no, none), rows),
             instants,
         )
 

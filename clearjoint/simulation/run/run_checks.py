@@ -275,7 +275,7 @@ class _Starts:
         # constraint equations, so its results are cached by them. Without a limit, the cache would
         # grow with each start whose constraints differ.
         known = self._distances.setdefault(given.key, {})
-        if len(known) > KEPT:
+        if len(known) >= KEPT:
             known.clear()
         redundant, uncertain = dependent(rows.names, rows.left, known)
         return None if uncertain else redundant

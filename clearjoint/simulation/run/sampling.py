@@ -104,7 +104,7 @@ def start_with_tangents(
     """
 
     def initial(system: System, values: Coordinates) -> tuple[tuple[Variables, EntrySpeeds], None]:
-        state = scenes.start(values)
+        state = family_of_scenes.start(values)
         motion = system.encode(state.bodies)
         y = Variables(motion, {}, initial_bristles(system.scene, state.bristles))
         return jax.tree.map(jnp.asarray, (y, state.entry_speeds)), None
@@ -112,9 +112,9 @@ def start_with_tangents(
     # `with_derivatives` evaluates a function of the system, and differentiates it with respect to
     # the parameters. For this it takes the derivatives of the function's other arguments, which for
     # the parameters themselves are the identity matrix.
-    scenes, count = family.family, len(family.family.values)
+    family_of_scenes, count = family.family, len(family.family.values)
     (y, entry_speeds), _, (y_along, entry_speeds_along) = family.with_derivatives(
-        initial, (scenes.values,), (jnp.eye(count),)
+        initial, (family_of_scenes.values,), (jnp.eye(count),)
     )
     # Entry speeds and energy ledger, which the initial state may lack, are added here.
     system = family.system()
@@ -153,7 +153,7 @@ def look_at_tangents(method: Method, attempt: Attempt, t: Scalar) -> tuple[Varia
     return y, choose(t >= end, last.entry_speeds, inside.entry_speeds_start)
 
 
-def followed(
+def run_with_tangents(
     scheme: Scheme,
     family: ParametrisedScene,
     outputs: Mapping[str, Quantity],
@@ -280,17 +280,18 @@ def _scanned(
     return run, jax.tree.map(lambda leaf: leaf.reshape(count, *leaf.shape[2:]), rows)
 
 
-sampled_compiled: Native[..., Sampled] = Native(followed)
+sampled_compiled: Native[..., Sampled] = Native(run_with_tangents)
 
 
 def recorded_run(
     arguments: tuple[PyTree, ...], states: bool, impacts: bool, sections: dict[str, SectionRecorder]
 ) -> Sampled:
-    """Run `followed`, again with larger buffers if it had no room for all impacts, and return its
-    result as NumPy arrays.
+    """Run `run_with_tangents`, again with larger buffers if it had no room for all impacts, and
+    return its result as NumPy arrays.
 
-    **Arguments:** `arguments`: all arguments of `followed` except `kept`; `states`, `impacts`:
-    whether to keep states and impacts; `sections`: recorders of crossings, by name of the section.
+    **Arguments:** `arguments`: all arguments of `run_with_tangents` except `kept`; `states`,
+    `impacts`: whether to keep states and impacts; `sections`: recorders of crossings, by name of
+    the section.
     """
     room = IMPACTS_AT_FIRST if impacts else None
     while True:

@@ -27,7 +27,8 @@ class Saving:
       steps.
     - `steps`: keep the state after every accepted step, in `solution.steps`.
     - `impacts`: keep a table of impacts, with one row for each finished contact, in
-      `solution.impacts`.
+      `solution.impacts`. If steps do not end at contact events, because the `landing_tolerance` of
+      the `Settings` is ``None``, contacts that begin and end within one step have no row.
     - `sections`: Poincaré sections by name, each a `Section`, whose crossings are kept in
       `solution.sections`.
     - `outputs`: reductions by name, such as `Peak`, which are updated at every accepted step. Their

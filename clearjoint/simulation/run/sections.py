@@ -112,7 +112,7 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
         if self.channels is None:
             # In lanes, which cannot branch one by one, the root is searched for in every step.
             row = self._crossing(step_outcome, before, after)
-            time = row.t
+            time = step_outcome.system.clock(row.t)
         else:
             # Most steps have no crossing: other runs search for the root only in those that have.
             system, channels = step_outcome.system, dict(self.channels)

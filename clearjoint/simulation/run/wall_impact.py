@@ -16,6 +16,7 @@ from ...fields.checks import require, require_positive
 from ...fields.types import Single
 from ...math.interpolation import Parabola
 from ...math.vectors import Scalar
+from ...model.clearance_joints.common import require_smaller_clearance
 from ...model.contact.laws import AbstractContactLaw, Gap, contact_normal_force
 from .run_checks import check_precision
 
@@ -68,8 +69,9 @@ def free_impact(
     - `bearing_radius`, `clearance`: m, radius of the bearing and radial clearance, if the law's
       stiffness depends on them.
 
-    **Raises:** `ValueError` if the mass or the speed is not positive, if the mass does not leave
-    the wall within 100 s or 16 384 steps, or if JAX computes in 32 bits.
+    **Raises:** `ValueError` if a number is not positive, if the clearance is not smaller than the
+    radius, if one of these two is missing and the stiffness depends on it, if the mass does not
+    leave the wall within 100 s or 16 384 steps, or if JAX computes in 32 bits.
 
     >>> impact = cj.free_impact(cj.laws.Hertz(1e6, exponent=1.0), mass=1.0, entry_speed=0.1)
     >>> print(f"{impact.peak_force:.2f} N in {impact.duration * 1e3:.3f} ms")
@@ -78,6 +80,12 @@ def free_impact(
     check_precision(allow_float32=False)
     require_positive("mass", mass, "give kg")
     require_positive("entry_speed", entry_speed, "give m/s")
+    if bearing_radius is not None:
+        require_positive("bearing_radius", bearing_radius, "give m")
+    if clearance is not None:
+        require_positive("clearance", clearance, "give m")
+        if bearing_radius is not None:
+            require_smaller_clearance(clearance, bearing_radius, "the bearing's radius")
     numbers = jnp.asarray(mass, dtype=float), jnp.asarray(entry_speed, dtype=float)
     contact = partial(_contact, law, *numbers, bearing_radius, clearance)
     # The first run finds the duration.
@@ -91,10 +99,12 @@ def free_impact(
     require(rebounds, "law", law, expected, remedy)
     # The peaks are found from a second run with shorter steps.
     fine = contact(jnp.asarray(duration / STEPS_A_CONTACT))
-    depth, rate = np.asarray(fine.ys)[np.isfinite(np.asarray(fine.ts))].T
+    is_step = np.isfinite(np.asarray(fine.ts))
+    times, (depth, rate) = np.asarray(fine.ts)[is_step], np.asarray(fine.ys)[is_step].T
     gap = Gap(depth, rate, bearing_radius, clearance)
     force = np.asarray(contact_normal_force(law, gap, np.full_like(depth, entry_speed)))
-    return FreeImpact(-float(rate[-1]) / entry_speed, _crest(force), _crest(depth), duration)
+    peaks = _crest(times, force), _crest(times, depth)
+    return FreeImpact(-float(rate[-1]) / entry_speed, *peaks, duration)
 
 
 @Compiled
@@ -112,9 +122,10 @@ def _contact(
     **Arguments:** `bearing_radius`, `clearance`: m, or ``None``, as in `free_impact`;
     `longest_step`: s.
 
-    **Returns:** diffrax's solution with the times `ts` of all steps, (N,) s, and the penetrations,
-    m, and their rates, m/s, in `ys`, (N, 2). N is the limit of steps; rows of steps that were not
-    taken are infinite. `result` is `event_occurred` if the force ended within `LONGEST`.
+    **Returns:** diffrax's solution with the start and the end times `ts` of all steps, (N,) s, and
+    the penetrations, m, and their rates, m/s, in `ys`, (N, 2). Rows of steps that were not taken,
+    up to the limit of steps, are infinite. `result` is `event_occurred` if the force ended within
+    `LONGEST`.
     """
 
     def rates(t: Single, y: Float[jax.Array, "2"], args: None) -> Float[jax.Array, "2"]:
@@ -142,17 +153,21 @@ def _contact(
         event=leaving,
         throw=False,
         max_steps=16384,
-        saveat=diffrax.SaveAt(steps=True, t1=True),
+        saveat=diffrax.SaveAt(t0=True, steps=True, t1=True),
         stepsize_controller=diffrax.PIDController(TOLERANCE, 1e-18, dtmax=longest_step),
     )
 
 
-def _crest(values: np.ndarray) -> float:
-    """Return the peak of a curve from N >= 3 values, (N,), at equal distances.
+def _crest(times: np.ndarray, values: np.ndarray) -> float:
+    """Return the peak of a curve from N >= 3 values at rising times, both (N,).
 
     It is the largest value of a parabola through the largest of the values and both values beside
     it. If the largest is the first or last one, the parabola goes through the three values at this
     end.
     """
     k = int(np.clip(np.argmax(values), 1, len(values) - 2))
-    return float(Parabola.through(*values[k - 1 : k + 2]).extremes(0.0, 1.0)[1])
+    start, middle, end = values[k - 1 : k + 2]
+    # The position of the middle value on the way from the first time, 0, to the last one, 1.
+    x = (times[k] - times[k - 1]) / (times[k + 1] - times[k - 1])
+    bend = ((end - start) - (middle - start) / x) / (1.0 - x)
+    return float(Parabola(start, end - start - bend, bend).extremes(0.0, 1.0)[1])

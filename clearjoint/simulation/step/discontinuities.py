@@ -99,8 +99,8 @@ def compares_time(part: AbstractFunctionOfTime | AbstractElement) -> bool:
     """
     part = unpack(part)
     if isinstance(part, AbstractFunctionOfTime):
-        return _branches(program_of(part, 0.0)[0].jaxpr, [True], KINKED)
-    return _branches(_program_of_element(part), [True, False], KINKED)
+        return _depends_on_primitive(program_of(part, 0.0)[0].jaxpr, [True], KINKED)
+    return _depends_on_primitive(_program_of_element(part), [True, False], KINKED)
 
 
 def _program_of_element(element: AbstractElement) -> Jaxpr:
@@ -125,7 +125,7 @@ def _program_of_element(element: AbstractElement) -> Jaxpr:
     return program_of(outputs, 0.0, 1.0)[0].jaxpr
 
 
-def _branches(program: Jaxpr, chosen: list[bool], primitives: frozenset[str]) -> bool:
+def _depends_on_primitive(program: Jaxpr, chosen: list[bool], primitives: frozenset[str]) -> bool:
     """Return whether the results of a program depend on one of `primitives`, or on an operation
     whose result is not a float, such as a comparison, applied to a variable that depends on one of
     the `chosen` arguments.
@@ -154,7 +154,7 @@ def _branches(program: Jaxpr, chosen: list[bool], primitives: frozenset[str]) ->
             # Arguments correspond one to one for calls. For loops and conditionals the assignment
             # differs by primitive; all inner arguments then count as dependent.
             passed = which if len(inner.invars) == len(which) else [True] * len(inner.invars)
-            if _branches(inner, passed, primitives):
+            if _depends_on_primitive(inner, passed, primitives):
                 return True
         causes.update(equation.outvars)
     return False
@@ -188,7 +188,7 @@ def may_have_undeclared_jump(scene: Scene) -> bool:
 
     return any(
         isinstance(element, AbstractContactJoint)
-        or _branches(_program_of_element(element), [False, True], JUMPING)
+        or _depends_on_primitive(_program_of_element(element), [False, True], JUMPING)
         for element in [*scene.joints.values(), *scene.forces.values()]
         if any(map(is_foreign, jax.tree.leaves(element, is_leaf=is_foreign)))
     )

@@ -56,7 +56,7 @@ class Loops(eqx.Module):
         In loops with checkpoints, the derivatives of a trial whose numbers are not finite are left
         out, so that they do not spoil those of the run.
         """
-        function = attempt if self.checkpoints is None else _attempt_without_overflow
+        function = attempt if self.checkpoints is None else _attempt_with_finite_derivatives
         return function(method, system, step, t_end)
 
     def repeat(
@@ -109,14 +109,18 @@ def loops_for(adjoint: diffrax.RecursiveCheckpointAdjoint | None) -> Loops:
 
 
 @eqx.filter_custom_jvp
-def _attempt_without_overflow(method: Method, system: System, step: Step, t_end: Scalar) -> Attempt:
+def _attempt_with_finite_derivatives(
+    method: Method, system: System, step: Step, t_end: Scalar
+) -> Attempt:
     """Try one step, like `attempt` in `.stepping`, but with derivatives that stay finite if the
     trial overflows; the next function computes them."""
     return _attempt(method, system, step, t_end)
 
 
-@_attempt_without_overflow.def_jvp
-def _(primals: tuple[PyTree, ...], tangents: tuple[PyTree, ...]) -> tuple[Attempt, Attempt]:
+@_attempt_with_finite_derivatives.def_jvp
+def _attempt_jvp(
+    primals: tuple[PyTree, ...], tangents: tuple[PyTree, ...]
+) -> tuple[Attempt, Attempt]:
     """Return the attempt and its tangents. For a trial that overflowed, the step keeps the tangents
     from before the trial, and all others are zero.
 

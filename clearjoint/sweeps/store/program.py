@@ -42,8 +42,8 @@ from ...quantities.base import Instant, Quantity
 from ...simulation.lanes.lane import (
     WINDOW,
     Lane,
+    LaneRequest,
     Plan,
-    SegmentRequest,
     Task,
     begin_lane,
     outcome,
@@ -390,10 +390,10 @@ class _Traced:
         return computed
 
 
-def _request(end_time: Scalar, first_step: Scalar) -> SegmentRequest:
+def _request(end_time: Scalar, first_step: Scalar) -> LaneRequest:
     """Return the data with which the loop runs a lane to `end_time`, s, with a first step of the
     length `first_step`, s, without times to save at and without rows to record."""
-    return SegmentRequest(end_time, first_step, jnp.full(WINDOW, jnp.inf), {})
+    return LaneRequest(end_time, first_step, jnp.full(WINDOW, jnp.inf), {})
 
 
 def identity_of(digests: Mapping[str, str], lanes: Lanes, tasks: Task, saved: str) -> Identity:
