@@ -103,7 +103,7 @@ def caution(message: str, category: type[Warning]) -> None:
     if not warns():
         return
     silence = f'warnings.filterwarnings("ignore", category=clearjoint.{category.__name__})'
-    warnings.warn(f"{message} {SILENCE} {silence}.", category, _level_of_the_user())
+    warnings.warn(f"{message} {SILENCE} {silence}.", category, level_of_the_user())
 
 
 def warns() -> bool:
@@ -124,7 +124,7 @@ def quiet() -> Iterator[None]:
         _QUIET.reset(token)
 
 
-def _level_of_the_user() -> int:
+def level_of_the_user() -> int:
     """Return the `stacklevel` for `warnings.warn` with which a warning refers to the user's code.
 
     That is the innermost frame outside of this package and equinox. `warnings.warn` must be called

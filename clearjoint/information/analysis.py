@@ -19,7 +19,7 @@ from ..parametrisation.parameter import AbstractScale, Parameter, coordinates_of
 from ..quantities.base import Quantity, check_quantity, require_quantity
 from ..simulation.run.sensitivities import Sensitivities, sensitivities
 from ..simulation.step import presets
-from ..simulation.step.settings import Settings, check_strictly_rising, settings_or
+from ..simulation.step.settings import Settings, settings_or, strictly_rising_times
 from . import fisher_information as information
 from .fisher_information import Combination, aligned, number, percent
 
@@ -54,7 +54,7 @@ class Sensor:
         require(len(several) > 0, "channels", (), "one or more", "pass one of cj.quantities")
         for channel in several:
             require_quantity("channels", channel)
-        row = np.asarray(check_strictly_rising(times, "times"))
+        row = np.asarray(strictly_rising_times(times, "times"))
         deviation = np.asarray(as_number(noise, "noise"))
         fine, expected = deviation.shape in ((), row.shape), f"a number or of shape {row.shape}"
         require(fine, "noise", deviation.shape, expected, "pass one for each time")

@@ -8,6 +8,7 @@ import numpy as np
 from typing_extensions import Unpack
 
 from ..export.datasets import Labelled, labelled_dataset, texts
+from ..fields.cautions import level_of_the_user
 from ..fields.checks import require, require_count
 from ..fields.objects import with_arrays
 from ..model.bodies import State
@@ -136,7 +137,8 @@ def _indices(groups: np.ndarray, confidence: float, seed: int) -> dict[str, np.n
     # SciPy's estimator requires a power of two, for which Sobol points fill the cube evenly.
     used = 1 << (len(whole).bit_length() - 1)
     if used < len(groups):
-        warnings.warn(f"{used} of {len(groups)} groups of runs are used.", stacklevel=4)
+        text = f"{used} of {len(groups)} groups of runs are used."
+        warnings.warn(text, stacklevel=level_of_the_user())
 
     # SciPy takes arrays (1, n) of the runs at the points A and B, and (p, 1, n) of those at A with
     # one parameter from B. The bootstrap resamples the indices of the groups.

@@ -1,11 +1,13 @@
 """Uncertain numbers of a scene, with their distributions, and designs that draw them jointly."""
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
+from ..fields.cautions import level_of_the_user
 from ..fields.checks import require, require_count, require_positive, require_types
 from ..model.bodies import State
 from ..model.scene import Scene
@@ -157,7 +159,16 @@ def unit_cube(dimensions: int, count: int, method: str, seed: int) -> Float[np.n
     if method == "random":
         return rng.random((count, dimensions))
     if method == "sobol":
-        return qmc.Sobol(dimensions, rng=rng).random(count)
+        # Points are drawn up to a power of two, since SciPy's own warning has no advice.
+        exponent = (int(count) - 1).bit_length()
+        if count != 2**exponent:
+            warnings.warn(
+                f"Argument `count` is {count}, but Sobol points fill the distributions evenly only "
+                f"if it is a power of two: pass {2 ** (exponent - 1)} or {2**exponent}, or "
+                'method="halton".',
+                stacklevel=level_of_the_user(),
+            )
+        return qmc.Sobol(dimensions, rng=rng).random_base2(exponent)[:count]
     sampler = qmc.Halton if method == "halton" else qmc.LatinHypercube
     return sampler(dimensions, rng=rng).random(count)
 

@@ -56,10 +56,10 @@ class Axis:
       returns several numbers, all of them get the same value.
     - `values`: (n,), in the SI unit of the number.
     - `unit`: text that labels the values in the results; by default the unit of the number in the
-      scene. It does not convert the values. It is ignored for a variation, which has its own unit.
+      scene. It does not convert the values. A variation has its own unit.
 
-    **Raises:** `ValueError` for values that are not a row of one or more finite numbers, and for a
-    `path` that is neither a function nor a variation.
+    **Raises:** `ValueError` for values that are not a row of one or more finite numbers, for a
+    `path` that is neither a function nor a variation, and for a `unit` with a variation.
 
     >>> axis = cj.Axis(lambda scene: scene.joints["pin"].clearance, np.geomspace(5e-5, 1e-3, 64))
     >>> axis.values.shape
@@ -72,7 +72,11 @@ class Axis:
     def __init__(
         self, path: NumberPath | AbstractVariation, values: ArrayLike, unit: str | None = None
     ):
-        variation = path if isinstance(path, AbstractVariation) else SceneNumber(path, unit)
+        is_variation = isinstance(path, AbstractVariation)
+        remedy = "leave it out, since the variation has its own unit"
+        has_one_unit = unit is None or not is_variation
+        require(has_one_unit, "unit", repr(unit), "None for a variation", remedy)
+        variation = path if is_variation else SceneNumber(path, unit)
         row = np.asarray(as_number(values, "values"))
         is_row, remedy = row.ndim == 1 and row.size > 0, "pass shape (n,), one number at least"
         require(is_row, "values", row, "a row of numbers", remedy)

@@ -231,14 +231,15 @@ class _Pool:
     def submit(self, chunk: int) -> Future:
         """Submit a chunk and return its future.
 
-        If the executor is broken, the future has the error, as for a chunk that fails.
+        If the executor is broken or has been shut down, the future has the error, as for a chunk
+        that fails.
         """
         try:
             return self._executor.submit(self._call, chunk)
-        except BrokenExecutor as error:
-            broken = Future()
-            broken.set_exception(error)
-            return broken
+        except RuntimeError as error:  # also a `BrokenExecutor`
+            failed = Future()
+            failed.set_exception(error)
+            return failed
 
 
 def _payload(task: ChunkFunction) -> bytes:

@@ -24,7 +24,7 @@ from ..simulation.reductions.base import AbstractReduction, Instants, Window, ch
 from ..simulation.results.solution import STATE_PARTS
 from ..simulation.run.saving import Saving
 from ..simulation.run.sections import Channels, Section, check_channels, check_quantities
-from ..simulation.step.settings import check_strictly_rising
+from ..simulation.step.settings import strictly_rising_times
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -279,7 +279,7 @@ class Saved:
         strictly.
         """
         chosen = np.asarray(self.times(scene) if callable(self.times) else self.times)
-        times = np.asarray(check_strictly_rising(chosen, "times"))
+        times = np.asarray(strictly_rising_times(chosen, "times"))
         # Single precision is kept, because later checks allow for its rounding errors.
         return chosen if chosen.dtype.kind == "f" else times
 

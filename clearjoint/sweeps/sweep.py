@@ -17,7 +17,7 @@ from ..dynamics.constraint_report import dependent, start_rows_of_lanes
 from ..dynamics.coordinates import AbstractCoordinates
 from ..dynamics.journals import HOLD_IT, slid_out
 from ..export.datasets import describe, described, versions
-from ..fields.cautions import LeftBearingWarning, caution
+from ..fields.cautions import LeftBearingWarning, caution, level_of_the_user
 from ..fields.checks import require, require_array_names, require_count, require_types
 from ..fields.objects import with_arrays
 from ..math.vectors import fold_constants
@@ -314,9 +314,10 @@ def sweep(
     sweep; `PermissionError` for lanes that are missing in a store which can't be written to;
     `ChunkError` if an executor fails.
 
-    **Warns:** `UserWarning` with the number of failed lanes and the first error message about
-    invalid values, and another one that names damaged files of the store; `LeftBearingWarning` if a
-    journal has slid out of its bearing at the end of a lane.
+    **Warns:** `UserWarning` with the number of failed lanes, the first error message about invalid
+    values, and the number of lanes that are pending because another process has discarded their
+    results; another one that names damaged files of the store; `LeftBearingWarning` if a journal
+    has slid out of its bearing at the end of a lane.
 
     >>> axis = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [100.0, 400.0])
     >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
@@ -477,19 +478,23 @@ def _lane_tasks(
 
 
 def _warn_of_failures(results: "xr.Dataset", lanes: Lanes) -> None:
-    """Warn of the number of failed lanes by result code. If lanes have invalid values, the warning
-    ends with the error message of the first of them."""
+    """Warn of the number of failed lanes by result code, and of lanes that are still pending. If
+    lanes have invalid values, the error message of the first of them follows."""
     names = {number: name for name, number in result_numbers().items()}
-    counts = Counter(names.get(int(code), "pending") for code in results[RESULT].values.ravel())
+    codes = results[RESULT].values
+    counts = Counter(names[int(code)] for code in codes[codes != PENDING])
     del counts["successful"]
+    pending, texts = np.count_nonzero(codes == PENDING), []
     if counts:
         failed = ", ".join(f"{count} {name}" for name, count in counts.items())
-        first = next(iter(lanes.bad.items()), None)
-        example = "" if first is None else f" Lane {first[0]}: {first[1]}"
-        warnings.warn(
-            f"{counts.total()} of {results[RESULT].size} lanes failed: {failed}.{example}",
-            stacklevel=3,
-        )
+        texts.append(f"{counts.total()} of {codes.size} lanes failed: {failed}.")
+    if lanes.bad:
+        texts.append("Lane {}: {}".format(*next(iter(lanes.bad.items()))))
+    if pending:
+        remedy = "sweep again with the same arguments"
+        texts.append(f"{pending} of {codes.size} lanes are pending: {remedy}.")
+    if texts:
+        warnings.warn(" ".join(texts), stacklevel=level_of_the_user())
 
 
 def _warn_of_journals_outside(results: "xr.Dataset", lanes: Lanes) -> None:

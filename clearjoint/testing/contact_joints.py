@@ -15,7 +15,8 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 
 from ..dynamics.contact_forces import LoadedContact, contact_force
-from ..math.vectors import ZERO, Condition, Matrix, Scalar, Vector, unpack
+from ..math.rotations import rotation_matrix, turned
+from ..math.vectors import ZERO, Condition, EulerParameters, Matrix, Scalar, Vector, unpack
 from ..model.bodies import GROUND, GROUND_MOTION, Motion
 from ..model.joints.base import AbstractContactJoint, ByLabel, Motions
 from .conformance import ensure
@@ -31,6 +32,9 @@ TOLERANCE_OF_DIFFERENCES = 1e-5
 above the errors of these."""
 PENETRATION, ENTRY_SPEED = 1e-6, 0.1
 """Depth beyond the onset, m, and entry speed, m/s, of a tested contact."""
+ROTATIONS = 4
+"""Number of Newton steps by which a body is rotated to the onset of a contact. Their error, which
+each step squares, is then far below `PENETRATION`."""
 
 Rows: TypeAlias = dict[str, jax.Array]
 """Array of numbers of each contact, by the contact's label."""
@@ -58,8 +62,8 @@ def check_contact_joint(
 
     The joint is tested at the given motions; at the onset of each contact's force, and a micrometre
     deeper; with the joint's attachment points on both bodies (those of its method `attachments`)
-    coincident; and at all these positions at rest. The second body is only shifted to these
-    positions, so that contacts with couples, which depend on its rotation, keep their penetration.
+    coincident; and at all these positions at rest. The second body is shifted to these positions,
+    or rotated to the onset of a contact that transmits a couple.
 
     **Arguments:**
 
@@ -85,13 +89,13 @@ def check_contact_joint(
     laws, contacts = set(joint.laws()), set(unpack(joint).contacts(motions))
     ensure(laws == contacts, f"laws() names {sorted(laws)}, contacts() {sorted(contacts)}.")
     # `given` is the vector of all parameters of the joint and all numbers of the motions.
-    numbers, rest = eqx.partition(joint, eqx.is_inexact_array)
-    given, restored = ravel_pytree((numbers, motions))
+    parameters, structure = eqx.partition(joint, eqx.is_inexact_array)
+    given, restored = ravel_pytree((parameters, motions))
 
     def joint_and_motions(point: jax.Array) -> tuple[AbstractContactJoint, Motions]:
         """Return the joint and the motions that a vector like `given` describes."""
-        numbers, motions = restored(point)
-        return eqx.combine(numbers, rest), motions
+        parameters, motions = restored(point)
+        return eqx.combine(parameters, structure), motions
 
     @jax.jit
     @jax.vmap
@@ -108,17 +112,17 @@ def check_contact_joint(
     # derivatives along the motion, along all numbers at once, and along each parameter with the
     # evaluations for its central difference.
     positions = _positions(joint, motions, together)
-    points = jnp.stack([ravel_pytree((numbers, position))[0] for position in positions])
-    zero = jax.tree.map(jnp.zeros_like, numbers)
+    points = jnp.stack([ravel_pytree((parameters, position))[0] for position in positions])
+    zero = jax.tree.map(jnp.zeros_like, parameters)
     velocities = jnp.stack([ravel_pytree((zero, _velocities(p)))[0] for p in positions])
-    by_number = _changes_of_numbers(numbers, given)
-    ahead, behind = (given + sign * STEP * by_number for sign in (1.0, -1.0))
+    by_parameter = _changes_of_parameters(parameters, given)
+    ahead, behind = (given + sign * STEP * by_parameter for sign in (1.0, -1.0))
     requests = (
         (points, velocities),
         (points, jnp.ones_like(points)),
-        (jnp.broadcast_to(given, by_number.shape), by_number),
-        (ahead, by_number),
-        (behind, by_number),
+        (jnp.broadcast_to(given, by_parameter.shape), by_parameter),
+        (ahead, by_parameter),
+        (behind, by_parameter),
     )
     joined = (jnp.concatenate(parts) for parts in zip(*requests, strict=True))
     failures, all_rows, all_slopes = evaluate(*joined)
@@ -129,16 +133,16 @@ def check_contact_joint(
         same = jnp.allclose(single, all_rows[label][0], rtol=TOLERANCE, atol=1e-12)
         _require(same, label, "its forces under vmap differ from a single evaluation")
         rows, slopes = jnp.split(all_rows[label], ends), jnp.split(all_slopes[label], ends)
-        _check_slopes(label, numbers, rows, slopes)
+        _check_slopes(label, parameters, rows, slopes)
 
 
 def _check_slopes(
-    label: str, numbers: AbstractContactJoint, rows: list[jax.Array], slopes: list[jax.Array]
+    label: str, parameters: AbstractContactJoint, rows: list[jax.Array], slopes: list[jax.Array]
 ) -> None:
     """Check that the derivatives of a contact's numbers are finite, and that the derivative of its
     penetration by each parameter of the joint agrees with finite differences.
 
-    **Arguments:** `label`: label of the contact; `numbers`: the joint with its parameters as
+    **Arguments:** `label`: label of the contact; `parameters`: the joint with its parameters as
     arrays; `rows`, `slopes`: for each of the five `requests` in `check_contact_joint`, the numbers
     of `_rows` and their derivatives.
     """
@@ -149,7 +153,7 @@ def _check_slopes(
     _require(finite, label, "a derivative of its forces is not finite everywhere")
     _, _, _, larger, smaller = rows
     exact, numeric = exact[:, 0], (larger - smaller)[:, 0] / (2.0 * STEP)
-    paths = jax.tree_util.tree_leaves_with_path(numbers)
+    paths = jax.tree_util.tree_leaves_with_path(parameters)
     names = [jax.tree_util.keystr(path).lstrip(".") for path, leaf in paths for _ in leaf.ravel()]
     # Each parameter changed by its magnitude, so these derivatives are in m. The term of 1e-3 m
     # allows for the rounding errors of lengths where a derivative is zero.
@@ -167,17 +171,20 @@ def _require(condition: Condition, label: str, message: str) -> None:
 def _positions(joint: AbstractContactJoint, motions: Motions, together: bool) -> list[Motions]:
     """Return the motions of the bodies at which the joint is tested.
 
-    These are the given motions; motions in which the second body is shifted to the onset of the
-    force of each contact without a couple, 1 µm deeper, and, if `together` is true, to coincident
-    attachment points; and all of these with bodies at rest.
+    These are the given motions; motions in which the second body is moved to the onset of the force
+    of each contact, 1 µm deeper, and, if `together` is true, to coincident attachment points; and
+    all of these with bodies at rest.
     """
     moving, scalar = [motions], unpack(joint)
-    # A shift of the second body along the normal increases the penetration by its length. It has
-    # no effect on a contact with a couple, whose penetration depends on the bodies' rotation.
+    # A shift of the second body along the normal increases the penetration by its length.
     for label, contact in scalar.contacts(motions).items():
         onset = -scalar.laws()[label].onset_offset()
         for depth in (onset, onset + PENETRATION):
-            moving.append(_shifted(joint, motions, contact.normal * (depth - contact.gap.depth)))
+            if contact.turning is None:
+                shift = contact.normal * (depth - contact.gap.depth)
+                moving.append(_shifted(joint, motions, shift))
+            else:
+                moving.append(_rotated(joint, motions, label, depth))
     points = {body: point for _, body, point in scalar.attachments()}
     first, second = joint.pair()
     if together and first in points and second in points:
@@ -194,6 +201,23 @@ def _shifted(joint: AbstractContactJoint, motions: Motions, shift: Vector) -> Mo
     name, shift = (first, -shift) if second == GROUND else (second, shift)
     moved = replace(motions[name], position=motions[name].position + shift)
     return {**motions, name: moved}
+
+
+def _rotated(joint: AbstractContactJoint, motions: Motions, label: str, depth: Scalar) -> Motions:
+    """Return the motions with the joint's second body rotated to the penetration `depth`, m, of a
+    contact that transmits a couple. If the second body is the ground, the first one is rotated."""
+    first, second = joint.pair()
+    name, k = (first, 0) if second == GROUND else (second, 1)
+    for _ in range(ROTATIONS):
+        contact = unpack(joint).contacts(motions)[label]
+        assert contact.turning is not None
+        # A rotation by a small vector, in body axes, increases the penetration by the scalar
+        # product of this vector and `turning`.
+        turning, motion = contact.turning[k], motions[name]
+        angle = turning * ((depth - contact.gap.depth) / turning.dot(turning))
+        further = rotation_matrix(turned(EulerParameters(1.0, 0.0, 0.0, 0.0), angle))
+        motions = {**motions, name: replace(motion, rotation=motion.rotation @ further)}
+    return motions
 
 
 def _contacts(joint: AbstractContactJoint, motions: Motions) -> Contacts:
@@ -244,10 +268,10 @@ def _failures(
             # These vectors, m in body axes, are the derivatives of the penetration rate by the
             # spins, and the couples are minus the normal force times these vectors.
             on_first, on_second = contact.turning
-            left = first.direction(on_first) + second.direction(on_second)
+            remainder = first.direction(on_first) + second.direction(on_second)
             power = on_first.dot(first.spin) + on_second.dot(second.spin)
             failed |= {
-                "the couples on both bodies are not equal and opposite": _is_nonzero(left),
+                "the couples on both bodies are not equal and opposite": _is_nonzero(remainder),
                 "the power of the couples does not agree with the rate of the penetration": (
                     _differ(power, gap.rate)
                 ),
@@ -304,14 +328,14 @@ def _force_failures(loaded: LoadedContact, first: Motion, second: Motion) -> dic
     return failures
 
 
-def _changes_of_numbers(numbers: AbstractContactJoint, point: jax.Array) -> jax.Array:
+def _changes_of_parameters(parameters: AbstractContactJoint, point: jax.Array) -> jax.Array:
     """Return one direction of change for each parameter of the joint, as rows, (p, n).
 
     In its row, the parameter has the largest magnitude of the numbers in its field, or 1 if these
     are zero; all other elements are zero. `point` is a vector (n,) of all parameters and motions,
     of which the parameters are the first p elements.
     """
-    leaves = jax.tree.leaves(numbers)
+    leaves = jax.tree.leaves(parameters)
     sizes = jnp.concatenate([jnp.full(leaf.size, jnp.max(jnp.abs(leaf))) for leaf in leaves])
     sizes = jnp.where(sizes > 0.0, sizes, 1.0)
     return jnp.eye(len(sizes), len(point)) * sizes[:, None]

@@ -111,7 +111,7 @@ class Film:
         seams = np.where(painted[order, 3:] < 1.0, 0.0, 1.0) * (0.0, 0.0, 0.0, 1.0)
         self._triangles.set_edgecolor([*(painted[order] * (1.0, 1.0, 1.0, 0.0) + seams)])
         if self._times is not None:
-            self._time_text.set_text(_time(self._times[k], self._times[-1] - self._times[0]))
+            self._time_text.set_text(_time_text(self._times[k], self._times[-1] - self._times[0]))
 
     def save(self, file: Path, frames: Sequence[int]) -> None:
         """Write an animation of the frames with the indices `frames` to a GIF or an MP4.
@@ -143,10 +143,11 @@ def _divided(part: DrawnPart, longest: float) -> DrawnPart:
     return replace(part, mesh=Mesh(vertices, faces))
 
 
-def _time(time: float, whole: float) -> str:
+def _time_text(time: float, whole: float) -> str:
     """Return the text of a time, s, with the unit and the digits that suit a run of duration
-    `whole`, s: one unit of the last digit is at most a hundredth of the duration. If this is
-    zero, the time is in µs with three decimals."""
+    `whole`, s: one unit of the last digit is at most a hundredth of the duration. If the duration
+    is zero, as for a single frame, the time itself takes its place."""
+    whole = whole or abs(time) or 1.0
     factor, unit = (1e6, "µs") if whole < 1e-3 else (1e3, "ms") if whole < 1.0 else (1.0, "s")
-    digits = max(0, 2 - int(np.floor(np.log10(whole * factor)))) if whole > 0.0 else 3
+    digits = max(0, 2 - int(np.floor(np.log10(whole * factor))))
     return f"t = {time * factor:.{digits}f} {unit}"

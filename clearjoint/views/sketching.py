@@ -224,7 +224,7 @@ class SketchingPen(AbstractPen):
         wide, scale = float(length) * self._sizes.bearing_scale, self._sizes.clearance_scale
         bore = self._sizes.bore(None if radius is None else float(radius))
         # Drawn radii of the journal and of the bearing's outside.
-        inner, outer = bore - float(clearance) * scale, bore * (1.0 + WALL)
+        journal_radius, outer = bore - float(clearance) * scale, bore * (1.0 + WALL)
         wall, shaft = profiles
         if wall is None:
             self._fix(bearing, meshes.tube(bore, outer, wide))
@@ -257,11 +257,12 @@ class SketchingPen(AbstractPen):
         poses = frames(drawn_axis, self._poses.direction(journal.body, local))
         poses[:, :3, 3] = 0.5 * (ends[0] + ends[1])
         visible = 1.3 * wide  # longer than the bearing
-        pin = meshes.cylinder(inner, visible)
+        pin = meshes.cylinder(journal_radius, visible)
         if shaft is not None:
-            pin = meshes.plate(self._edge(inner, shaft), visible)
+            pin = meshes.plate(self._edge(journal_radius, shaft), visible)
         self._moving.append(DrawnPart(self.element, pin, poses, METAL, is_journal=True))
-        self.journals[self.element] = DrawnJournal(np.array(ends), poses, inner, shaft, scale)
+        drawn = DrawnJournal(np.array(ends), poses, journal_radius, shaft, scale)
+        self.journals[self.element] = drawn
         # The bar of the journal's body passes behind the bearing, and the bar of the bearing's body
         # ends at its wall, so that neither hides the journal.
         self._hold(self._moved_back(journal, 0.5 * wide + 1.2 * self._bar))
@@ -287,17 +288,19 @@ class SketchingPen(AbstractPen):
         `normal`: of the plates, (3,) in the axes of the body of `middle`; `distance`: of the
         plates, m.
         """
-        # Columns in body axes: along the walls, their normal, and near the direction of view.
-        upwards = _unit(normal)
-        along = _unit(np.cross(upwards, self._components(middle.body, self._sizes.front)))
-        frame = np.stack([along, upwards, np.cross(along, upwards)], axis=1)
+        # Columns in body axes: along the walls, their normal, and near the direction of view. If
+        # the viewer looks along the normal, the direction along the walls is arbitrary.
+        across, front = _unit(normal), self._components(middle.body, self._sizes.front)
+        faces_viewer = np.linalg.norm(np.cross(across, front)) < 1e-6
+        along = frame_about(across, None if faces_viewer else front)[:, 1]
+        frame = np.stack([along, across, np.cross(along, across)], axis=1)
         low, high = self._range(middle, runner, along)
         centre = np.asarray(middle.point) + along * (0.5 * (low + high))
         gap = float(distance)
         # The plates are somewhat longer than the path, and deep along the line of sight.
         plate = meshes.box((high - low + 2.0 * (gap + self._bar), self._bar, 8.0 * self._bar))
         for side in (-0.5, 0.5):
-            at = centre + upwards * (side * (gap + self._bar))
+            at = centre + across * (side * (gap + self._bar))
             self._add(middle.body, plate.moved(pose_at(at, frame)))
         self._shaped.add(middle.body)
         self._hold(middle._replace(point=centre))
@@ -308,8 +311,8 @@ class SketchingPen(AbstractPen):
         **Arguments:** `centre`: its centre, with the axis along its `length`, m; `normal`: (3,) in
         body axes, along its `height`, m.
         """
-        across, upwards = centre.along(), _unit(normal)
-        frame = np.stack([across, upwards, np.cross(across, upwards)], axis=1)
+        along, across = centre.along(), _unit(normal)
+        frame = np.stack([along, across, np.cross(along, across)], axis=1)
         box = meshes.box((float(length), float(height), 5.0 * self._bar))
         self._add(centre.body, box.moved(pose_at(centre.point, frame)))
         self._shaped.add(centre.body)

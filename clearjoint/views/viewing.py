@@ -164,7 +164,7 @@ def view(
     - `motion`: a `State`; a solution with saved states or steps; or a `Trajectory`. By default,
       bodies are arranged by following the joints from the ground, and `assemble` closes loops,
       which compiles. Loops that it can't close are shown open, and the legend says so.
-    - `observation`: result of `observe` at the instants of the motion; not used for a `State`. By
+    - `observation`: result of `observe` at the instants of the motion; ``None`` for a `State`. By
       default, `view` observes a solution, which compiles once for all scenes with the same
       structure; a `Trajectory` is shown without contact forces.
     - `forces`: whether to draw arrows of contact forces, and journals in the colours of their
@@ -186,8 +186,8 @@ def view(
     **Returns:** a `View`.
 
     **Raises:** `ValueError` for a solution without states, bodies that the scene does not have, an
-    observation of other instants, a number of frames below 1, and meshes or scales that can't be
-    drawn; `ImportError` without the package trimesh of the extra `view`.
+    observation of other instants or with a `State`, a number of frames below 1, and meshes or
+    scales that can't be drawn; `ImportError` without the package trimesh of the extra `view`.
     """
     require_count("frames", frames, "give a number of frames")
     if force_scale is not None:
@@ -231,8 +231,12 @@ def _poses(
     trajectory and for a scene without contacts. The arguments are those of `view`.
 
     **Raises:** `ValueError` for a motion without states, of other bodies or with arrays of wrong
-    shapes, and for an observation of other instants.
+    shapes, and for an observation of other instants or with a single state.
     """
+    if motion is None or isinstance(motion, State):
+        remedy = "leave it out, or pass the solution that was observed"
+        given, expected = type(observation).__name__, "None for a single state"
+        require(observation is None, "observation", given, expected, remedy)
     if motion is None:
         state, fits = initial_state(scene)
         text = "state found from the joints" if fits else "joints are not closed"

@@ -203,7 +203,7 @@ def attempts(smallest, growth):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(grouping, "SMALLEST", smallest)
         scheme = Scheme.of(cj.Settings(solver=diffrax.Heun(), rtol=1e-2, ledger=True))
-        method, system = scheme.method, scheme.unpacked(fold_constants(scene))
+        method, system = scheme.method, scheme.system_of_packed(fold_constants(scene))
         state = shaken(state)
         bodies = system.encode(unpack(state.bodies))
         entry_speeds = by_group(state.entry_speeds, system.scene.joints)

@@ -16,6 +16,7 @@ from clearjoint.model.bodies import Motion
 from clearjoint.model.contact.laws import Gap
 from clearjoint.model.joints.base import AbstractContactJoint
 from clearjoint.testing import check_constraint, check_contact_joint, moving
+from clearjoint.testing.contact_joints import _positions
 
 LAW = cj.laws.HuntCrossley(0.5, 1e8)
 MODULE, PLAY, ALPHA = 3e-3, 1e-4, math.radians(20.0)
@@ -71,6 +72,16 @@ def depths(joint: AbstractContactJoint, motions: dict[str, Motion]) -> np.ndarra
 )
 def test_joints_conform_in_motion(joint):
     check_contact_joint(joint, MOTIONS)
+
+
+def test_joints_with_couples_are_checked_at_the_onset_and_deeper():
+    """At the given motions, no flank is near its onset."""
+    joint = jax.tree.map(jnp.asarray, backlash(axis_first=(1, 2, 0.5), axis_second=(0.3, 1, -1)))
+    motions = jax.tree.map(jnp.asarray, MOTIONS)
+    lower, upper = np.array([depths(joint, m) for m in _positions(joint, motions, False)]).T
+    assert abs(lower[0]) > 1e-3 and abs(upper[0]) > 1e-3
+    np.testing.assert_allclose(lower[[1, 2, 6, 7]], [0.0, 1e-6, 0.0, 1e-6], atol=1e-12)
+    np.testing.assert_allclose(upper[[3, 4, 8, 9]], [0.0, 1e-6, 0.0, 1e-6], atol=1e-12)
 
 
 @pytest.mark.parametrize("wider", [pytest.param(0.0, marks=pytest.mark.slow), 2e-4])

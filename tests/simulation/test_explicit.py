@@ -4,9 +4,16 @@ import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optimistix
 import pytest
 
-from clearjoint.simulation.step.solvers import UnrolledExplicit, dense_weights, unrolled
+from clearjoint.simulation.step.solvers import (
+    UnrolledExplicit,
+    dense_weights,
+    largest_component,
+    ready_solver,
+    unrolled,
+)
 from clearjoint.simulation.step.time_map import FromOnset, WithinContact
 
 METHODS = [diffrax.Heun, diffrax.Bosh3, diffrax.Tsit5, diffrax.Dopri5, diffrax.Dopri8]
@@ -84,6 +91,23 @@ def test_other_methods_are_unchanged():
     implicit = diffrax.Kvaerno3()
     assert unrolled(implicit) is implicit
     assert isinstance(unrolled(diffrax.Ralston()), UnrolledExplicit)
+
+
+def test_the_root_finder_of_an_implicit_method_is_kept_and_gets_tolerances():
+    """The default finder, another one without tolerances, and one with its own."""
+    chord, newton = map(
+        diffrax.with_stepsize_controller_tols, (diffrax.VeryChord, optimistix.Newton)
+    )
+    own = optimistix.Newton(1e-3, 1e-4, optimistix.rms_norm)
+    norm = largest_component
+    for given, expected in (
+        (chord(), diffrax.VeryChord(1e-6, 1e-9, norm)),
+        (newton(), optimistix.Newton(1e-6, 1e-9, norm)),
+        (own, own),
+    ):
+        finder = ready_solver(diffrax.Kvaerno3(root_finder=given), 1e-6, 1e-9).root_finder
+        assert type(finder) is type(given)
+        assert all(getattr(finder, k) == getattr(expected, k) for k in ("rtol", "atol", "norm"))
 
 
 H = jnp.asarray(0.3)

@@ -146,7 +146,7 @@ def overflowing():
 def test_an_overflowing_trial_does_not_affect_reverse_derivatives(overflowing):
     """It is rejected, so the state is unchanged; without the gate, JAX would return NaN."""
     scheme, form, now = overflowing
-    method, system = scheme.method, scheme.unpacked(form)
+    method, system = scheme.method, scheme.system_of_packed(form)
 
     def after(y):
         before = eqx.tree_at(lambda s: s.y, now.step, y)

@@ -163,6 +163,13 @@ def test_designs_fill_the_cube_and_larger_ones_append(method):
         unit_cube(3, 64, "grid", 1)
 
 
+def test_sobol_points_of_another_number_than_a_power_of_two_give_advice():
+    with pytest.warns(UserWarning, match='`count` is 100.*64 or 128.*"halton"') as caught:
+        points = unit_cube(3, 100, "sobol", 1)
+    assert len(caught) == 1
+    np.testing.assert_array_equal(points, unit_cube(3, 128, "sobol", 1)[:100])
+
+
 def test_a_design_is_a_sweep_that_can_be_stored_and_extended(tmp_path, capsys):
     scene, state = scene_and_state()
     uncertain = {"x": component(0, between=(1.0, 2.0)), "y": component(1, deviation=0.1)}

@@ -81,6 +81,7 @@ def test_groups_with_a_failed_run_are_left_out():
 
     groups = np.random.default_rng(0).standard_normal((32, 4))
     groups[3, 2] = np.nan
-    with pytest.warns(UserWarning, match="16 of 32 groups"):
+    with pytest.warns(UserWarning, match="16 of 32 groups") as caught:
         found = _indices(groups, 0.95, 0)
+    assert caught[0].filename == __file__
     assert found["first_order"].shape == (2,)

@@ -34,13 +34,17 @@ def program_text(number):
     redundant = check_start(case.scene, case.state, 0.0, case.settings.coordinates)
     scheme, scene = Scheme.of(case.settings, bool(redundant)), fold_constants(case.scene)
     begin, end, first_step = (jnp.asarray(time) for time in (0.0, 1e9, 1e-6))
-    step = begin_run(scheme.method, scheme.unpacked(scene), case.state, begin, end, first_step)
+    step = begin_run(
+        scheme.method, scheme.system_of_packed(scene), case.state, begin, end, first_step
+    )
 
     def rates(scheme, scene, step):
-        return rates_of(scheme.unpacked(scene), step.y, step.entry_speeds, step.t)
+        return rates_of(scheme.system_of_packed(scene), step.y, step.entry_speeds, step.t)
 
     def attempted(scheme, scene, step):
-        return attempt(scheme.method, scheme.unpacked(scene), step, jnp.asarray(jnp.inf)).step
+        return attempt(
+            scheme.method, scheme.system_of_packed(scene), step, jnp.asarray(jnp.inf)
+        ).step
 
     # The numbers of the scene are constants here, which a run passes as arguments.
     jaxprs = [

@@ -3,6 +3,7 @@
 import json
 import shutil
 import warnings
+from functools import partial
 
 import numpy as np
 import pytest
@@ -81,6 +82,15 @@ def recorded(function):
         warnings.simplefilter("always")
         found = function()
     return found, " ".join(str(warning.message) for warning in caught)
+
+
+def test_the_warning_of_damage_refers_to_the_line_of_the_call(path):
+    (path / "by_lane" / "steps" / "c" / "1").unlink()
+    store = opened(path, layout())
+    for read in (partial(open_sweep, path), store.missing, store.dataset):
+        with pytest.warns(UserWarning, match="is missing") as caught:
+            read()
+        assert caught[0].filename == __file__
 
 
 def test_the_last_chunk_which_is_not_full_is_computed_anew(path):

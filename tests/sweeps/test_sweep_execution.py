@@ -401,6 +401,17 @@ def test_forking_pools_are_refused():
         run_chunks(failing, [0], executor, print)
 
 
+def test_an_executor_that_has_been_shut_down_is_named(store):
+    executor = ThreadPoolExecutor(1)
+
+    def on_done(chunk, arrays):
+        write(store, chunk, arrays)
+        executor.shutdown()
+
+    with pytest.raises(ChunkError, match="after shutdown\nChunks completed in this call: 2"):
+        run_chunks(results_of, store.missing(), executor, on_done)
+
+
 def test_what_is_no_executor_is_refused():
     with pytest.raises(ValueError, match=r"`executor`.*dask.distributed.Client"):
         run_chunks(failing, [0], 4, print)

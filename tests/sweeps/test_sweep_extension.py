@@ -93,6 +93,13 @@ def test_a_further_axis_takes_the_lanes_that_it_has(tmp_path):
     assert found["steps"].sel(b=1.0).values.tolist() == [1001, 1003, 1005]
 
 
+def test_a_lane_that_another_sweep_lacks_has_its_number(path):
+    """The lanes of the smallest clearance were added last, in the rows from 12 on."""
+    compute(opened(path, layout(**FURTHER["before"])))
+    with pytest.raises(ValueError, match="lanes: 3 of 15 .*first lane 0\n"):
+        opened(path, layout())
+
+
 ENERGY = {"variables": {**layout().variables, "energy": Variable(unit="J")}}
 
 

@@ -1,13 +1,16 @@
 """Failed lanes have result codes and don't change the others; invalid sweeps are refused."""
 
 import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import clearjoint as cj
+from clearjoint.result_codes import result_numbers
 from clearjoint.sweeps.axes import lanes_of
-from clearjoint.sweeps.sweep import checked_starts
+from clearjoint.sweeps.sweep import _warn_of_failures, checked_starts
 from tests.support.rotor import END, LARGEST, OUTPUTS, angle, rotor, stiffness_axis, swept
 
 GOOD = np.array([1.0, 5.0, 20.0, 80.0])
@@ -143,6 +146,19 @@ def test_invalid_values_of_the_pendulum_are_reported():
     assert codes(found) == ["bad_parameters"] * 2
 
 
+def test_pending_lanes_have_not_failed():
+    """Another process may discard lanes that this one has computed."""
+    lanes = SimpleNamespace(bad={})
+    limit = result_numbers()["max_steps_reached"]
+    for codes, text in (
+        ([-1, 0, -1], "^2 of 3 lanes are pending: .*same arguments"),
+        ([-1, limit, 0], "^1 of 3 lanes failed: 1 max_steps_reached.*1 of 3 lanes are pending"),
+    ):
+        with pytest.warns(UserWarning, match=text) as caught:
+            _warn_of_failures(xr.Dataset({"result": ("lane", codes)}), lanes)
+        assert caught[0].filename == __file__
+
+
 def test_nothing_is_said_of_success():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -194,6 +210,10 @@ def test_what_no_sweep_can_use_is_refused(changes, says):
         (lambda: cj.Axis(lambda s: s.gravity[1], 3.0), "`values`.*row"),
         (lambda: cj.Axis(lambda s: s.gravity[1], [np.nan]), "`values`.*finite"),
         (lambda: cj.Axis(lambda s: s.gravity[1], ["fast"]), "number"),
+        (
+            lambda: cj.Axis(stiffness_axis(GOOD).variation, GOOD, "N/m"),
+            "`unit` must be None for a variation.*'N/m'",
+        ),
         (lambda: cj.Axis("gravity", GOOD), "`path`.*lambda scene"),
         (lambda: cj.Axis.initial("spin", GOOD), "`path`.*lambda state"),
         (lambda: cj.Axis.change(None, GOOD), "`make`.*lambda scene, state, value"),

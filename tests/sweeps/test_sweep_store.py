@@ -17,8 +17,8 @@ from clearjoint.sweeps.outputs import Coordinate, Layout
 from clearjoint.sweeps.store import chunks, metadata
 from clearjoint.sweeps.store import store as store_module
 from clearjoint.sweeps.store.metadata import contents_of, create
-from clearjoint.sweeps.store.program import RUN
-from clearjoint.sweeps.store.store import SweepMemory, open_sweep
+from clearjoint.sweeps.store.program import RUN, Identity, row_digests
+from clearjoint.sweeps.store.store import SweepMemory, SweepStore, open_sweep
 from tests.support.fake_sweep import (
     SETTINGS,
     complete,
@@ -251,6 +251,12 @@ def test_store_of_the_same_sweep_is_taken(partial, path):
     xr.testing.assert_equal(
         turned.dataset().transpose("clearance", ...), noted.dataset().transpose("clearance", ...)
     )
+
+
+def test_digests_of_saved_times_have_an_array_of_their_own(path):
+    digests = {RUN: row_digests([np.arange(12.0)]), "_": row_digests([np.arange(12.0) + 1.0])}
+    SweepStore.open(path, layout(), Identity({RUN: "falls"}, digests))
+    np.testing.assert_equal(contents_of(path).identity.lanes, digests)
 
 
 def test_what_is_no_store_is_refused(tmp_path):

@@ -14,6 +14,7 @@ from PIL import Image
 
 import clearjoint as cj
 from clearjoint.views.arrows import LONGEST
+from clearjoint.views.filming import _time_text
 from clearjoint.views.meshes import FORCE, LOAD, METAL, MODES, corners, outline
 from clearjoint.views.poses import initial_state
 from clearjoint.views.proportions import equivalent_solid
@@ -361,6 +362,17 @@ def test_every_element_draws_itself(element):
         assert part.mesh.faces.max() < len(part.mesh.vertices)
 
 
+def test_walls_that_face_the_viewer_are_drawn():
+    """The axes of most joints are along the normal of the walls, but the motion is spatial."""
+    slot = cj.PinInSlot(
+        "ground", "ball", slot_normal=Z, slot_axis=(1, 0, 0), play=1e-3, pin_radius=5e-3, law=FLAT
+    )
+    across = cj.RevoluteJoint("ground", "ball", ORIGIN, ORIGIN, (0, 1, 0), (0, 1, 0))
+    joints = {"slot": slot, "one": cj.RevoluteJoint("ground", "ball", *AXES), "two": across}
+    view = cj.view(cj.Scene({"ball": BALL}, joints), cj.State({"ball": cj.body_state(ORIGIN)}))
+    assert all(np.isfinite(part.mesh.vertices).all() for part in view.parts)
+
+
 def test_teeth_mesh_in_the_gaps_of_the_other_gear():
     scene, state = cj.mechanisms.gear_pair()
     view = cj.view(scene, state)
@@ -430,6 +442,27 @@ def test_motions_that_do_not_fit_are_refused():
     half = jax.tree.map(lambda rows: rows[::2], motion)
     with pytest.raises(ValueError, match="observation"):
         cj.view(scene, half, observation=recorded.observed())
+
+
+def test_a_state_has_no_observation():
+    scene, state = cj.mechanisms.double_pendulum()
+    for motion in (state, None):
+        with pytest.raises(ValueError, match="`observation` must be None for a single state"):
+            cj.view(scene, motion, observation=recorded.observed())
+
+
+@pytest.mark.parametrize(
+    ("time", "whole", "text"),
+    [
+        (5.0, 0.0, "t = 5.00 s"),
+        (2e-4, 0.0, "t = 200 µs"),
+        (0.0, 0.0, "t = 0.00 s"),
+        (5.0, 0.02, "t = 5000.0 ms"),
+    ],
+)
+def test_the_time_of_a_frame_has_the_unit_of_the_run(time, whole, text):
+    """If the run has a single frame, the unit is that of the time itself."""
+    assert _time_text(time, whole) == text
 
 
 def test_pictures_and_animations_are_written(seen, tmp_path):

@@ -95,7 +95,7 @@ def begin(
     - `t0`, `t_end`, `first_step`: s, start, end and length of the first step, as arrays.
     - `recorders`: recorders in nested dictionaries, as `recorders_of` returns.
     """
-    method, system = scheme.method, scheme.unpacked(folded_scene)
+    method, system = scheme.method, scheme.system_of_packed(folded_scene)
     step = begin_run(method, system, state, t0, t_end, first_step)
     now = RunLoop(method, system, t_end, recorders).start(step)
     # The result of a loop has no weak types. If this result had some, the second segment would be
@@ -125,7 +125,7 @@ def segment(
     N times, whose leaves have an additional first axis, with each vector as three arrays; and
     whether the run has reached each time, (N,). At other times its last state is repeated.
     """
-    method, system = scheme.method, scheme.unpacked(folded_scene)
+    method, system = scheme.method, scheme.system_of_packed(folded_scene)
     # Loops with checkpoints have a trial step of their own, whose derivatives are zero if its
     # numbers overflow.
     loop = RunLoop(method, system, t_end, recorders, loops=loops, attempt=loops.attempt)
@@ -342,7 +342,7 @@ def _end_of(
     and their records, by name of the output; `step`: state of the run after its last step; `end`:
     end time of the run, s.
     """
-    system = scheme.unpacked(folded_scene)
+    system = scheme.system_of_packed(folded_scene)
     final = final_state(system, step)
     slid_out = any_slid_out(unpack(folded_scene), final.bodies)
     instant = Snapshot(step.t, step.y, step.entry_speeds).instant(system)

@@ -28,7 +28,7 @@ from ...native import Native
 from ...parametrisation.parametrised_scene import Coordinates, ParametrisedScene
 from ...quantities.base import Instant, Quantity
 from ...result_codes import RESULTS
-from ..step.dense_output import correct, dense_time, look_inside
+from ..step.dense_output import dense_time, look_inside, stabilised
 from ..step.method import Scheme, SystemFamily
 from ..step.step_state import Attempt, Method, SolverState, Step, Tangents, Variables, choose
 from ..step.stepping import attempt, start
@@ -219,7 +219,7 @@ def run_with_tangents(
             ``None``, the auxiliary result, which `systems.with_derivatives` expects."""
             # `dense` is corrected already, but its derivatives, `along`, are not. The correction is
             # repeated here, where it is differentiated.
-            y = correct(system, y, time)
+            y = stabilised(system, y, time)
             instant = Instant(system, time, y.motion, entry_speeds, y.work, y.bristles)
             return {name: jnp.asarray(of(instant), float) for name, of in outputs.items()}, None
 

@@ -9,7 +9,7 @@ from ...fields.types import ArrayLike
 from ...math.vectors import Scalar
 from ...model.scene import Scene
 from ..reductions.base import AbstractReduction, check_reductions
-from ..step.settings import check_strictly_rising, checked_times
+from ..step.settings import checked_times, strictly_rising_times
 from ..step.types import Numbers
 from .sections import Section, SectionRecorder
 
@@ -54,7 +54,7 @@ class Saving:
             value = getattr(self, name)
             require(isinstance(value, bool), name, value, "True or False", "pass a bool")
         if self.times is not None and concrete(self.times) is not None:
-            check_strictly_rising(self.times, "times")
+            strictly_rising_times(self.times, "times")
         for argument, kind, expected, example in (
             ("sections", Section, "a Section", '{"top": cj.Section(crossing, channels, count)}'),
             ("outputs", AbstractReduction, "a reduction", '{"hits": cj.ImpactCount("pin")}'),

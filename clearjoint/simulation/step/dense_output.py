@@ -55,7 +55,7 @@ def dense_time(attempt: Attempt, t: Scalar) -> Scalar:
     return attempt.t_start + length * attempt.time_map.fraction(elapsed)
 
 
-def correct(system: System, y: Variables, t: Scalar) -> Variables:
+def stabilised(system: System, y: Variables, t: Scalar) -> Variables:
     """Return the variables at the end t, s, of a step, corrected by the stabilisation of the
     constraints.
 
@@ -79,7 +79,7 @@ def correct(system: System, y: Variables, t: Scalar) -> Variables:
 def on_constraints(system: System, y: Variables, t: Scalar) -> Variables:
     """Return the variables at a time t, s, inside a step, with the motion corrected by the
     stabilisation. The energy ledger stays, because such a correction does not enter later steps."""
-    return replace(y, motion=correct(system, y, t).motion)
+    return replace(y, motion=stabilised(system, y, t).motion)
 
 
 def require_dense(solver: diffrax.AbstractSolver) -> None:

@@ -77,7 +77,7 @@ class Scheme(eqx.Module):
         """Return the system of equations that a run integrates, for a `scene` in scalar form."""
         return System.of(scene, self.formulation)
 
-    def unpacked(self, folded_scene: ConstantFolded) -> System:
+    def system_of_packed(self, folded_scene: ConstantFolded) -> System:
         """Return the system of equations that a run integrates, for a scene in packed form.
 
         **Arguments:** `folded_scene`: the scene, with marks at vector components that are exactly 0

@@ -251,7 +251,7 @@ def checked_times(start: Scalar, end: Scalar, times: ArrayLike, argument: str) -
     **Raises:** `ValueError` for times that decrease, are not finite, are not one-dimensional or are
     outside of the run, and for an empty array.
     """
-    row = check_rising(times, argument)
+    row = rising_times(times, argument)
     if (known := checkable(row, start, end)) is not None:
         row, first, last = known
         room = rounding(start, end, times)
@@ -262,7 +262,7 @@ def checked_times(start: Scalar, end: Scalar, times: ArrayLike, argument: str) -
     return row
 
 
-def check_rising(times: ArrayLike, argument: str) -> Column:
+def rising_times(times: ArrayLike, argument: str) -> Column:
     """Check that times, s, do not decrease, and return them as an array, (N,). Of traced times only
     the shape is checked.
 
@@ -283,7 +283,7 @@ def check_rising(times: ArrayLike, argument: str) -> Column:
     return row
 
 
-def check_strictly_rising(times: ArrayLike, argument: str) -> Column:
+def strictly_rising_times(times: ArrayLike, argument: str) -> Column:
     """Check that each of several times, s, is later than the one before, and return them as an
     array, (N,). They must be known numbers, which JAX does not trace.
 
@@ -292,7 +292,7 @@ def check_strictly_rising(times: ArrayLike, argument: str) -> Column:
     **Raises:** `ValueError` for times that decrease, are repeated, are not finite, or are not
     one-dimensional, and for an empty array.
     """
-    row = check_rising(times, argument)
+    row = rising_times(times, argument)
     remedy = "remove repeated times, for example with numpy.unique"
     require(bool((np.diff(row) > 0).all()), argument, times, "without repetition", remedy)
     return row

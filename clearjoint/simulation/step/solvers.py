@@ -307,11 +307,16 @@ def ready_solver(
             lambda s: s.scan_kind, solver, "lax", is_leaf=lambda leaf: leaf is None
         )
     if isinstance(solver, diffrax.AbstractImplicitSolver):
-        # The default tolerance of a root finder is a marker, which only `diffrax.diffeqsolve`
-        # replaces by the tolerances of the controller. `VeryChord` is the default root finder. It
-        # also takes the place of another one that has such a marker or no tolerance at all.
-        given = getattr(solver.root_finder, "rtol", None)
-        if not isinstance(given, int | float | jax.Array):
-            finder = diffrax.VeryChord(rtol, atol, largest_component)
-            solver = eqx.tree_at(lambda s: s.root_finder, solver, finder)
+        # The tolerances and the norm of the default root finder are markers, which only
+        # `diffrax.diffeqsolve` replaces by those of the controller.
+        marker = diffrax.with_stepsize_controller_tols(diffrax.VeryChord)().rtol
+        usual = {"rtol": rtol, "atol": atol, "norm": largest_component}
+        finder = solver.root_finder
+        marked = [name for name in usual if getattr(finder, name, None) is marker]
+        if marked:
+            solver = eqx.tree_at(
+                lambda s: [getattr(s.root_finder, name) for name in marked],
+                solver,
+                [usual[name] for name in marked],
+            )
     return solver

@@ -104,7 +104,7 @@ def start(
     )
     t_next = jnp.asarray(t_next, dtype=float)
     solver_state = method.solver.init(term, t0, t_next, y, args)
-    count, begins_contact = jnp.zeros((), dtype=int), begins_at_start(contact_gaps)
+    zero, begins_contact = jnp.zeros((), dtype=int), begins_at_start(contact_gaps)
     # The onset of a contact that exists already is unknown, and counts as long past.
     since_onset = jnp.where(begins_contact, 0.0, jnp.inf)
     # No step has begun with an onset yet, so the first step's length stands for `entry_length`. It
@@ -126,8 +126,8 @@ def start(
             controller_state=controller_state,
         ),
         result=RESULTS.successful,
-        attempts=count,
-        accepted=count,
+        attempts=zero,
+        accepted=zero,
     )
     # Every leaf becomes an array, because a loop returns arrays and needs the same types as input.
     return jax.tree.map(jnp.asarray, step)

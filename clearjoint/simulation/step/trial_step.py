@@ -23,7 +23,7 @@ from ...fields.types import Single
 from ...math.groups import sum_
 from ...math.vectors import Condition, Scalar
 from ...model.scene import Scene
-from .dense_output import correct
+from .dense_output import stabilised
 from .method import SystemFamily
 from .saltation import contacts_jump, slopes_jump
 from .solvers import DenseInformation, UnrolledExplicit
@@ -178,7 +178,7 @@ def try_step(
             made_jump,
             **options,
         )
-        y1 = correct(system, y1, one_sided_time(system, step.t, t1))
+        y1 = stabilised(system, y1, one_sided_time(system, step.t, t1))
         y1, solver_state = _without_drift(system, y1, solver_state)
         assert isinstance(error, Variables)
         return SolverStep(y1, error, information, solver_state), result
@@ -194,8 +194,8 @@ def try_step(
         along = step.tangents.y, step.tangents.entry_speeds, step.tangents.solver_state
         outcome, result, tangents = family.with_derivatives(advance, start, along)
         finite = all_finite((outcome.y, outcome.error, tangents.y, tangents.error))
-        tangents = _unless(finite, tangents, step.tangents.y)
-    outcome = _unless(finite, outcome, step.y)
+        tangents = _or_rejected(finite, tangents, step.tangents.y)
+    outcome = _or_rejected(finite, outcome, step.y)
     gaps = system.contact_gaps(outcome.y.motion)
     return Trial(t1, time_map, outcome, tangents, gaps, finite, result)
 
@@ -220,7 +220,7 @@ def _without_drift(
     return replace(y, motion=system.without_drift(y.motion)), state
 
 
-def _unless(finite: Condition, outcome: SolverStep, y: Variables) -> SolverStep:
+def _or_rejected(finite: Condition, outcome: SolverStep, y: Variables) -> SolverStep:
     """Return the result of a step unchanged if it is `finite`; otherwise with the variables `y`, of
     the start of the step, and with the error `REJECTED_ERROR`.
 

@@ -274,8 +274,8 @@ def _write(path: Path, contents: Contents) -> None:
     layout, identity, order, added = contents
     # Another order has another name, so that a concurrent reader finds the array of its own order.
     order_name = f"sweep_order_{digest(order.tobytes())}"
-    # The digests of the runs themselves have an empty name, after which no "_" must remain.
-    digests = {name: f"sweep_lanes_{name}".rstrip("_") for name in identity.lanes}
+    # The digests of the runs themselves have an empty name.
+    digests = {name: f"sweep_lanes_{name}" if name else "sweep_lanes" for name in identity.lanes}
     own = {
         "sweep_axes": [axis.name for axis in layout.axes],
         "sweep_shape": list(layout.shape),

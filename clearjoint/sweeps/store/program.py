@@ -264,8 +264,8 @@ def programs(
     **Raises:** `ValueError` for a scene or an output that calls a Python function that JAX doesn't
     trace.
     """
-    numbers, rest = eqx.partition(folded_scene, eqx.is_array_like)
-    traced, time = _Traced(plan, channels, rest), jnp.asarray(start_time, dtype=float)
+    numbers, structure = eqx.partition(folded_scene, eqx.is_array_like)
+    traced, time = _Traced(plan, channels, structure), jnp.asarray(start_time, dtype=float)
     # The run itself is traced without outputs, so that its digest does not depend on them. A run
     # begins a lane and then repeats one step: these two programs determine it. The lengths and end
     # times of 1.0 s are arbitrary, since digests do not depend on the arguments' numbers.
@@ -294,16 +294,16 @@ class _Traced:
     and times are in s.
 
     - `plan`, `channels`: as in `programs`.
-    - `rest`: the folded scene without its numbers.
+    - `structure`: the folded scene without its numbers.
     """
 
     plan: Plan
     channels: dict[str, dict[str, Quantity]]
-    rest: ConstantFolded
+    structure: ConstantFolded
 
     def scene(self, numbers: PyTree) -> Scene:
         """Return the scene with these numbers."""
-        return unpack(eqx.combine(numbers, self.rest))
+        return unpack(eqx.combine(numbers, self.structure))
 
     @property
     def run_plan(self) -> Plan:
@@ -373,10 +373,10 @@ class _Traced:
         `tallies` returns.
         """
         now, computed = self.instant(numbers, row, inside), {}
-        for name, one in self.plan.reductions.items():
-            tally = tallies[name]
-            parts = one.start(now), one.update(tally, now), one.results(tally, now)
-            computed |= {variable_name(name, key): parts for key in one.units()}
+        for name, reduction in self.plan.reductions.items():
+            start, tally = reduction.start(now), tallies[name]
+            parts = start, reduction.update(tally, now), reduction.results(tally, now)
+            computed |= {variable_name(name, key): parts for key in reduction.units()}
         for name, quantities in self.channels.items():
             section = self.plan.sections.get(name)
             # The times of a section's crossings depend on the crossing condition, so that every

@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...fields.cautions import level_of_the_user
 from ..outputs import BY_LANE, PENDING, RESULT, LaneArrays, Layout, Variable, dataset
 from .chunks import DAMAGED, MISSING, chunk_file, locked, opened, opened_group, read
 from .metadata import (
@@ -64,7 +65,7 @@ def differences(stored: Contents, wanted: Contents, kept: np.ndarray) -> list[st
         *_compared(_settings(stored.layout), _settings(wanted.layout)),
         # A part that only the wanted sweep has is no difference: the store is extended by it.
         *_compared(parts, {name: wanted_parts[name] for name in parts if name in wanted_parts}),
-        *_lost(stored.layout, wanted.layout, kept),
+        *_lost(stored, wanted.layout, kept),
     ]
     # Settings are part of the program of the run. If a setting differs, the program differs too,
     # and a second line about it would mislead.
@@ -139,7 +140,7 @@ def _shown(value: object, start: int = 0) -> str:
     return f"{head}{rest[:_SHOWN]}{tail}"
 
 
-def _lost(stored: Layout, wanted: Layout, kept: np.ndarray) -> Iterator[str]:
+def _lost(stored: Contents, wanted: Layout, kept: np.ndarray) -> Iterator[str]:
     """Yield a line for each axis with stored values that the wanted sweep lacks, and a line if it
     lacks stored lanes.
 
@@ -148,7 +149,7 @@ def _lost(stored: Layout, wanted: Layout, kept: np.ndarray) -> Iterator[str]:
     values = {axis.name: axis.values for axis in wanted.axes}
     # An axis that the wanted sweep lacks altogether has no line here, since its unit, one of the
     # compared parts, already has one.
-    for name, old, _ in stored.axes:
+    for name, old, _ in stored.layout.axes:
         gone = old[~np.isin(old, values.get(name, old))]
         if gone.size:
             yield (
@@ -160,7 +161,7 @@ def _lost(stored: Layout, wanted: Layout, kept: np.ndarray) -> Iterator[str]:
         yield (
             f"lanes: {lost.sum()} of {lost.size} stored lanes are not among the {wanted.lanes} "
             "present lanes, because the numbers at their start differ, first lane "
-            f"{lost.argmax()}"
+            f"{stored.order[lost].min()}"
         )
 
 
@@ -492,7 +493,7 @@ def _arrays(path: Path, group: "zarr.Group", contents: Contents) -> dict[str, np
         warnings.warn(
             f"The store {path} is damaged: {', '.join(damaged[:_NAMED])}{more}. The lanes of these "
             "chunks are pending; sweep with the same arguments to compute them again.",
-            stacklevel=3,
+            stacklevel=level_of_the_user(),
         )
     return {RESULT: codes, **arrays}
 
