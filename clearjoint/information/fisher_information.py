@@ -162,7 +162,8 @@ class Combination:
         signed = self.weights * np.sign(self.weights[order[0]])
         text = ""
         for k in order.tolist():
-            if abs(signed[k]) >= SMALL_WEIGHT or self.shares[k] > SMALL_SHARE:
+            # A determined parameter has an infinite share of a sum that is not determined.
+            if abs(signed[k]) >= SMALL_WEIGHT or SMALL_SHARE < self.shares[k] < np.inf:
                 size = f"{abs(signed[k]):.2g} "
                 joint = (" - " if signed[k] < 0.0 else " + ") if text else ""
                 text += f"{joint}{size.removeprefix('1 ')}{names[k]}"

@@ -310,6 +310,8 @@ def test_steps_along_the_record():
     assert next_count(np.zeros((4, 3)), 0.0) == 2.0
     steep = np.array([[0.0, 0.0], [0.0, 100.0], [0.0, 200.0], [0.0, 300.0]])
     assert 0.0 < next_count(steep, 0.0) < 0.1
+    # No run gets farther than one time.
+    assert 0.9 < next_count(np.tile([0.0, 0.0, np.inf], (4, 1)), 0.0) <= 1.0
     weights = np.array([0.5, 0.25, 0.25, 0.0])
     assert resampled(weights, np.random.default_rng(0)).tolist() == [0, 0, 1, 2]
 

@@ -131,6 +131,12 @@ def test_weights_that_matter_are_named_though_they_are_small():
     assert worst.shares[0] > 0.99
 
 
+def test_rounding_is_not_named_in_a_sum_that_is_not_determined():
+    weights, shares = np.array([1.0, 1e-17]), np.array([np.nan, np.inf])
+    sum_of_both = information.Combination(weights, np.inf, shares)
+    assert sum_of_both.described(["a", "b"]) == "a"
+
+
 @pytest.mark.parametrize(
     ("share", "text"),
     [(1.0, "100 %"), (0.01234, "1.2 %"), (12.34, "1200 %"), (2e-7, "2e-05 %"), (np.inf, "-")],

@@ -278,7 +278,11 @@ def next_count(curves: Float[np.ndarray, "n T"], reached: float) -> float:
     def enough(count: float) -> bool:
         """Return whether enough effective points remain after a step to `count` times."""
         with np.errstate(invalid="ignore"):
-            weights, _ = normalised(0.5 * (before - level_or_infinity(curves, count)))
+            fall = 0.5 * (before - level_or_infinity(curves, count))
+        # Without a point that reaches `count` times, there are no weights.
+        if not np.isfinite(fall).any():
+            return False
+        weights, _ = normalised(fall)
         return 1.0 / (weights**2).sum() >= KEPT * len(curves)
 
     if enough(float(last)):
