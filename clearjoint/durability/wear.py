@@ -227,14 +227,16 @@ def worn(scene: Scene, found: "xr.Dataset", stage: int = -1) -> Scene:
     5.0e-06 m
     """
     names = [str(name) for name in found["joint"].values]
+    # Depths (1, joints, 2, angles) of bearings and journals at the selected stage. Their derivatives
+    # are not selected, so there is one row.
     depths = _stacked(found[[f"{part}_depth" for part in PARTS]].isel(stage=[stage]), "depth")[0]
     # Only whether a rate is positive matters to `_with_splines`.
-    has_worn = {
+    rates_of_worn = {
         name: WearRates(*(float(part.max() > 0.0) for part in of_joint))
         for name, of_joint in zip(names, depths[0], strict=True)
         if of_joint.max() > 0.0
     }
-    return _with_depths(_with_splines(scene, has_worn, depths.shape[-1]), names, depths)
+    return _with_depths(_with_splines(scene, rates_of_worn, depths.shape[-1]), names, depths)
 
 
 def cycles_to_depth(found: "xr.Dataset", depth: float, joint: str, part: Part = "bearing") -> float:
@@ -697,8 +699,12 @@ def _folder(path: Path) -> Path:
 
 
 def _version(folder: Path) -> int | None:
-    """Return a number that differs for a folder by which another one is replaced; ``None`` if there
-    is no folder."""
+    """Return the number by which the file system identifies a folder (its inode); ``None`` if there
+    is no folder.
+
+    It changes when another folder is moved to the same path. A reader compares it before and after
+    reading, to notice that the store was replaced in between.
+    """
     try:
         return folder.stat().st_ino
     except FileNotFoundError:

@@ -163,7 +163,9 @@ def _depths(
 ) -> Float[jax.Array, "2 samples"]:
     """Return the result of `depths_from_signals`; the arguments are the same.
 
-    A separate function, so that its program is compiled for the rounded number of times.
+    It is compiled once for each number of instants. `depths_from_signals` is a separate function
+    because it first pads the T instants to one of few numbers, and only padded arrays shall reach
+    the compiled program.
     """
     axes = PlanarAxes(*(signals[name][:, None] for name in PlanarAxes._fields))
     radii = joint.bearing_radius, joint.journal_radius

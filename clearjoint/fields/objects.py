@@ -103,8 +103,9 @@ def quantity(
     - `check`: a function of the field's name and value that raises a ``ValueError``, such as
       `require_axis`.
     - `remedy`: advice in error messages; the default is to give the value in its unit.
-    - `table`: whether the value stays an array of any length in compiled programs, where the
-      element computes, as `jax.numpy.interp` needs it; otherwise three numbers become a `Vector`.
+    - `table`: whether the methods of the element always get the value as an array, for instance a
+      table of N numbers for `jax.numpy.interp`. Otherwise they get arrays of shape (3,), (4,) and
+      (3, 3) as a `Vector`, `EulerParameters` and a `Matrix`, and only others as arrays.
     - `options`: options of `equinox.field`, such as `default`.
 
     >>> class Blade(extend.AbstractFriction):

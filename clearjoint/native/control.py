@@ -248,11 +248,11 @@ def loop(
 
 
 def _move_back(lower: Lowering, carries: Sequence[Array], results: Sequence[Array]) -> None:
-    """Add copies of the arrays in memory that a loop's body returns to the cells of its carries.
+    """Add the operations that end an iteration of a loop: they copy each array in memory that the
+    body returns into the cells of its carry, where the next iteration reads it.
 
-    The next iteration reads them there.
-
-    **Arguments:** `carries`: of the loop. `results`: of the body, one for each carry.
+    **Arguments:** `carries`: the arrays that the loop carries from one iteration to the next;
+    `results`: the results of the body, one for each carry.
     """
     # Carries may exchange their cells. They are copied to new cells first, so that none is
     # overwritten before it is read.

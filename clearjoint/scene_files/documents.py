@@ -320,9 +320,9 @@ def format_document(document: Document, suffix: str, units: Units, schema: str |
 
     tables: PyTree = tomlkit.item(document)
     for (*parents, last), unit in units.items():
-        # Only entries of tables can have comments; entries of lists and of inline tables share a
-        # line with others, and are skipped like texts and tables, which have no unit: the empty
-        # text stands for them.
+        # Only entries of tables can have comments, because entries of lists and of inline tables
+        # share a line with others. For the latter, `item` is an empty text, so that they are
+        # skipped with the texts and tables, which have no unit.
         parent = reduce(getitem, parents, tables) if isinstance(last, str) else None
         item: PyTree = parent[str(last)] if isinstance(parent, Table) else ""
         if isinstance(item, str | Mapping):

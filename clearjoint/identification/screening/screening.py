@@ -64,11 +64,12 @@ class Screening:
       which missing parameters have width 0.
     - `keep`: number of points that are kept in a round.
     - `finish`: number of starts among the points kept last: the best, and others far from it.
-    - `smoothing`: number of times over which residuals are averaged, so that the misfit of
-      predicted and measured peaks depends on the distance between them.
+    - `smoothing`: number of consecutive samples over which residuals are averaged, so that the
+      misfit of a predicted and a measured peak depends on how far apart in time they are.
     - `rounds`: maximum number of rounds.
-    - `passes`: maximum number of passes. Another pass, with other random numbers, follows while
-      noise doesn't explain the chi squared of the best search.
+    - `passes`: maximum number of passes. A pass is a whole screening, followed by a fit from each
+      of its starts. Another pass, with other random numbers, follows while noise doesn't explain
+      the chi squared of the best fit.
     - `seed`: seed of the random numbers.
 
     **Raises:** `ValueError` for a `number`, `finish`, `rounds`, `smoothing` or `passes` below 1,

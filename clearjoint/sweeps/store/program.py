@@ -290,11 +290,14 @@ def programs(
 
 @dataclass(frozen=True)
 class _Traced:
-    """Functions that are traced for a store. Their argument `numbers` has the numbers of the scene,
-    and times are in s.
+    """Parts of a lane's computation (start, steps, outputs and tables of impacts) as functions that
+    JAX can trace. The fingerprints of their jaxprs identify the program of a stored sweep.
+
+    Their argument `numbers` has the numbers of the scene, and times are in s.
 
     - `plan`, `channels`: as in `programs`.
-    - `structure`: the folded scene without its numbers.
+    - `structure`: the scene without its numbers, except for components of vectors that are exactly
+      0 or 1: these are constants of the program.
     """
 
     plan: Plan
