@@ -133,6 +133,7 @@ print(float(np.abs(jax.jit(jax.numpy.arctan)(x) - np.arctan(x)).max()))
 """
 
 
+@pytest.mark.slow
 def test_arctangents_of_arrays_are_correct():
     """XLA's are not in vectors of 512 bits (jax issue 39352), which it doesn't take by itself."""
     (error,) = python(ARCTANGENT)

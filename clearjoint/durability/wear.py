@@ -227,8 +227,8 @@ def worn(scene: Scene, found: "xr.Dataset", stage: int = -1) -> Scene:
     5.0e-06 m
     """
     names = [str(name) for name in found["joint"].values]
-    # Depths (1, joints, 2, angles) of bearings and journals at the selected stage. Their derivatives
-    # are not selected, so there is one row.
+    # Depths (1, joints, 2, angles) of bearings and journals at the selected stage. There is one row
+    # because derivatives are not selected.
     depths = _stacked(found[[f"{part}_depth" for part in PARTS]].isel(stage=[stage]), "depth")[0]
     # Only whether a rate is positive matters to `_with_splines`.
     rates_of_worn = {

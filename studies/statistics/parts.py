@@ -132,7 +132,8 @@ def derivatives(output: Output) -> list[str]:
             f"{difference * 1e-6:.2g} N/µm: {(difference / own.mean()) ** 2:.1f} times the cost"
         )
     output.save(figure, "derivatives")
-    return lines + _other_methods(members)
+    # Tangents and shadowing take half a minute.
+    return lines if output.quick else lines + _other_methods(members)
 
 
 def _other_methods(members: int) -> list[str]:

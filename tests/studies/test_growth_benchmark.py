@@ -2,9 +2,12 @@
 
 import json
 
+import pytest
+
 from studies.benchmark.growth import main
 
 
+@pytest.mark.slow
 def test_quick_benchmark_of_growth(tmp_path):
     main(["--quick", "--output", str(tmp_path)])
     rows = json.loads((tmp_path / "growth.json").read_text())["rows"]

@@ -27,6 +27,7 @@ def test_too_few_revolutions_are_refused():
         parse(["--revolutions", "2"])
 
 
+@pytest.mark.slow
 def test_quick_sweep_writes_its_figures_and_repeats_with_small_clearances(tmp_path, capsys):
     """With 5 µm the journal stays on the wall, and peaks are nearly those of the ideal joint."""
     main(["sweep", "--quick", "--output", str(tmp_path)])

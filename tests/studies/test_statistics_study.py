@@ -23,7 +23,7 @@ def lines(folder):
 def test_the_quick_study_draws(lines, folder):
     for name in ("ensemble", "derivatives", "sensitivity"):
         assert (folder / f"{name}.png").stat().st_size > 3000
-    assert len(lines) == 8 + 9 + 5
+    assert len(lines) == 8 + 4 + 5
 
 
 def test_intervals_hold_the_differences(lines):

@@ -130,6 +130,7 @@ def by_xla(monkeypatch):
     monkeypatch.setattr(xla_lanes, "ON_CPU", SMALL_WIDTH)
 
 
+@pytest.mark.slow
 def test_lanes_by_xla_are_those_of_native_code_whatever_runs_beside_them(lanes, by_xla):
     found = swept(STIFFNESS)
     for name in lanes.data_vars:

@@ -157,6 +157,7 @@ def test_code_of_an_output_concerns_its_variables(of_class, name, changed, other
     assert {key.partition("_")[0] for key in changed_names} == others
 
 
+@pytest.mark.slow
 def test_how_impacts_are_found_concerns_their_table(usual, monkeypatch):
     outputs = {"hits": cj.ImpactTable(2), "count": cj.ImpactCount("pin")}
     before = of(*pendulum(), outputs)
