@@ -27,7 +27,6 @@ own in `clearjoint.extend`. All numbers are in SI units.
 | film | lubricant between journal and bearing |
 | fingerprint | digest by which a store recognises the sweep that it holds |
 | folded constant | vector component that is exactly 0 or 1 and compiled as such |
-| group | elements of a scene with the same structure, whose numbers are computed as one array |
 | landing | the adjustment of a step so that it ends at an event |
 | lane | one run of a sweep, computed in a slot beside other runs |
 | onset | instant at which a contact's force begins |

@@ -14,7 +14,6 @@ from typing import TypeAlias
 import jax
 import jax.numpy as jnp
 
-from ..math.groups import any_, min_
 from ..math.vectors import Condition, Scalar
 from ..model.contact.laws import UNKNOWN_ENTRY_SPEED
 from ..model.joints.base import ByLabel, Motions
@@ -74,14 +73,10 @@ def _all_gaps(gaps: ContactGaps) -> Iterator[ContactGap]:
 
 
 def any_of(conditions: Iterable[Condition]) -> jax.Array:
-    """Return whether any condition is true, as a boolean of shape ().
-
-    For a group of contacts that are computed together, a condition is an array with one element for
-    each.
-    """
+    """Return whether any condition is true, as a boolean of shape ()."""
     any_true = jnp.asarray(False)
     for condition in conditions:
-        any_true = any_true | any_(condition)
+        any_true = any_true | condition
     return any_true
 
 
@@ -168,7 +163,7 @@ def time_since_onset(before: ContactGaps, after: ContactGaps) -> Scalar:
         began = (start.depth <= 0.0) & (end.depth > 0.0)
         # Without a penetration rate, no time can be estimated, and zero is taken.
         since = end.depth / jnp.where(end.rate > SLOWEST, end.rate, jnp.inf)
-        latest = jnp.minimum(latest, min_(jnp.where(began, since, jnp.inf)))
+        latest = jnp.minimum(latest, jnp.where(began, since, jnp.inf))
     return jax.lax.stop_gradient(latest)
 
 

@@ -5,7 +5,6 @@ have, such as friction without friction laws, are not computed, and are absent f
 dictionaries and from the compiled program.
 """
 
-from ..math.groups import sum_
 from ..math.vectors import Scalar, add, is_zero
 from ..model.joints.base import ByLabel
 from ..model.scene import Scene
@@ -27,7 +26,7 @@ def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scal
     powers: dict[str, Scalar] = {}
 
     def book(name: str, power: Scalar) -> None:
-        powers[name] = add(powers.get(name, 0.0), sum_(power))
+        powers[name] = add(powers.get(name, 0.0), power)
 
     for family in dynamics.contact_forces.values():
         for force in family.values():
@@ -79,7 +78,7 @@ def bristle_energy(
             # Only the part of the deflection in the tangent plane causes friction.
             normal = force.contact.normal
             across = deflection - normal * deflection.dot(normal)
-            stored.append(sum_(force.normal_force * law.stored_energy(across)))
+            stored.append(force.normal_force * law.stored_energy(across))
     # The start value 0 of a plain `sum` would add an operation to the compiled program.
     return sum(stored[1:], stored[0]) if stored else None
 
@@ -96,13 +95,13 @@ def mechanical_energy(scene: Scene, motions: Motions, t: Scalar) -> dict[str, Sc
         motion = motions[name]
         linear = body.mass * motion.velocity.dot(motion.velocity)
         angular = motion.spin.dot(body.angular_momentum(motion.spin))
-        energies["kinetic"] = energies["kinetic"] + sum_(0.5 * (linear + angular))
+        energies["kinetic"] = energies["kinetic"] + 0.5 * (linear + angular)
     if scene.gravity is not None:
         energies["gravity"] = 0.0
         for name, body in scene.bodies.items():
             # The product is -g times the height above the global origin, so it is subtracted.
             along_gravity = scene.gravity.dot(motions[name].position)
-            energies["gravity"] = energies["gravity"] - sum_(body.mass * along_gravity)
+            energies["gravity"] = energies["gravity"] - body.mass * along_gravity
     if scene.forces:
         stored = [element.stored_energy(motions, t) for element in scene.forces.values()]
         # The start value 0 of a plain `sum` would add an operation to the compiled program.
@@ -111,5 +110,5 @@ def mechanical_energy(scene: Scene, motions: Motions, t: Scalar) -> dict[str, Sc
         laws = joint.laws()
         for label, contact in joint.contacts(motions).items():
             stored_energy = laws[label].stored_energy(contact.gap)
-            energies["contacts"] = add(energies.get("contacts", 0.0), sum_(stored_energy))
+            energies["contacts"] = add(energies.get("contacts", 0.0), stored_energy)
     return energies

@@ -79,12 +79,10 @@ def applied_wrenches(
     """
     wrenches = dict.fromkeys(scene.bodies, NO_WRENCH)
 
-    # A group of joints, which differ only in numbers and are computed as arrays, has wrenches by
-    # the name of its group of bodies. This name need not be one of `scene.bodies`.
     def apply(given: Iterable[tuple[str, Wrench]]) -> None:
         for name, wrench in given:
             if name != GROUND:
-                wrenches[name] = wrenches.get(name, NO_WRENCH) + wrench
+                wrenches[name] = wrenches[name] + wrench
 
     for element in scene.forces.values():
         apply(element.wrenches(motions, t).items())

@@ -12,7 +12,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ..math.groups import min_
 from ..math.linear_solvers import inner
 from ..math.vectors import ZERO, Condition, Scalar, add, is_zero
 from ..model.bodies import BodyState, Motion
@@ -31,7 +30,6 @@ from .coordinates import AbstractMechanics, MotionVariables, Speeds
 from .energy import ledger_powers, mechanical_energy
 from .equations_of_motion import Dynamics, applied_wrenches, constraint_rows, flattened
 from .formulation import Formulation
-from .grouping.condensing import grouped, whole
 from .multipliers import response, row_rate, row_weights
 
 FARTHEST = 1e-3
@@ -65,19 +63,9 @@ class System(eqx.Module):
     formulation: Formulation
     origin: Scalar | None = None
 
-    @staticmethod
-    def of(scene: Scene, formulation: Formulation) -> "System":
-        """Return the system of a scene in scalar form, with groups where that is possible.
-
-        A group is a number of bodies, or of clearance joints, that differ only in their numbers and
-        are computed together as arrays. In states and entry speeds, its name replaces the names of
-        its elements; see `clearjoint.math.groups`.
-        """
-        return System(*grouped(scene, formulation))
-
     def with_scene(self, scene: Scene) -> "System":
-        """Return this system with another scene of the same structure: the same names, types and
-        groups."""
+        """Return this system with another scene of the same structure: the same names and
+        types."""
         return System(scene, self.formulation, self.origin)
 
     def clock(self, t: Scalar) -> Scalar:
@@ -87,10 +75,6 @@ class System(eqx.Module):
     def own_time(self, time: Scalar) -> Scalar:
         """Return the time since `origin`, s, for a time of the scene, s."""
         return time if self.origin is None else time - self.origin
-
-    def ungrouped(self) -> Scene:
-        """Return the scene with each group split into its single elements."""
-        return whole(self.scene)
 
     def encode(self, bodies: dict[str, BodyState]) -> MotionVariables:
         """Return the variables for given states of the bodies, by name, in scalar form."""
@@ -333,6 +317,6 @@ class System(eqx.Module):
         for joint in self.scene.contact_joints().values():
             for contact in joint.contacts(motions).values():
                 if contact.gap.clearance is not None:
-                    farthest = jnp.minimum(farthest, min_(contact.gap.clearance))
+                    farthest = jnp.minimum(farthest, contact.gap.clearance)
         # A violation that is not a number is larger than any limit.
         return jnp.logical_not(functools.reduce(jnp.maximum, values) <= farthest)

@@ -1,2 +1,2 @@
-"""Arithmetic on scalars, without mechanics: vectors, rotations, smoothing, interpolation, small
-linear systems, and groups of bodies or joints of the same structure, computed at once as arrays."""
+"""Arithmetic on scalars, without mechanics: vectors, rotations, smoothing, interpolation,
+and small linear systems."""

@@ -26,15 +26,13 @@ from jaxtyping import PyTree
 from numpy.typing import ArrayLike
 
 Scalar: TypeAlias = float | jax.Array
-"""A number: a float of Python or NumPy, or a JAX array of shape (); for a group of n elements that
-are computed together, an array of shape (n,).
+"""A number: a float of Python or NumPy, or a JAX array of shape ().
 
 >>> def stiffening(depth: extend.Scalar) -> extend.Scalar:
 ...     return 1.0 + depth
 """
 Condition: TypeAlias = bool | jax.Array
-"""A truth value: a Python bool, or a boolean JAX array of shape (); (n,) for a group of n elements
-that are computed together."""
+"""A truth value: a Python bool, or a boolean JAX array of shape ()."""
 
 
 def _is(value: Scalar, number: float) -> bool:

@@ -23,7 +23,6 @@ from ..dynamics.equations_of_motion import Dynamics
 from ..dynamics.system import System
 from ..fields.checks import as_number, errors_about, nearest, require
 from ..fields.types import ArrayLike
-from ..math.groups import by_name
 from ..math.smoothing import norm_and_direction
 from ..math.vectors import Scalar, Vector
 from ..model.bodies import BodyState
@@ -77,33 +76,24 @@ class Instant:
         inside: "Callable[[Scalar], Instant] | None" = None,
     ):
         self.time, self.work = system.clock(own_time), work
-        self._system, self._own_time, self._variables = system, own_time, variables
-        self._entry_speeds, self._bristles, self._inside = entry_speeds, bristles, inside
-        # What JAX may trace of an instant.
-        self._parts = system, own_time, variables, entry_speeds, work, bristles
-
-    @cached_property
-    def scene(self) -> Scene:
-        """The scene with the user's elements and names, whose vectors are `Vector`s, not arrays."""
-        return self._system.ungrouped()
-
-    @cached_property
-    def entry_speeds(self) -> EntrySpeeds:
+        self.scene = system.scene
+        """The scene, whose vectors are `Vector`s, not arrays."""
+        self.entry_speeds = entry_speeds
         """Entry speeds of the current contacts, m/s, ``entry_speeds[joint][contact]``.
 
         An entry speed is the penetration rate at the onset. Contacts whose law doesn't use it have
         no entry. It is zero without contact, and 1e9 m/s if the onset was before the start.
         """
-        return by_name(self._entry_speeds)
-
-    @cached_property
-    def bristles(self) -> Bristles:
+        self.bristles = bristles
         """Bristle deflections, m, ``bristles[joint][contact]``; zero without contact.
 
         Each is a vector in the axes of the joint's first body. Contacts without bristles have no
         entry.
         """
-        return by_name(self._bristles)
+        self._system, self._own_time, self._variables = system, own_time, variables
+        self._inside = inside
+        # What JAX may trace of an instant.
+        self._parts = system, own_time, variables, entry_speeds, work, bristles
 
     def inside(self, fraction: Scalar) -> "Instant":
         """Return an earlier instant of the step that ends here, from the solver's dense output.
@@ -128,7 +118,7 @@ class Instant:
         It has the `position` of the centre of mass, m, and its `velocity`, m/s, in global axes, the
         `rotation` matrix from body axes to global axes, and the `spin`, rad/s in body axes.
         """
-        return by_name(self._motions)
+        return self._system.motions(self._variables)
 
     @cached_property
     def bodies(self) -> dict[str, BodyState]:
@@ -136,11 +126,7 @@ class Instant:
 
         Its `orientation` has Euler parameters, scalar first, instead of the rotation matrix.
         """
-        return by_name(self._system.decode(self._variables))
-
-    @cached_property
-    def _motions(self) -> Motions:
-        return self._system.motions(self._variables)
+        return self._system.decode(self._variables)
 
     @cached_property
     def contacts(self) -> dict[str, dict[str, LoadedContact]]:
@@ -148,13 +134,12 @@ class Instant:
 
         Contacts whose surfaces are apart are included, with forces of zero.
         """
-        forces = self._system.contact_forces(self._variables, self._entry_speeds, self._bristles)
-        return by_name(forces)
+        return self._system.contact_forces(self._variables, self.entry_speeds, self.bristles)
 
     @cached_property
     def bristle_energy(self) -> Scalar | None:
         """Recoverable energy of the bristles, J; ``None`` in a scene without bristles."""
-        if not self._bristles:
+        if not self.bristles:
             return None
         return bristle_energy(self.scene, self.motions, self.contacts, self.bristles)
 
@@ -165,15 +150,14 @@ class Instant:
         The penetration is measured from the depth at which the contact's force begins; it is
         negative before.
         """
-        return by_name(contact_gaps(self._system.scene, self._motions))
+        return contact_gaps(self.scene, self.motions)
 
     @cached_property
     def dynamics(self) -> Dynamics:
         """Solution of the equations of motion: accelerations, constraint rows and multipliers."""
-        solved = self._system.dynamics(
-            self._variables, self._entry_speeds, self._own_time, bristles=self._bristles
+        return self._system.dynamics(
+            self._variables, self.entry_speeds, self._own_time, bristles=self.bristles
         )
-        return replace(solved, contact_forces=by_name(solved.contact_forces))
 
     @cached_property
     def absolute_dynamics(self) -> Dynamics:
@@ -185,7 +169,7 @@ class Instant:
             return self.dynamics
         formulation = replace(formulation, coordinates=coordinates)
         absolute = System(self.scene, formulation, self._system.origin)
-        variables = absolute.encode(by_name(self._system.decode(self._variables)))
+        variables = absolute.encode(self.bodies)
         return absolute.dynamics(
             variables, self.entry_speeds, self._own_time, bristles=self.bristles
         )

@@ -15,7 +15,6 @@ import pytest
 import clearjoint as cj
 from clearjoint.compilation import keep_programs, package_code, plain_values
 from clearjoint.compilation.program_store import ProgramStore
-from clearjoint.dynamics.grouping import condensing
 from clearjoint.native import Native, NativeFunction
 from clearjoint.simulation.lanes import scheduler
 from studies.benchmark.chain import chain
@@ -128,14 +127,13 @@ def swept(scene, state):
 
 def differentiated(scene, state):
     mass = {"mass": cj.Parameter(lambda s: s.bodies["rod 2"].mass)}
-    height = {"y": cj.quantities.Position("rod 4", "y")}
+    height = {"y": cj.quantities.Position("rod 2", "y")}
     return cj.sensitivities(scene, state, 1e-3, mass, height, [1e-3], progress=False).derivatives
 
 
 @pytest.fixture
-def small_groups(monkeypatch):
-    """Groups have two elements or more, and no program is in memory."""
-    monkeypatch.setattr(condensing, "SMALLEST", 2)
+def forget(monkeypatch):
+    """Function that removes all programs from memory; it has been called once."""
 
     def forget():
         scheduler._LOOPS.clear()
@@ -151,14 +149,14 @@ def small_groups(monkeypatch):
 @pytest.mark.parametrize(
     "call", [simulated, swept, pytest.param(differentiated, marks=pytest.mark.slow)]
 )
-def test_programs_of_scenes_with_groups_of_elements(small_groups, folder, call):
+def test_programs_are_read_by_the_next_process(forget, folder, call):
     """The next process reads them, writes none, and does not read their separate machine code."""
-    scene, state = chain(4)
+    scene, state = chain(2)
     first = call(scene, state)
     files = list(folder.iterdir())
     for file in files:
         os.utime(file, (0, 0))
-    small_groups()
+    forget()
     again = call(scene, state)
     assert sorted(folder.iterdir()) == sorted(files)
     read = [file for file in files if file.stat().st_mtime > 0]

@@ -17,7 +17,6 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.compilation.plain_values import NotPlainError, digest_of
-from clearjoint.math.groups import GroupName
 from clearjoint.simulation.results.observe import MotionMode
 
 
@@ -29,12 +28,6 @@ def test_data_differ_by_type_and_value():
     values += (("a", "bc"), ("ab", "c"), cj.simulate, cj.Body, cj.Body.rod)
     assert len({digest_of(value) for value in values}) == len(values)
     assert digest_of({"a": [1, (2.0, "b")]}) == digest_of({"a": [1, (2.0, "b")]})
-
-
-def test_names_of_groups_differ_from_their_text():
-    one, other = GroupName(("a", "b")), GroupName(("a", "c"))
-    assert len({digest_of(name) for name in (one, other, str(one))}) == 3
-    assert digest_of(one) == digest_of(GroupName(["a", "b"]))
 
 
 def test_values_of_the_package_have_a_digest():

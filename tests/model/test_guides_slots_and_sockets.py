@@ -243,7 +243,7 @@ def test_bodies_that_start_outside_are_centred_or_moved_to_rest(joint, label, pl
 
 
 @pytest.mark.slow
-def test_grouped_joints_share_a_program_and_move_as_alone():
+def test_two_pins_in_slots_move_as_alone():
     """Two pins in slots of the ground with different plays and speeds, against separate runs."""
     bodies, joints, states, alone = {}, {}, {}, []
     for name, play, speed in (("b", 1e-3, 0.4), ("c", 0.7e-3, 0.3)):

@@ -197,7 +197,7 @@ def test_deflections_are_zero_in_flight_and_at_each_onset():
 def test_a_ledger_without_integrals_starts_at_the_energy_stored_in_the_bristles():
     """Springs of the stiffness times the normal force, with half their work stored."""
     scene, state = block(cj.frictions.Dahl(0.3, 1e4))
-    system = System.of(unpack(scene), Formulation(ledger=True))
+    system = System(unpack(scene), Formulation(ledger=True))
     bristles = {"floor": {"belt": Vector(3e-6, -4e-6, 0.0)}}
     motion = system.encode(unpack(state.bodies))
     time = jnp.zeros(())
@@ -209,7 +209,7 @@ def test_a_ledger_without_integrals_starts_at_the_energy_stored_in_the_bristles(
 
 def test_run_without_bristles_has_none():
     scene, state = block(cj.frictions.RegularisedCoulomb(0.1))
-    system = System.of(unpack(scene), Formulation())
+    system = System(unpack(scene), Formulation())
     assert scene.bristle_laws() == {} and state.bristles == {}
     dynamics = system.dynamics(system.encode(unpack(state.bodies)), {}, 0.0)
     assert dynamics.contact_forces["floor"]["belt"].bristle_rate is None
@@ -228,8 +228,8 @@ def test_rigid_contacts_take_the_friction_of_long_slip():
 
 
 @pytest.mark.slow
-def test_grouped_joints_and_lanes_equal_single_ones():
-    """Blocks computed as a group, and lanes of a sweep, against single runs."""
+def test_two_joints_and_lanes_equal_single_ones():
+    """Two blocks in one scene, and lanes of a sweep, against single runs."""
     one, start = falling()
     bodies = {"block": one.bodies["block"], "other": one.bodies["block"]}
     joints = {

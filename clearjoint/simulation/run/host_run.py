@@ -43,7 +43,6 @@ from .run_loop import (
     begin_run,
     final_result,
     final_state,
-    named,
     state_of,
 )
 from .saving import Saving
@@ -137,7 +136,7 @@ def segment(
         # motion. The state there is interpolated.
         now = loop.until(time, now, attempts, _has_room)
         state = state_of(system, *look_inside(method, system, now.records[LATEST], time))
-        return now, (named(state), jnp.asarray(time <= now.step.t))
+        return now, (state, jnp.asarray(time <= now.step.t))
 
     return loops.each(save_next, now, save_times)
 
@@ -299,9 +298,7 @@ class Run:
             saved = Trajectory(save_at[:saved_count], pack(_joined(saved_states)))
         if STEPS in now.records:
             rows = _joined(steps)
-            # Joints or bodies that differ only in their numbers are computed together, as a group.
-            # The keys of the rows are names of groups, those of results names of single elements.
-            trajectory = Trajectory(rows.t, pack(named(rows.state)))
+            trajectory = Trajectory(rows.t, pack(rows.state))
         solution = Solution(
             time,
             final,

@@ -12,7 +12,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...dynamics.system import System
-from ...math.groups import by_name
 from ...math.interpolation import (
     Bend,
     Point,
@@ -278,7 +277,7 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
         penetration, m/s^2, and its entry speed, m/s, by joint and contact; `now` is the same
         instant as `step`."""
         names = now.contacts if self.joint is None else [self.joint]
-        second_rates = by_name(_second_rates(method, system, step))
+        second_rates = _second_rates(method, system, step)
 
         def instant(name: str, label: str) -> ContactInstant:
             speed = now.entry_speeds.get(name, {}).get(label)

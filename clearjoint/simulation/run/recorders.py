@@ -117,9 +117,7 @@ class LatestDenseStep(AbstractRecorder[DenseStep]):
 
 
 class TimedState(eqx.Module):
-    """A time `t` in s, and the `state` at that time. Its vectors are three separate scalars, and
-    its keys may name groups of elements of the same structure, whose numbers are arrays with one
-    entry for each element.
+    """A time `t` in s, and the `state` at that time, whose vectors are three separate scalars.
 
     In a buffer of N rows, all arrays have an additional first axis of length N.
     """

@@ -18,7 +18,6 @@ from jaxtyping import PyTree
 
 from ...dynamics.contact_forces import EntrySpeeds
 from ...dynamics.system import System
-from ...math.groups import by_group, by_name
 from ...math.vectors import Condition, Scalar, unpack
 from ...model.bodies import State
 from ...quantities.base import Instant
@@ -217,34 +216,20 @@ def begin_run(
     step.
     """
     motion = system.encode(unpack(state.bodies))
-    bristles = by_group(unpack(state.bristles), system.scene.joints)
-    y = Variables(motion, state.work if system.formulation.ledger else {}, bristles)
-    entry_speeds = by_group(state.entry_speeds, system.scene.joints)
-    return start(method, system, t0, t_end, first_step, y, entry_speeds)
+    work = state.work if system.formulation.ledger else {}
+    y = Variables(motion, work, unpack(state.bristles))
+    return start(method, system, t0, t_end, first_step, y, state.entry_speeds)
 
 
 def state_of(system: System, y: Variables, entry_speeds: EntrySpeeds) -> State:
     """Return variables y and entry speeds, m/s, as a `State` whose vectors are three separate
-    scalars.
-
-    The keys are those of the system, in which elements of the same structure may be combined to
-    groups. `named` replaces them by the names of single elements.
-    """
+    scalars."""
     return State(system.decode(y.motion), entry_speeds, y.work, y.bristles)
 
 
-def named(state: State) -> State:
-    """Return a state from `state_of` with the names of single elements as keys, in place of names
-    of groups."""
-    return State(
-        by_name(state.bodies), by_name(state.entry_speeds), state.work, by_name(state.bristles)
-    )
-
-
 def final_state(system: System, step: Step) -> State:
-    """Return the state after `step`, with the names of single elements as keys. Its vectors are
-    three separate scalars."""
-    return named(state_of(system, step.y, step.entry_speeds))
+    """Return the state after `step`, whose vectors are three separate scalars."""
+    return state_of(system, step.y, step.entry_speeds)
 
 
 def final_result(step: Step, t_end: Scalar) -> RESULTS:

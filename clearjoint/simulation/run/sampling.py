@@ -37,7 +37,7 @@ from ..step.types import Gradients, Numbers
 from .host_run import IMPACTS, LATEST, SECTIONS
 from .impact_recorder import ImpactRecord, ImpactRecorder, most
 from .recorders import LatestAttempt
-from .run_loop import Progress, Recorders, RunLoop, final_result, named, state_of
+from .run_loop import Progress, Recorders, RunLoop, final_result, state_of
 from .sections import SectionRecord, SectionRecorder
 
 FEW_TIMES, GROWTH = 64, 8
@@ -236,7 +236,7 @@ def run_with_tangents(
         state = None
         if kept.states:
             system = systems.system()
-            state = named(state_of(system, *look_inside(method, system, latest, time)))
+            state = state_of(system, *look_inside(method, system, latest, time))
         return now, (*values, state, time <= now.step.t)
 
     is_new = jnp.diff(own_times, prepend=-jnp.inf) > 0.0

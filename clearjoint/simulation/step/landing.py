@@ -12,7 +12,6 @@ import jax
 import jax.numpy as jnp
 
 from ...dynamics.contact_events import ContactGap, ContactGaps, any_of, gap_pairs
-from ...math.groups import min_
 from ...math.interpolation import Slope, hermite_rate, hermite_root, hermite_value
 from ...math.vectors import Condition, Scalar
 from ...model.joints.base import ByLabel
@@ -60,7 +59,7 @@ class Landing(eqx.Module):
                 time = self._time_to_zero(gap, second_rates[name][label])
                 if ends_only:
                     time = jnp.where(gap.depth > 0.0, time, jnp.inf)
-                soonest = jnp.minimum(soonest, min_(time))
+                soonest = jnp.minimum(soonest, time)
         # Step sizes are not differentiated: the solution does not depend on them.
         return jax.lax.stop_gradient(soonest)
 
@@ -106,7 +105,7 @@ class Landing(eqx.Module):
         def first_crossing() -> Scalar:
             fraction = jnp.ones_like(h)
             for start, end in gap_pairs(before, after):
-                fraction = jnp.minimum(fraction, min_(self._crossing(start, end, h)))
+                fraction = jnp.minimum(fraction, self._crossing(start, end, h))
             return fraction
 
         # Few steps pass an event. A single run therefore computes the roots in a branch; lanes of a

@@ -75,7 +75,7 @@ class Scheme(eqx.Module):
 
     def system(self, scene: Scene) -> System:
         """Return the system of equations that a run integrates, for a `scene` in scalar form."""
-        return System.of(scene, self.formulation)
+        return System(scene, self.formulation)
 
     def system_of_packed(self, folded_scene: ConstantFolded) -> System:
         """Return the system of equations that a run integrates, for a scene in packed form.
@@ -99,9 +99,6 @@ Auxiliary = TypeVar("Auxiliary")
 
 class SystemFamily(eqx.Module):
     """A scene's equations of motion (`System`) and initial state as functions of p parameters.
-
-    Bodies, or clearance joints, that differ only in their numbers are computed one by one. Only
-    `System.of`, in runs without derivatives, combines them into arrays.
 
     - `family`: the scene and its initial state as functions of the parameters.
     - `formulation`: coordinates, stabilisation of the constraints, and energy ledger.

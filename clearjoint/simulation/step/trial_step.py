@@ -20,7 +20,6 @@ from ...dynamics.contact_events import ContactGaps, closed, touches, uses_entry_
 from ...dynamics.contact_forces import Closed, EntrySpeeds
 from ...dynamics.system import System
 from ...fields.types import Single
-from ...math.groups import sum_
 from ...math.vectors import Condition, Scalar
 from ...model.scene import Scene
 from .dense_output import stabilised
@@ -265,7 +264,8 @@ def all_finite(tree: PyTree[Scalar]) -> Condition:
         # Leaves of one shape are added elementwise first, so that there is one reduction for each
         # shape.
         families.setdefault(jnp.shape(leaf), []).append(leaf * 0.0)
-    return sum(sum_(_pairwise_sum(family)) for family in families.values()) == 0.0
+    sums = [_pairwise_sum(family) for family in families.values()]
+    return sum(one if jnp.ndim(one) == 0 else jnp.sum(one) for one in sums) == 0.0
 
 
 def _pairwise_sum(terms: list[Scalar]) -> Scalar:
