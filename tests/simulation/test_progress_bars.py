@@ -19,10 +19,12 @@ LONG, TICK = 0.25, 0.02
 
 @pytest.fixture(autouse=True)
 def short_ticks(monkeypatch):
-    """In a terminal; and no thread is left behind, whatever happens."""
+    """In a terminal; and no thread is left behind for more than a tick, whatever happens."""
     monkeypatch.setattr(terminal, "TICK", TICK)
     monkeypatch.setattr(terminal, "is_live", lambda stream: True)
     yield
+    for thread in watches():
+        thread.join(50 * TICK)
     assert watches() == []
 
 
@@ -97,6 +99,21 @@ def test_an_error_inside_ends_the_counting(error, capsys):
     assert "compiling, 0 s" in said and said.split("\r")[-1].strip() == ""
     time.sleep(5 * TICK)
     assert capsys.readouterr().err == ""
+
+
+def test_one_thread_updates_all_bars(capsys):
+    with compiling_bar(True):
+        with lane_progress(4, 0, True) as inner:
+            assert len(watches()) == 1
+            slow()(jnp.zeros(()))
+            time.sleep(3 * TICK)
+            assert inner.desc == "stored"
+        capsys.readouterr()
+        slow()(jnp.zeros(()))
+        assert "compiling, 0 s" in capsys.readouterr().err
+    [thread] = watches()
+    with compiling_bar(True):
+        assert watches() == [thread]
 
 
 def slowly(function):

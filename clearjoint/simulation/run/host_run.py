@@ -145,6 +145,8 @@ def emptied(now: Progress) -> Progress:
     """Return the run `now` with empty buffers of steps and impacts, to be called after Python has
     read their rows."""
     read = {key: now.records[key] for key in (STEPS, IMPACTS) if key in now.records}
+    if not read:
+        return now
     empty = jax.tree.map(
         lambda part: part.emptied() if _is_buffer(part) else part, read, is_leaf=_is_buffer
     )

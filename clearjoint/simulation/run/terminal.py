@@ -1,7 +1,7 @@
 """Progress of runs on the error stream, and their interruption by Ctrl-C.
 
-While a program is being compiled, the text of the bar says for how long. A thread updates this text
-once a second, because the main thread waits for JAX.
+While a program is being compiled, the text of the bar says for how long. One thread updates the
+texts of all bars once a second, because the main thread waits for JAX. It ends when no bar is left.
 """
 
 import signal
@@ -25,7 +25,57 @@ mentions it."""
 LINE_PERIOD = 30.0
 """Time, s, between two lines where the error stream is neither a terminal nor a notebook."""
 WATCH = "clearjoint: compiling"
-"""Name of the thread that updates the bar."""
+"""Name of the thread that updates the bars."""
+
+
+class _Watch:
+    """The thread that updates the bars, if there are any.
+
+    - `usual`: the bars that are shown, with their texts while nothing is being compiled.
+    - `thread`: the thread; ``None`` if there is none.
+    - `lock`: held while these change, and while a text is written, so that no bar is closed then.
+    """
+
+    def __init__(self) -> None:
+        self.usual: dict[tqdm, str] = {}
+        self.thread: threading.Thread | None = None
+        self.lock = threading.Lock()
+
+    def add(self, bar: tqdm) -> None:
+        """Update the text of a bar from now on."""
+        with self.lock:
+            self.usual[bar] = bar.desc
+            # The thread of an earlier bar is used again, since starting one takes a third of the
+            # time of a short run. After a fork, it exists in the parent process only.
+            if self.thread is None or not self.thread.is_alive():
+                self.thread = threading.Thread(target=self._update, name=WATCH, daemon=True)
+                self.thread.start()
+
+    def remove(self, bar: tqdm) -> None:
+        """Leave a bar as it is from now on."""
+        with self.lock:
+            del self.usual[bar]
+
+    def _update(self) -> None:
+        """Show the time spent compiling in all bars, every `TICK` seconds until there is none."""
+        while True:
+            time.sleep(TICK)
+            seconds = seconds_of_compiling()
+            with self.lock:
+                if not self.usual:
+                    self.thread = None
+                    return
+                for bar, usual in self.usual.items():
+                    if seconds >= TICK:
+                        # With a delay, tqdm would not clear a text that is shown before the delay
+                        # is over.
+                        bar.delay = 0.0
+                        bar.set_description_str(f"compiling, {seconds:.0f} s")
+                    elif bar.desc.startswith("compiling"):
+                        bar.set_description_str(usual)
+
+
+_watch = _Watch()
 
 
 class ProgressBar(tqdm):
@@ -87,14 +137,11 @@ def telling_of_compiling(bar: tqdm) -> Iterator[tqdm]:
         if bar.disable:
             yield bar
             return
-        over = threading.Event()
-        watch = threading.Thread(target=_tell, args=(bar, over), name=WATCH, daemon=True)
+        _watch.add(bar)
         try:
-            watch.start()
             yield bar
         finally:
-            over.set()
-            watch.join()
+            _watch.remove(bar)
 
 
 def compiling_bar(show: bool) -> AbstractContextManager[tqdm]:
@@ -105,21 +152,6 @@ def compiling_bar(show: bool) -> AbstractContextManager[tqdm]:
     """
     bar = ProgressBar(bar_format="{desc}", delay=2.0, leave=False, disable=not show)
     return telling_of_compiling(bar)
-
-
-def _tell(bar: tqdm, over: threading.Event) -> None:
-    """Show the time spent compiling in the text of a bar, every `TICK` seconds until the event
-    `over` is set."""
-    usual, shown = bar.desc, False
-    while not over.wait(TICK):
-        seconds = seconds_of_compiling()
-        if seconds >= TICK:
-            # With a delay, tqdm would not clear a text that is shown before the delay is over.
-            bar.delay = 0.0
-            bar.set_description_str(f"compiling, {seconds:.0f} s")
-        elif shown:
-            bar.set_description_str(usual)
-        shown = seconds >= TICK
 
 
 class RunInterrupted(KeyboardInterrupt):
