@@ -79,7 +79,7 @@ def _elements(scene: Scene, report: ConstraintReport) -> Iterator[str]:
     yield f"redundant constraints: {', '.join(report.redundant) or 'none'}"
     if report.names:
         error, rate = np.abs(report.values).max(), np.abs(report.rates).max()
-        yield f"largest constraint error: {error:.2g}, rate {rate:.2g} 1/s"
+        yield f"largest constraint error: {error:.2g} m or rad, rate {rate:.2g} m/s or rad/s"
 
 
 def _contacts(scene: Scene, state: State) -> Iterator[str]:

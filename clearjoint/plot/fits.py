@@ -19,7 +19,18 @@ from ..information.analysis import Identifiability
 from ..information.error_growth import DISTURBANCE
 from ..information.horizon import FitHorizon
 from ..measurements.series import Measurements
-from .style import BLUE, DARK, GREY, VERMILLION, axes_or_new, draw_lines, dress, lines, scaled
+from .style import (
+    BLUE,
+    DARK,
+    GREY,
+    VERMILLION,
+    ScaledValues,
+    axes_or_new,
+    draw_lines,
+    dress,
+    lines,
+    scaled,
+)
 
 
 class FittedModel(Protocol):
@@ -86,8 +97,11 @@ def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:
     # Pairs of axes, one above the other. The last row may have fewer series than columns.
     pairs = grid.reshape(blocks, 2, columns).swapaxes(0, 1).reshape(2, -1)
     axes = pairs[:, : len(names)]
+    # All axes share the times, and thus need one unit for series of different lengths.
+    samples = np.concatenate([fit.measurements.series[name].times for name in names])
+    times = scaled(xr.DataArray(samples, name="time", attrs={"units": "s"}))
     for name, (above, below) in zip(names, axes.T, strict=True):
-        _draw(fit, name, above, below)
+        _draw(fit, name, times, above, below)
     for empty in pairs[:, len(names) :].flat:
         empty.set_visible(False)
     handles, labels = axes[0, 0].get_legend_handles_labels()
@@ -95,18 +109,18 @@ def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:
     return axes
 
 
-def _draw(fit: FittedModel, name: str, above: Axes, below: Axes) -> None:
+def _draw(fit: FittedModel, name: str, times: ScaledValues, above: Axes, below: Axes) -> None:
     """Draw the measured series `name` and its prediction into the upper axes, and the residuals
-    into the lower ones."""
+    into the lower ones. The factor and the label of the time axis are those of `times`."""
     series = fit.measurements.series[name]
-    times = scaled(xr.DataArray(series.times, name="time", attrs={"units": "s"}))
+    scaled_times = series.times * times.factor
     data = scaled(xr.DataArray(series.values, name=name, attrs={"units": series.unit}))
-    above.plot(times.values, data.values, ".", color=GREY, markersize=3, label="measured")
+    above.plot(scaled_times, data.values, ".", color=GREY, markersize=3, label="measured")
     fit_line = fit.predictions[name] * data.factor
-    above.plot(times.values, fit_line, color=VERMILLION, linewidth=1.2, label="fitted")
+    above.plot(scaled_times, fit_line, color=VERMILLION, linewidth=1.2, label="fitted")
     above.ticklabel_format(useOffset=False)
     dress(above, "", data.label)
-    below.plot(times.values, fit.residuals[name], ".", color=BLUE, markersize=3)
+    below.plot(scaled_times, fit.residuals[name], ".", color=BLUE, markersize=3)
     below.axhspan(-2.0, 2.0, color="0.92", linewidth=0, zorder=0)
     below.axhline(0.0, color=DARK, linewidth=0.8)
     below.tick_params(labelbottom=True)

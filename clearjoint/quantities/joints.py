@@ -448,7 +448,7 @@ class FilmForce(AbstractJointQuantity):
         joint = now.scene.contact_joints()[self.joint]
         _, journal = joint.pair()
         return component_or_magnitude(
-            joint.film_wrenches(now.motions)[journal].force, self.component
+            joint.film_wrenches(now.motions).get(journal, NO_WRENCH).force, self.component
         )
 
 

@@ -207,6 +207,22 @@ def test_figures_of_a_fit():
         plot.fitted(fit, ["radar"])
 
 
+def test_series_of_different_lengths_are_drawn_over_times_in_one_unit():
+    lengths = {"short": 0.01, "long": 2.0}
+    quantity, ones = cj.quantities.Position("arm 2", "x"), np.ones(5)
+    series = {
+        name: cj.Series(quantity, np.linspace(0.0, end, 5), ones, NOISE)
+        for name, end in lengths.items()
+    }
+    numbers = dict.fromkeys(lengths, ones)
+    model = SimpleNamespace(
+        measurements=cj.Measurements(series), predictions=numbers, residuals=numbers
+    )
+    for below, end in zip(plot.fitted(model)[1], lengths.values(), strict=True):
+        assert below.get_xlabel() == "time, s"
+        assert below.lines[0].get_xdata()[-1] == pytest.approx(end)
+
+
 def test_a_fit_is_a_table_by_parameter(tmp_path):
     fit = line()
     frame = fit.to_dataframe()

@@ -110,7 +110,7 @@ def test_a_cloud_of_one_point_is_impossible(monkeypatch):
         raise np.linalg.LinAlgError("Matrix is not positive definite")
 
     monkeypatch.setattr("clearjoint.identification.posterior.posterior.draw", singular)
-    with pytest.raises(ValueError, match="Almost all points are impossible .*`log_prior`"):
+    with pytest.raises(ValueError, match="Almost all points are impossible: .*`log_prior`"):
         found(number=64)
 
 

@@ -327,6 +327,11 @@ class Varying(cj.extend.AbstractForce):
         return {"ball": Wrench(Vector(force, 0.0, 0.0), ZERO)}
 
 
+def late_comparison(t):
+    """A loop that compares a carried value, which depends on time from the second iteration on."""
+    return jax.lax.fori_loop(0, 3, lambda k, x: (t, x[1] + (x[0] > 0.3)), (0.0, 0.0))[1]
+
+
 @pytest.mark.parametrize(
     ("function", "compares"),
     [
@@ -338,6 +343,7 @@ class Varying(cj.extend.AbstractForce):
         (lambda t: jnp.interp(t, jnp.arange(3.0), jnp.arange(3.0)), True),
         (lambda t: jax.lax.cond(t < 0.3, lambda: 1.0, lambda: 0.0), True),
         (lambda t: 1.0 * t.astype(int), True),
+        (late_comparison, True),
     ],
 )
 def test_comparisons_with_time_are_detected(function, compares):

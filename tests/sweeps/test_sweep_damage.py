@@ -116,7 +116,7 @@ def test_damaged_labels_are_named(path, name, damage):
     file = path / "by_lane" / name / "c" / "0"
     DAMAGES[damage](file)
     for read in (open_sweep, lambda path: opened(path, layout())):
-        with pytest.raises(ValueError, match=f"{file} is .*: restore that file from a copy"):
+        with pytest.raises(ValueError, match=f"The store {path} can.t .* {file} is .*: restore"):
             read(path)
 
 

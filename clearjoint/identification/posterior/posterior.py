@@ -238,9 +238,10 @@ def drawn_posterior(
         # All weights are zero, or the covariance of the points with a weight is singular.
         few = isinstance(error, np.linalg.LinAlgError)
         raise ImpossiblePointsError(
-            f"{'Almost all' if few else 'All'} points are impossible ({lanes.failed} of "
-            f"{lanes.runs} runs failed, the prior of the others is zero). Centre `guess` on values "
-            "with which the scene runs, or change `spread` or `log_prior`."
+            f"{'Almost all' if few else 'All'} points are impossible: {lanes.failed} of "
+            f"{lanes.runs} runs failed or predicted values 1e6 standard deviations off, and the "
+            "prior or the likelihood of the others is zero. Centre `guess` on values with which "
+            "the scene runs, or change `spread` or `log_prior`."
         ) from error
     # Logarithm of the normal density at a residual of zero, summed over all samples. Weights are
     # inverse standard deviations, and zero where a series has no sample.
@@ -303,7 +304,9 @@ class _Lanes:
             raise TooManyRunsError(f"more than {self.most_runs:g} runs")
         # A missed sample has the residual `UNREACHED`; from it on, the point is impossible.
         curves = self.side_by_side.chi_squared(points, count)
-        missed = np.maximum.accumulate(np.diff(curves, axis=1, prepend=0.0) >= UNREACHED**2, axis=1)
+        # Differences of sums have rounding errors, which the factor allows for.
+        grown = np.diff(curves, axis=1, prepend=0.0) >= 0.5 * UNREACHED**2
+        missed = np.maximum.accumulate(grown, axis=1)
         self.runs += len(points)
         self.failed += int(missed[:, -1].sum())
         return np.where(missed, np.inf, curves)

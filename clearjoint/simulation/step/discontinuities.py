@@ -48,6 +48,8 @@ JUMPING = frozenset(["ceil", "floor", "rem", "round", "sign"])
 Primitives whose result is not a float, such as comparisons, count as jumping too."""
 KINKED = JUMPING | {"abs", "clamp", "max", "min", "sort"}
 """Names of JAX primitives whose result is a float that has a jump or a kink."""
+LOOPS = frozenset(["scan", "while"])
+"""Names of JAX's primitives for loops."""
 PURPOSE = "for derivatives to be right"
 BREAKPOINTS = "`breakpoints` that returns the times in s at which it jumps or has a kink"
 """Parts of error messages."""
@@ -151,9 +153,11 @@ def _depends_on_primitive(program: Jaxpr, chosen: list[bool], primitives: frozen
         # Programs in the parameters of the equation, such as the body of a loop.
         for inner in filter(_is_program, jax.tree.leaves(equation.params, is_leaf=_is_program)):
             inner = inner.jaxpr if isinstance(inner, ClosedJaxpr) else inner
-            # Arguments correspond one to one for calls. For loops and conditionals the assignment
-            # differs by primitive; all inner arguments then count as dependent.
-            passed = which if len(inner.invars) == len(which) else [True] * len(inner.invars)
+            # Arguments correspond one to one for calls. For conditionals the assignment differs by
+            # primitive, and in a loop a carried value may depend on the chosen arguments from the
+            # second iteration on; all inner arguments then count as dependent.
+            is_call = equation.primitive.name not in LOOPS and len(inner.invars) == len(which)
+            passed = which if is_call else [True] * len(inner.invars)
             if _depends_on_primitive(inner, passed, primitives):
                 return True
         causes.update(equation.outvars)

@@ -349,9 +349,10 @@ def _values(path: Path, group: "zarr.Group", name: str) -> np.ndarray:
     array = opened(group, name)
     values, faults = read(path, array)
     for chunk, fault in faults.items():
+        file = chunk_file(path, array, chunk)
         raise ValueError(
-            f"The store {path} can't be read, because its file {chunk_file(path, array, chunk)} "
-            f"is {fault}: restore that file from a copy, or delete the store to compute it again."
+            f"The store {path.parent} can't be read, because its file {file} is {fault}: "
+            "restore that file from a copy, or delete the store to compute it again."
         )
     return values
 
