@@ -165,7 +165,11 @@ class Settings:
 
     def length_of_first_step(self, start_time: Scalar, end_time: Numbers) -> Numbers:
         """Return the length of the first step of a run from `start_time` to `end_time`, all in s:
-        the setting `first_step`, or its default."""
+        the setting `first_step`, or its default.
+
+        For several runs, with end times (N,), the default has the shape (N,), but `first_step` is
+        returned as one number.
+        """
         if self.first_step is None:
             return FIRST_SHARE * (end_time - start_time)
         return self.first_step
@@ -223,7 +227,7 @@ def check_span(start: Scalar, end: Scalar) -> None:
     """Check the `start` and `end` time of a run, s; values that JAX traces are not checked.
 
     **Raises:** `ValueError` if a time is not a finite number, or if the end is not after the start
-    by at least `SHORTEST` times the smallest normal number, 2.2e-298 s.
+    by at least `SHORTEST` times the smallest normal number, 2.2e-298 s in double precision.
     """
     for name, value in (("start_time", start), ("end_time", end)):
         number = np.shape(as_number(value, name, "s")) == ()
