@@ -349,7 +349,8 @@ class Common(eqx.Module):
       that are exactly 0 or 1 in all lanes are marked as constants.
     - `start_time`: s, start of all runs.
     - `capacity[log]`: largest number of rows of each log of crossings or impacts.
-    - `channels[log][name]`: quantities whose values are reported for each recorded state of a log.
+    - `channels[log][name]`: quantities (scalar functions of a state, such as a position) whose
+      values are reported for each recorded state of a log.
     - `saved`: name of the log of saved states; empty if no states are saved.
     - `tables[name]`: for each table of impacts, the names of the logs of its contacts.
     - `programs`: pairs of name and digest of the traced programs; empty if unknown. A compiled

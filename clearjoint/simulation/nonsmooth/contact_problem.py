@@ -82,7 +82,7 @@ class Touch:
     - `clearance`: m, of the bearing; ``None`` without a bearing.
     - `normal`: a `Row` whose rate is the opening velocity, m/s.
     - `slip`: two `Row`s whose rates are the slip velocities, m/s; empty without friction.
-    - `coefficient`: Coulomb's coefficient of friction.
+    - `coefficient`: Coulomb's coefficient of friction; zero without friction.
     """
 
     joint: str

@@ -60,10 +60,10 @@ def decide_step(
     end. It is then repeated: in the first case with a shorter step, in the second case up to the
     event.
 
-    **Arguments:** `method`: solver, step-size controller, and the rule `landing` by which steps end
-    at contact events, or ``None``; `system`: the scene and its equations of motion; `step`: the
-    state before the trial; `trial`: the trial as the solver computed it; `t_end`: end of the run,
-    s.
+    **Arguments:** `method`: solver, step-size controller, and `landing`, the rule by which steps
+    end at contact events, ``None`` if they go across them; `system`: the scene and its equations of
+    motion; `step`: the state before the trial; `trial`: the trial as the solver computed it;
+    `t_end`: end of the run, s.
 
     **Returns:** whether the trial is accepted; the step to try next; and the result code of the run
     so far.
@@ -184,7 +184,8 @@ def _controller_decision(
         before = before, magnitudes(scaled(step.tangents.y))
         after = after, magnitudes(scaled(trial.tangents.y))
         error = error, jax.tree.map(lambda e: e / tolerance, scaled(trial.tangents.error))
-    # `wrap(1)` tells diffrax's controller that time runs forward.
+    # `wrap(1)` tells diffrax's controller that time runs forward. Its second result, the start of
+    # the next step, is not used: each step begins where the last accepted one has ended.
     keep, _, t_next, made_jump, state, result = method.controller.wrap(1).adapt_step_size(
         step.t,
         trial.t1,

@@ -39,7 +39,7 @@ class Scheme(eqx.Module):
 
     @staticmethod
     def of(settings: Settings, redundant: bool = False) -> "Scheme":
-        """Return the scheme for the settings of a run, with its numbers as JAX arrays.
+        """Return the scheme for the settings of a run, with its nonzero numbers as JAX arrays.
 
         **Arguments:** `redundant`: whether some constraint equations depend linearly on others;
         used if `settings.redundant` is ``None``.

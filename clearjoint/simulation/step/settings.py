@@ -227,7 +227,7 @@ def check_span(start: Scalar, end: Scalar) -> None:
     """Check the `start` and `end` time of a run, s; values that JAX traces are not checked.
 
     **Raises:** `ValueError` if a time is not a finite number, or if the end is not after the start
-    by at least `SHORTEST` times the smallest normal number, 2.2e-298 s in double precision.
+    by at least `SHORTEST` times the smallest normal number, 2.2e-298 s.
     """
     for name, value in (("start_time", start), ("end_time", end)):
         number = np.shape(as_number(value, name, "s")) == ()
