@@ -6,9 +6,10 @@ the loop over many lanes side by side is called a turn; the loop is in `clearjoi
 `.xla_lanes`. A lane that needs something from Python, such as an empty buffer, waits: it stays
 unchanged in further turns until Python (the host) has served it.
 
-A log is a table that a lane writes: the crossings of a Poincaré section, the impacts of a contact,
-or the saved states. A buffer holds the rows of a log that the host has not read yet. Packed states
-have vectors as arrays (3,); in scalar form a vector is three separate scalars.
+A recorder collects the data of one output during a run; the data are called its record. A log is a
+table that a lane writes: the crossings of a Poincaré section, the impacts of a contact, or the
+saved states. A buffer holds the rows of a log that the host has not read yet. Packed states have
+vectors as arrays (3,); in scalar form a vector is three separate scalars.
 """
 
 from collections.abc import Mapping
@@ -97,9 +98,10 @@ class LaneRequest(eqx.Module):
     """Data that the host gives a lane, and updates whenever it has emptied the lane's buffers.
 
     - `end_time`: s, end of the run; `first_step`: s, length of its first step.
-    - `window`: (`WINDOW`,) s, the next times at which states are to be saved; infinite where no
-      such time is left.
-    - `wanted[log]`: number of rows of a log that are still to be recorded.
+    - `window`: (`WINDOW`,) s, the times of the states that are saved from now on: entry k is the
+      time of row k of the emptied buffer, or infinite where no such time is left.
+    - `wanted[log]`: number of rows that may be recorded from now on in a log of crossings or
+      impacts. It is compared with the number of rows in the buffer.
     """
 
     end_time: Scalar
@@ -347,7 +349,8 @@ class Common(eqx.Module):
       that are exactly 0 or 1 in all lanes are marked as constants.
     - `start_time`: s, start of all runs.
     - `capacity[log]`: largest number of rows of each log of crossings or impacts.
-    - `channels[log][name]`: quantities whose values are reported for each recorded state of a log.
+    - `channels[log][name]`: quantities (scalar functions of a state, such as a position) whose
+      values are reported for each recorded state of a log.
     - `saved`: name of the log of saved states; empty if no states are saved.
     - `tables[name]`: for each table of impacts, the names of the logs of its contacts.
     - `programs`: pairs of name and digest of the traced programs; empty if unknown. A compiled

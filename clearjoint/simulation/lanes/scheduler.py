@@ -162,7 +162,7 @@ class Batch:
 
         **Arguments:** `lanes`: numbers of the lanes, in the order in which they begin; `on_ended`:
         receives lanes soon after they have ended, while others still run; `on_progress`: receives
-        the progress several times a second. Both are called in this thread.
+        the progress several times a second. Both are called in the thread that calls `run`.
 
         **Raises:** `KeyboardInterrupt` after Ctrl-C, when all threads have stopped and `on_ended`
         has received all lanes that had ended; also the error of a thread or a callback, after which
@@ -209,6 +209,8 @@ class _Programs:
     **Arguments:** `native`: whether the programs are native code; otherwise XLA compiles them.
 
     **Raises:** `UnsupportedPrimitiveError` if native code lacks a primitive of the programs.
+
+    The attributes:
 
     - `loop`: the loop over lanes.
     - `own_cells`: layout of the data that Python gives a lane: the cells of its task, then those of
@@ -351,6 +353,8 @@ class _Group:
     **Arguments:** `shared`: state that all groups share; `number`: number of the group, from 0 on,
     which selects its accelerator.
 
+    The attributes:
+
     - `turns`: number of turns so far, the sum over all columns.
     - `error`: the exception that ended the thread, or ``None``.
     - `ended`: whether the thread has ended.
@@ -477,9 +481,9 @@ def _deliver(
 
     The callbacks are called every `PERIOD` seconds, and as soon as a group has ended.
 
-    **Arguments:** `on_ended`: receives lanes that have ended since its last call; `on_progress`:
-    receives the progress of the running lanes; `stopped`: returns whether the user has interrupted
-    the batch, in which case all groups stop.
+    **Arguments:** `on_ended`: receives lanes that have ended since its last call; it is not called
+    without such lanes; `on_progress`: receives the progress of the running lanes; `stopped`:
+    returns whether the user has interrupted the batch, in which case all groups stop.
 
     **Raises:** the error of a group, after its finished lanes have been passed on.
     """
@@ -558,7 +562,7 @@ def _columns(
     """
     common, name, example = shared
     leaves, structure = jax.tree.flatten(example)
-    # Some columns are quantities, which are functions of the lane's scene too.
+    # Some columns are quantities such as a contact force, which depend on the lane's scene too.
     system = common.plan.scheme.system(common.scene(task))
     # Each row has the numbers of the first leaf, then those of the second, and so on.
     boundaries = np.cumsum([leaf.size for leaf in leaves])[:-1]

@@ -41,7 +41,9 @@ class XlaLaneLoop(AbstractLaneLoop):
 
     **Arguments:**
 
-    - `turn`: function (shared, own, state) that returns the state of a lane after a turn.
+    - `turn`: function (shared, own, state) that returns the state of a lane after a turn. It must
+      return the state of a lane that waits for Python unchanged, because other lanes may take
+      further turns.
     - `status`: function (shared, own, state) that returns scalars by name, among them "moves",
       which is false if the lane waits for Python, for instance to empty a buffer of results.
     - `shared`: data of all lanes, a PyTree of arrays.

@@ -82,7 +82,7 @@ class Touch:
     - `clearance`: m, of the bearing; ``None`` without a bearing.
     - `normal`: a `Row` whose rate is the opening velocity, m/s.
     - `slip`: two `Row`s whose rates are the slip velocities, m/s; empty without friction.
-    - `coefficient`: Coulomb's coefficient of friction.
+    - `coefficient`: Coulomb's coefficient of friction; zero without friction.
     """
 
     joint: str
@@ -290,8 +290,8 @@ class ContactProblem:
         scale = jnp.where(scale > 0.0, scale, 1.0)
 
         def go(now: Alternation) -> Alternation:
-            # Normal impulses for the tangential ones of the last turn, then friction within the
-            # bounds that these normal impulses give.
+            # Normal impulses for the tangential ones that the last turn has extrapolated, then
+            # friction within the bounds that these normal impulses give.
             tried = now.tried
             aims_with_friction = self.velocities_after(aims, tried, normals, tangents)
             normal, normal_residual = self.normal_impulses(closed, aims_with_friction)

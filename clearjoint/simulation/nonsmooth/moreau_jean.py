@@ -82,8 +82,11 @@ class StepEnd(eqx.Module):
 def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> StepEnd:
     """Take one step of length h, s, from the time t, s.
 
-    **Arguments:** `variables`: positions and speeds at t. A driver or load that has a breakpoint at
-    t has the value that holds after the breakpoint.
+    A breakpoint is a declared time at which a driver or load changes abruptly. A driver or load
+    with a breakpoint at t has the value that holds after it. The caller must choose h so that no
+    breakpoint is inside the step.
+
+    **Arguments:** `rigid`: the system and the restitutions; `variables`: positions and speeds at t.
     """
     # Motion without contact, from which the gaps in the middle of the step follow.
     system, middle_time = rigid.system, t + 0.5 * h

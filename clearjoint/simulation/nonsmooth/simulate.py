@@ -40,11 +40,12 @@ from .contact_problem import require_restitution, restitutions
 from .moreau_jean import SOLVED, ContactStep, Rigid, advance
 
 DRIVER_TOLERANCE = 1e-5
-"""Largest difference between the change of a driver's value (a prescribed motion) over a step and
-the integral of its rate, and between the change of its rate and the integral of its second rate.
-Both are relative to the driver's speed in the step. For a smooth driver, the integrals have far
-smaller errors. A larger difference means that the driver has a kink or jump inside the step, which
-the step does not follow."""
+"""Tolerance within which a driver, a constraint that prescribes a motion as a function of time,
+must be smooth over a step. It is the largest difference between the change of the driver's rate and
+the integral of its second time derivative, relative to the driver's speed in the step, and between
+the change of its value and the integral of its rate, relative to the speed times the step's length.
+For a smooth driver, the integrals have far smaller errors. A larger difference means that the
+driver has a kink or jump inside the step, which the step does not follow."""
 
 
 class RigidRun(eqx.Module):

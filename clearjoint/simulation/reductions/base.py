@@ -29,11 +29,11 @@ class AbstractReduction(AbstractConverting):
     """Base class of outputs that are updated at every accepted step of a run.
 
     A subclass defines `start`, `update`, `results` and `units`; the first three are traced by JAX.
-    They receive an `Instant`, the scene with its motion at one time, from which quantities are
-    computed. If the subclass reads `Instant.work`, the integrals of the energy ledger (energies
-    dissipated and supplied since the start of the run), it sets `needs_ledger = True`. The example
-    adds up the time in s during which a contact force exceeds a limit. Its tally is the pair of the
-    latest time and the sum:
+    They receive an `Instant`, the scene with its motion at one time, from which quantities (scalar
+    functions of an instant) are computed. If the subclass reads `Instant.work`, the integrals of
+    the energy ledger (energies dissipated and supplied since the start of the run), it sets
+    `needs_ledger = True`. The example adds up the time in s during which a contact force exceeds a
+    limit. Its tally is the pair of the latest time and the sum:
 
     ```python
     import clearjoint as cj
@@ -77,7 +77,8 @@ class AbstractReduction(AbstractConverting):
 
     @abc.abstractmethod
     def start(self, now: Instant) -> PyTree:
-        """Return the tally at the start of the run, the instant `now`.
+        """Return the tally at the start of the run, the instant `now`. Since no step ends there,
+        `now.inside` and `now.middle` raise a `ValueError`.
 
         `update` must return a PyTree of the same structure, shapes and types.
         """
@@ -96,7 +97,8 @@ class AbstractReduction(AbstractConverting):
 
     @abc.abstractmethod
     def results(self, tally: PyTree, now: Instant) -> dict[str, Scalar]:
-        """Return the results by name, from the last tally and the instant at the end of the run.
+        """Return the results by name, from the last tally and the instant at the end of the run,
+        whose `now.inside` and `now.middle` raise a `ValueError`.
 
         The result "" gets the name under which the user has requested the output. The other names
         are appended to it after an underscore: "time" of the output "force" becomes "force_time".

@@ -1,4 +1,12 @@
-"""Reductions of joints: number of impacts, dissipated energy, and wear."""
+"""Reductions of joints: number of impacts, dissipated energy, and wear, which are updated at every
+accepted step of a run.
+
+An onset is the beginning of a contact. An `Instant` is a scene with its motion at one time of a
+run. The energy ledger consists of integrals of dissipated and supplied powers since the start of a
+run, J, which the solver computes with `Settings(ledger=True)`. Bristles are elastic deflections of
+the surfaces in friction laws that can stick; the ledger counts their energy as friction, although
+they may return it.
+"""
 
 import math
 from typing import NamedTuple

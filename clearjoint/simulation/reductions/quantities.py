@@ -66,7 +66,7 @@ class Peak(AbstractQuantityReduction):
 
     The results are named "" (the value) and "time" (s). The peak may lie between the ends of a
     step: it is searched for in the solver's dense output. At usual tolerances the peak of a contact
-    force agrees with that of the table of impacts to 1e-6 of its value.
+    force agrees with that of an `ImpactTable`, an output of sweeps, to 1e-6 of its value.
 
     ```python
     import clearjoint as cj
@@ -177,8 +177,8 @@ class Statistics(AbstractQuantityReduction):
     def start(self, now: Instant) -> StatisticsTally:
         """Return the tally at the start of the run, with integrals of zero.
 
-        The smallest value is infinite and the largest minus infinite, so that the first step, which
-        includes its start, sets both.
+        The smallest value is infinite and the largest minus infinite, so that the first step in the
+        window, whose start is included, sets both.
         """
         value = self._value(now)
         zero, infinite = jnp.zeros_like(value), jnp.full_like(value, jnp.inf)

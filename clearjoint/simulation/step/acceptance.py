@@ -1,8 +1,11 @@
 """Decide whether a trial step is accepted, how long the next one is, and whether the run failed.
 
 An event is the onset or the end of a contact. Landing is the adjustment of a step so that it ends
-at an event. Rates are time derivatives of the integrated variables. Tangents are derivatives of the
-variables with respect to parameters.
+at an event. A breakpoint is a declared time at which a driver or load changes abruptly; steps end
+there too. Rates are time derivatives of the integrated variables. Tangents are derivatives of the
+variables with respect to parameters. Bristles are deflections of the surfaces in friction laws that
+can stick. A time map places the solver's stages non-uniformly in the time of a step (see
+`.time_map`).
 """
 
 from typing import Any, TypeAlias
@@ -32,11 +35,12 @@ Flag: TypeAlias = Bool[Any, ""]
 """A truth value, (), annotated as in diffrax."""
 
 DRIVER_TOLERANCE = 3.0
-"""Tolerance within which a driver must be smooth over a step, as a multiple of the step's relative
-tolerance. A driver is a constraint that prescribes a motion as a function of time. The change of
-its rate over the step may differ from the integral of its second rate by the tolerance times the
-driver's speed, and the change of its value from the integral of its rate by that times the step's
-length. The factor leaves room for the error of the quadrature."""
+"""Tolerance within which a driver must be smooth over a step, as a multiple of the relative
+tolerance of the step-size controller. A driver is a constraint that prescribes a motion as a
+function of time. It counts as smooth if the change of its rate over the step differs from the
+integral of its second time derivative by at most the tolerance times the driver's speed, and if the
+change of its value differs from the integral of its rate by at most the tolerance times the speed
+and the step's length. The factor leaves room for the error of the quadrature."""
 FIXED_STEPS_RTOL = 1e-6
 """Relative tolerance for drivers if the step-size controller has none, as in runs with fixed steps:
 the default `rtol` of `Settings`."""
@@ -56,10 +60,10 @@ def decide_step(
     end. It is then repeated: in the first case with a shorter step, in the second case up to the
     event.
 
-    **Arguments:** `method`: solver, step-size controller, and the rule `landing` by which steps end
-    at contact events, or ``None``; `system`: the scene and its equations of motion; `step`: the
-    state before the trial; `trial`: the trial as the solver computed it; `t_end`: end of the run,
-    s.
+    **Arguments:** `method`: solver, step-size controller, and `landing`, the rule by which steps
+    end at contact events, ``None`` if they go across them; `system`: the scene and its equations of
+    motion; `step`: the state before the trial; `trial`: the trial as the solver computed it;
+    `t_end`: end of the run, s.
 
     **Returns:** whether the trial is accepted; the step to try next; and the result code of the run
     so far.
@@ -83,8 +87,8 @@ def decide_step(
         # history of errors would contain a step that was never made.
         controller_state = choose(repeats, last.controller_state, controller_state)
 
-    # 2. Length of the next step. The controller counts in its own time variable, in which the error
-    # is smooth; the time map converts its proposal to seconds.
+    # 2. Length of the next step. The controller's proposal assumes that the next step has the same
+    # time map as this one. The map corrects the proposal, because the next step may have another.
     # The next step begins where this one ends, or where it began if it is rejected. `full_length`
     # is the length that it would have if no event cut it short.
     full_length = t_next - jnp.where(keep, t1, step.t)
@@ -92,9 +96,10 @@ def decide_step(
         full_length = trial.time_map.next_length(full_length, keep)
 
     # 3. Contact events. A step past an event was computed with the wrong set of closed contacts; it
-    # is repeated up to the event. The first step after an onset is limited by `entry_length`, the
-    # length of the latest such step that no event cut short. Without contacts only breakpoints can
-    # have cut the step short.
+    # is repeated up to the event. `lands` is true for a trial that is rejected for this reason
+    # only. The first step after an onset is limited to twice `entry_length`, the length of the
+    # latest such step that no event cut short. Without contacts only breakpoints can have cut the
+    # step short.
     begins_contact, entry_length = last.begins_contact, last.entry_length
     if method.landing is not None and after:
         passes, landing_time = method.landing.retry(step.contact_gaps, after, step.t, t1)
@@ -109,8 +114,9 @@ def decide_step(
         full_length = length_after_breakpoints(step, t1, keep, full_length)
         t_next = jnp.where(keep, t1, step.t) + full_length
 
-    # 4. Whether the next step can reuse the rates at the end of this one. After a rejection the
-    # start of the step is the same, so the flag stays.
+    # 4. Whether the next step must compute the rates at its start anew (`made_jump`), or can reuse
+    # those at the end of this one. After a rejection the start of the step is the same, so the flag
+    # stays.
     jumps = may_jump(method, system.scene)
     if slopes_may_jump(method, system.scene):
         # Rates are continuous here. But where a contact begins or ends, their derivatives jump, so
@@ -178,7 +184,8 @@ def _controller_decision(
         before = before, magnitudes(scaled(step.tangents.y))
         after = after, magnitudes(scaled(trial.tangents.y))
         error = error, jax.tree.map(lambda e: e / tolerance, scaled(trial.tangents.error))
-    # `wrap(1)` tells diffrax's controller that time runs forward.
+    # `wrap(1)` tells diffrax's controller that time runs forward. Its second result, the start of
+    # the next step, is not used: each step begins where the last accepted one has ended.
     keep, _, t_next, made_jump, state, result = method.controller.wrap(1).adapt_step_size(
         step.t,
         trial.t1,
@@ -206,11 +213,12 @@ def _result(
 
     If several checks fail, the last of these decides: the step is too small, a journal is too deep
     in the wall, a driver or ideal joint is not followed, a variable is not finite, the solver or
-    the controller failed.
+    the controller failed. If none fails, the code in `step` stays.
 
     **Arguments:**
 
-    - `step`: the state before the trial; `keep`: whether the trial is accepted.
+    - `step`: the state before the trial; `trial`: the trial as the solver computed it; `keep`:
+      whether it is accepted.
     - `refused`: whether it was rejected because of a driver; ``None`` without drivers.
     - `t_next`: end of the step proposed next, s; `t_end`: end of the run, s.
     - `controller_result`: diffrax's result code of the controller.
@@ -232,6 +240,7 @@ def _result(
         # If steps shrink to nothing because of a driver, it has a kink or jump there. The cause is
         # not a stiff force.
         result = RESULTS.where(stuck & refused, RESULTS.not_followed, result)
+    # At a breakpoint at the end of the step, constraints have the values just before it.
     time = one_sided_time(system, step.t, trial.t1)
     violated = system.constraints_violated(trial.outcome.y.motion, time)
     if violated is not None:

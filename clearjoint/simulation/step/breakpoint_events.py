@@ -10,7 +10,8 @@ of the constraints changes the velocities. The new velocities are those that sat
 and differ least from the old ones, in the metric of the mass matrix.
 
 The clock of a `System` counts the time from its `origin`, s; without an origin it shows the scene's
-time.
+time. The entry speed of a contact is its penetration rate at its onset. The energy ledger of a run
+consists of integrals of powers, J, such as the energy "supplied" by drivers and loads.
 """
 
 from collections.abc import Mapping
@@ -55,7 +56,8 @@ class SwitchedForce(AbstractForce):
         return self.force.body_names()
 
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
-        """Return the interpolated wrenches, N and N m, by body name; `t` is not used."""
+        """Return the interpolated wrenches, N and N m, by body name. A body without a wrench at one
+        of the two times has a wrench of zero there. `t` is not used."""
         del t
         old, new = (self.force.wrenches(motions, at) for at in (self.before, self.after))
         return {
@@ -114,7 +116,9 @@ def across_breakpoints(
             # rounding, but its derivatives are not.
             # Drivers with breakpoints at the same instant are assumed to change together, so the
             # mean of their times is taken. Lanes of a batch compute this in every step; the bound
-            # of 1 avoids a division by zero where no driver has a breakpoint at the end.
+            # of 1 avoids a division by zero where no driver has a breakpoint at the end. In a step
+            # that ends at breakpoints of forces only, `time` is zero, and velocities lose nothing
+            # but their drift from the constraints.
             count = sum(jnp.asarray(lands, float) for lands, _ in joints.values())
             time = sum(time for _, time in joints.values()) / jnp.maximum(count, 1.0)
             y = _moved_on(y, rates(none, y, before), -time)
@@ -156,11 +160,11 @@ def _moved_on(y: Variables, rates: Variables, time: Scalar) -> Variables:
 
 
 def _past_kink(system: System, y: Variables, t: Scalar) -> Variables:
-    """Return the variables with velocities that satisfy the constraints just after the time t, s,
-    at which the angle of a driver has a kink.
+    """Return the variables with velocities that satisfy the constraints at the time t, s, just
+    after a kink in the angle of a driver.
 
-    The energy ledger counts the kinetic energy that the impulse of the constraints adds as
-    "supplied".
+    If the run has an energy ledger, the kinetic energy that the impulse of the constraints adds is
+    added to the integral "supplied".
     """
     motion = system.project_velocities(y.motion, t)
     work = y.work

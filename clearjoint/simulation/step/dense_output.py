@@ -3,7 +3,10 @@
 Where the stabilisation projects states onto the constraints, interpolated states are projected too.
 Times are on the clock of a run's `System`, which counts the time from the system's `origin`, s;
 without an origin it shows the scene's time. A `Method` contains the solver; it is the one with
-which the step was made.
+which the step was made. An `Attempt` is a trial step with its data for dense output. The entry
+speed of a contact is its penetration rate at its onset. A time map gives the part of a step's time
+that has elapsed at each of the solver's stages; without one, this part is the node of the solver's
+tableau, and time is called uniform in the step.
 """
 
 from collections.abc import Callable, Mapping
@@ -30,8 +33,8 @@ def look_inside(
     """Return the variables, corrected by the stabilisation, and the entry speeds, m/s, at a time t,
     s, of the accepted step of an `attempt`.
 
-    Before the end of the step, entry speeds are those of its start. At the end, variables and entry
-    speeds are the stored ones, which contain the corrections for events there.
+    Before the end of the step, entry speeds are those of its start. At the end, the stored
+    variables and entry speeds are taken, which contain the corrections for events there.
     """
     end = attempt.step.t
     dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=end, **attempt.information)
@@ -83,8 +86,9 @@ def on_constraints(system: System, y: Variables, t: Scalar) -> Variables:
 
 
 def require_dense(solver: diffrax.AbstractSolver) -> None:
-    """Check that a solver is an explicit Runge-Kutta method. Only for these does the package
-    compute quantities and derivatives inside steps.
+    """Check that the solver of a `Method` is an explicit Runge-Kutta method, which has there the
+    class `UnrolledExplicit`. Only for these does the package compute quantities and derivatives
+    inside steps.
 
     **Raises:** `ValueError` that names the solver's class.
     """
@@ -171,7 +175,8 @@ class DenseStep(eqx.Module):
 
     def at(self, method: Method, t: Scalar) -> Snapshot:
         """Return the snapshot at a time t, s, of the step, on the clock of the run's system,
-        without correction by the stabilisation. At the end of the step it is the stored `end`."""
+        without correction by the stabilisation. At the end of the step it is the stored `end`;
+        before, it has the entry speeds of the step's start."""
         length = self.end.t - self.start.t
         elapsed = (t - self.start.t) / jnp.where(length > 0.0, length, 1.0)
         ends = t >= self.end.t

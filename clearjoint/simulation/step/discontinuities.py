@@ -59,7 +59,8 @@ def require_declared(scene: Scene) -> None:
     """Check that every element of a scene that may change abruptly at some time, because it
     compares or rounds a number that depends on time, declares its breakpoints.
 
-    **Raises:** `ValueError` that names the first element without declared breakpoints.
+    **Raises:** `ValueError` that names the first such element whose class, or the class of a
+    function of time in it, does not define the method `breakpoints`.
     """
     elements = {"joints": scene.joints, "forces": scene.forces}
     for family, members in elements.items():
@@ -135,6 +136,7 @@ def _depends_on_primitive(program: Jaxpr, chosen: list[bool], primitives: frozen
     **Arguments:** `program`: the traced program; `chosen`: for each of its arguments whether it is
     chosen; `primitives`: names of JAX primitives.
     """
+    # Variables that depend on a chosen argument.
     causes = {v for v, is_chosen in zip(program.invars, chosen, strict=True) if is_chosen}
     # Dead code is left out, such as comparisons in the value of a constraint, which is not used.
     needed, _ = partial_eval.dce_jaxpr(program, [True] * len(program.outvars))
@@ -203,7 +205,8 @@ def has_undeclared_jump(method: Method, system: System, step: Step, trial: Trial
     within a trial step.
 
     Steps end at breakpoints and at contact events, so these are not inside the step. The check is
-    skipped if the step ends at the onset or the end of a contact whose force jumps there.
+    skipped if the step ends at the onset or the end of a contact whose force, or its slope, may
+    jump there.
 
     **Arguments:** `method`: integration method; `step`: the state before the trial; `trial`: its
     result.

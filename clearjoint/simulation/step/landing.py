@@ -3,8 +3,9 @@
 A step that starts in flight and ends deeper in a contact than the landing tolerance is rejected. It
 is repeated up to the event, which is the root of the cubic Hermite interpolant of the penetration.
 The same holds for a step that starts in a contact and ends in flight. Penetrations are positive
-where a contact has a force: they are measured from the onset of the force (`ContactGap` in
-`clearjoint.dynamics.contact_events`).
+where a contact has a force: they are measured from the onset of the force. A `ContactGap` has the
+penetration of one contact, `depth`, m, and its `rate`, m/s. Contact gaps are `ContactGap`s by joint
+and contact.
 """
 
 import equinox as eqx
@@ -19,8 +20,9 @@ from ...model.joints.base import ByLabel
 LATEST = 1e-11
 """Longest time past an event at which a step may end, s. In slow contacts, this time multiplied by
 the penetration rate is less than the landing tolerance, and steps must land within this smaller
-depth. The elastic energy at the depth where a step lands was supplied by no work, and a slow impact
-may be less deep than the landing tolerance."""
+depth. At the depth where a step lands, the contact has an elastic energy that no work has supplied.
+A slow impact may not even reach the depth of the landing tolerance, so that this energy would be a
+large error."""
 CLOSEST = 1e-4
 """Smallest depth within which a step must land, relative to the landing tolerance. Without this
 bound, rounding errors of the penetration, which do not become smaller in slow contacts, could make
@@ -158,6 +160,6 @@ def _inwards(gap: ContactGap) -> Scalar:
 
 def _turns(start: ContactGap, end: ContactGap) -> Condition:
     """Return whether the penetration of a contact moves towards zero at the `start` of a step, and
-    away from zero at its `end`."""
+    in the opposite direction at its `end`."""
     inwards = _inwards(start)
     return (inwards * start.rate > 0.0) & (inwards * end.rate < 0.0)

@@ -39,7 +39,7 @@ class Scheme(eqx.Module):
 
     @staticmethod
     def of(settings: Settings, redundant: bool = False) -> "Scheme":
-        """Return the scheme for the settings of a run, with its numbers as JAX arrays.
+        """Return the scheme for the settings of a run, with its nonzero numbers as JAX arrays.
 
         **Arguments:** `redundant`: whether some constraint equations depend linearly on others;
         used if `settings.redundant` is ``None``.
@@ -100,7 +100,9 @@ Auxiliary = TypeVar("Auxiliary")
 class SystemFamily(eqx.Module):
     """A scene's equations of motion (`System`) and initial state as functions of p parameters.
 
-    - `family`: the scene and its initial state as functions of the parameters.
+    - `family`: the scene and its initial state as functions of the parameters' coordinates, such as
+      the logarithm of a parameter on a logarithmic scale. All derivatives of this class are with
+      respect to these coordinates.
     - `formulation`: coordinates, stabilisation of the constraints, and energy ledger.
     - `origin`: the scene's time, s, at which the time t of the systems is zero; ``None`` if t is
       the scene's time.

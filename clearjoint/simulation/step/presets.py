@@ -42,7 +42,8 @@ of order 8, whose program takes twice as long to compile.
 derivatives = Settings(rtol=1e-9, landing_tolerance=1e-13, max_steps=1_000_000)
 """Settings that `sensitivities`, and functions that call it, such as `fit_horizon`, use if none are
 given. Steps end within a penetration of 1e-13 m at each onset of a contact, so that the adjustment
-of the steps leaves no visible error in the derivatives of entry speeds.
+of the steps leaves no visible error in the derivatives of entry speeds, the penetration rates at
+onsets.
 
 >>> cj.presets.derivatives.landing_tolerance
 1e-13

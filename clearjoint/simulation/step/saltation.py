@@ -12,6 +12,9 @@ The contact force in f+ is a mean over the time tau. If the force is continuous 
 K, N/m, jumps, as for a spring, this mean is K delta/2 for the penetration delta, m, at t1. Without
 this term, derivatives have an error proportional to tau, which is visible if two contacts of a
 stiff spring begin a millionth of the contact time apart.
+
+The entry speed of a contact is its penetration rate at its onset. Bristles are deflections of the
+surfaces in friction laws that can stick.
 """
 
 from collections.abc import Mapping
@@ -117,7 +120,8 @@ def _changes(before: ContactGap, after: ContactGap) -> Condition:
 
 
 def any_changes(scene: Scene, before: ContactGaps, after: ContactGaps) -> Condition:
-    """Return whether any contact whose force or slope may jump begins or ends between two instants.
+    """Return whether any contact whose force, or its slope, may jump begins or ends between two
+    instants.
 
     **Arguments:** `before`, `after`: the contact gaps at the two instants.
     """

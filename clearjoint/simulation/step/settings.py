@@ -165,7 +165,11 @@ class Settings:
 
     def length_of_first_step(self, start_time: Scalar, end_time: Numbers) -> Numbers:
         """Return the length of the first step of a run from `start_time` to `end_time`, all in s:
-        the setting `first_step`, or its default."""
+        the setting `first_step`, or its default.
+
+        For several runs, with end times (N,), the default has the shape (N,), but `first_step` is
+        returned as one number.
+        """
         if self.first_step is None:
             return FIRST_SHARE * (end_time - start_time)
         return self.first_step

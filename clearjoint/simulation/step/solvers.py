@@ -272,8 +272,9 @@ def largest_component(tree: PyTree[Scalar]) -> jax.Array:
 
 
 def default_controller(rtol: float, atol: float) -> diffrax.PIDController:
-    """Return diffrax's PID step-size controller. Its norm is `largest_component`, so that each
-    variable satisfies the tolerances: `rtol`, and `atol` in the SI unit of the variable."""
+    """Return diffrax's PID step-size controller. Its norm is `largest_component`, so that the error
+    estimate of each variable satisfies the tolerances: `rtol`, and `atol` in the SI unit of the
+    variable."""
     return diffrax.PIDController(rtol=rtol, atol=atol, norm=largest_component)
 
 

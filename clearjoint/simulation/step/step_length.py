@@ -2,7 +2,8 @@
 
 An event is the onset or the end of a contact, or a breakpoint, a time at which a driver or load
 changes abruptly. Steps end at events. A step that an event ends earlier than the step-size
-controller proposed is said to be cut short.
+controller proposed is said to be cut short. Bristles are deflections of the surfaces in friction
+laws that can stick.
 """
 
 from dataclasses import replace
@@ -30,7 +31,7 @@ def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Sc
 
     It is the earliest of four times: the proposed end in `step.proposal`, the next breakpoint, the
     predicted next event of a contact, and the end `t_end` of the run. Without the rule
-    `method.landing`, events of contacts do not count. An event that is too close for
+    `method.landing`, events of contacts do not count. An event of a contact that is too close for
     floating-point times counts as a few of their spacings away.
     """
     t1 = jnp.minimum(step.proposal.t_next, t_end)
@@ -92,8 +93,9 @@ def length_after_breakpoints(step: Step, t1: Scalar, keep: Condition, proposed: 
 def _uncut(last: Proposal, is_cut: Condition, proposed: Scalar) -> Scalar:
     """Return the length that the next step would have without events, s.
 
-    It is the length that the step-size controller `proposed`. But if the `last` step was cut short
-    (`is_cut`), it is at least the length that this step would have had without events.
+    It is the length that the step-size controller `proposed`. But if the step just tried was cut
+    short (`is_cut`), it is at least the length that this step would have had without events, which
+    is the `full_length` of its proposal, `last`.
     """
     return jnp.where(is_cut, jnp.maximum(proposed, last.full_length), proposed)
 

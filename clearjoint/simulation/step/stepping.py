@@ -11,8 +11,9 @@ native function.
 Terms: rates are time derivatives of the integrated variables. The entry speed of a contact is its
 penetration rate at its onset, m/s. Bristles are deflections of the surfaces in friction laws that
 can stick. Tangents are derivatives of the variables with respect to p parameters. A breakpoint is a
-declared time at which a driver or load changes abruptly. The clock of a `System` counts the time
-from its `origin`, s; without an origin it shows the scene's time.
+declared time at which a driver or load changes abruptly. The energy ledger consists of integrals of
+dissipated and supplied powers, J, which are computed with the motion. The clock of a `System`
+counts the time from its `origin`, s; without an origin it shows the scene's time.
 """
 
 import warnings

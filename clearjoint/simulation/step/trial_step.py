@@ -2,7 +2,8 @@
 
 Rates are time derivatives of the variables. Tangents are derivatives of the variables with respect
 to p parameters. A contact is closed if it has a force. The entry speed of a contact is its
-penetration rate at its onset, m/s.
+penetration rate at its onset, m/s. Bristles are deflections of the surfaces in friction laws that
+can stick. A breakpoint is a declared time at which a driver or load changes abruptly.
 """
 
 from dataclasses import replace
@@ -128,8 +129,9 @@ def time_map_of(method: Method, step: Step, t1: Scalar) -> AbstractTimeMap | Non
         return None
     begins, since = step.proposal.begins_contact, step.proposal.time_since_onset
     if since is None:
-        # Without derivatives, mapping the steps towards the end of a contact saved no steps, and a
-        # journal rolling along the wall took more.
+        # A run without derivatives, which does not keep this time. In such runs, mapping the steps
+        # towards the end of a contact saved no steps, and a journal rolling along the wall took
+        # more.
         return FromOnset(begins)
     gaps, second_rates = step.contact_gaps, step.second_rates
     until_end = method.landing.time_to_next_event(gaps, second_rates, ends_only=True)
@@ -160,7 +162,8 @@ def try_step(
         if slopes_may_jump(method, system.scene):
             # The solver has kept the rates with the contacts of the last step. Where a contact has
             # begun or ended, they agree with the new rates, but their derivatives do not, because
-            # the slope of a force jumps. There the solver's state is computed anew.
+            # the slope of a force jumps. There the solver's state is computed anew. In this
+            # function, `start` are the arguments of the solver's method `init` after the term.
             kept, start = solver_state, (step.t, t1, y, (system, entry_speeds))
             solver_state = jax.lax.cond(
                 step.proposal.made_jump,
@@ -182,6 +185,7 @@ def try_step(
         assert isinstance(error, Variables)
         return SolverStep(y1, error, information, solver_state), result
 
+    # The arguments of `advance` after the system; not the tuple `start` inside of that function.
     start = step.y, step.entry_speeds, step.solver_state
     if family is None:
         outcome, result = advance(system, *start)
