@@ -60,10 +60,10 @@ def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:
     - `fit`: from `cj.identify`.
     - `series`: names of the measured series to draw; by default all.
 
-    **Returns:** array (2, number of series) of axes in a new figure, one column for each series. The
+    **Returns:** array (2, number of series) of axes in a new figure, a column for each series. The
     first row has the axes with measurement and prediction, the second row those with the residuals,
     which are divided by the noise. A grey band from -2 to 2 should contain 95 % of the residuals.
-    The figure shows two series side by side, and further ones below.
+    The figure shows two series side by side, and further ones below them.
 
     **Raises:** `ValueError` for unknown names of series, and for an empty list.
 

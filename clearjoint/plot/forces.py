@@ -165,7 +165,8 @@ def _over_time(
     values = np.concatenate([force for _, force in curves])
     factor, unit = fitting_unit(values, "N")
     draw_lines(axes, ((label, drawn_times, force * factor) for label, force in curves), 1.0)
-    axes.get_lines()[-len(curves)].set_linewidth(1.8)  # the first one may lie below others
+    # The first of the new curves is thicker, since the others may cover it.
+    axes.get_lines()[-len(curves)].set_linewidth(1.8)
     axes.margins(x=0.0)
     axes.set_ylim(bottom=0.0)
     # The largest force in each interval of contact. Without any, the axis stays linear.

@@ -231,7 +231,8 @@ def bifurcation(
       each axis that is not drawn.
     - `section`: name under which the `Section` was passed to `Saving`. `channel`: name of the
       section's channel to draw.
-    - `axis`: name of the swept parameter to draw over; by default the only axis of the sweep.
+    - `axis`: name of the swept parameter to draw over; by default the only axis of the sweep. A
+      zipped sweep, whose axes vary together, needs a name.
     - `number`: whether colours show the numbers of the crossings, from 1 on; this helps for a
       motion that decays, whose crossings depend on the time.
     - `axes`: axes to draw on, by default new ones.

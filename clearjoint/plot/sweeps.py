@@ -63,8 +63,8 @@ def of_lanes(dataset: xr.Dataset, variable: str, along: tuple[str, ...]) -> xr.D
 def only_axis(dataset: xr.Dataset, axis: str | None) -> str:
     """Return `axis`, or for None the name of the sweep's only axis.
 
-    **Raises:** `ValueError` for an unknown name, and for None if the sweep has several axes, also
-    if they vary together.
+    **Raises:** `ValueError` for an unknown name; and for None if the sweep has several axes or is
+    zipped, which means that its axes vary together.
     """
     if axis is not None:
         require_names(dataset, (axis,))
@@ -123,7 +123,8 @@ def against(
     - `dataset`: from `sweep` or `open_sweep`. If the sweep has several axes, select one value of
       each axis that is not drawn, as by ``dataset.sel(restitution=0.9)``.
     - `variable`: name of the output.
-    - `axis`: name of the swept parameter; by default the only axis of the sweep.
+    - `axis`: name of the swept parameter; by default the only axis of the sweep. A zipped sweep,
+      whose axes vary together, needs a name.
     - `median`: number of neighbouring lanes over which a running median is drawn as a line. It
       shows the trend in the scatter of chaotic motion. No line by default.
     - `label`: text of the legend; by default the name of the output and the selected values.

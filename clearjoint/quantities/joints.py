@@ -103,6 +103,8 @@ class ContactForce(AbstractContactQuantity):
 class FrictionForce(AbstractContactQuantity):
     """Magnitude of the friction force at a contact, N; zero without friction.
 
+    The moment of friction between two flat faces that rotate on each other is not part of it.
+
     **Arguments:** `joint`: name of the joint. `contact`: label of the contact, such as "V".
 
     >>> cj.quantities.FrictionForce("shoulder", "V").unit
