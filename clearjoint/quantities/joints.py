@@ -74,7 +74,7 @@ class AbstractContactQuantity(AbstractJointQuantity):
         **Raises:** `ValueError` with the available names.
         """
         super().check(scene)
-        # There is no label to check for all contacts.
+        # ``None``, for all contacts, is no label that could be unknown.
         if self.contact is not None:
             require_known("contact", self.contact, scene.laws()[self.joint])
 

@@ -264,7 +264,8 @@ def in_perspective(
 def _direction(proportions: Proportions) -> np.ndarray:
     """Return the direction from the mechanism to the viewer, (3,) in global axes, of any length.
 
-    It is tilted from the main direction of the joint axes to the right and upwards.
+    It is a direction perpendicular to `up`, near `front` where possible, tilted to the right and
+    upwards.
     """
     up = proportions.up
     front = proportions.front - up * (proportions.front @ up)

@@ -388,7 +388,9 @@ class SketchingPen(AbstractPen):
         self._shaped.add(name)
 
     def ground(self, down: Float[np.ndarray, "3"]) -> None:
-        """Draw a stand, a pyramid with its tip at the joint, below each joint of the ground.
+        """Draw a stand, which is a pyramid, below each point of the ground's joints and forces.
+
+        Its tip is at the point, or for a bearing at the outside of the wall.
 
         **Arguments:** `down`: unit vector from the tip to the base of a stand, (3,) in global axes.
         """
