@@ -2,10 +2,11 @@
 
 The functions in the tables draw existing data (an `Observation`, a `Solution`, `Impacts`, a `Fit`,
 or the data set of a sweep) into matplotlib axes, the argument `axes`, or into new ones, and return
-them; `fitted`, `journal_frames` and `report` make new figures. Of the other functions, some
-draw in the same way, and some return the numbers to draw, such as `enclosed_energy`. No function
-simulates or shows anything; only `animate_journal` and `report` write files. Arguments are in SI
-units; axes have units with suitable prefixes.
+them; `fitted` and `report` always make a new figure. Of the other functions, some draw in the same
+way, `journal_frames` draws into a figure, `animate_journal` writes a GIF, and some return the
+numbers to draw, such as `enclosed_energy`. No function simulates or shows anything; only
+`animate_journal` and `report` write files. Arguments are in SI units; axes have units with suitable
+prefixes.
 
 | of a run | functions |
 |---|---|
@@ -32,9 +33,12 @@ units; axes have units with suitable prefixes.
 | accuracy over the length of a record | `record_length`, `growth`, `integration_error` |
 
 Curves also differ by line style, and areas by grey value and hatching, for print without colours.
-The argument `window` is the start and the end of the drawn time, s; by default all is drawn.
+The argument `window` is the start and the end of the drawn time, s; by default all is drawn. A lane
+is one run of a sweep.
 
-**Examples** in docstrings of this module assume these lines after those of `clearjoint`:
+**Examples** in docstrings of this module assume these lines, after the lines of examples in the
+docstring of `clearjoint`, which import packages and define `scene`, `state`, `stiffness`, `times`
+and `x`:
 
 >>> pendulum, hanging = cj.mechanisms.double_pendulum()
 >>> save = cj.Saving(np.linspace(0, 0.02, 2001), steps=True, impacts=True)

@@ -71,9 +71,10 @@ def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:
     - `fit`: from `cj.identify`.
     - `series`: names of the measured series to draw; by default all.
 
-    **Returns:** array (2, number of series) of axes in a new figure: measurement and prediction in
-    the first row; in the second one the residuals, which are divided by the noise, with a grey band
-    from -2 to 2, in which 95 % of them should lie.
+    **Returns:** array (2, number of series) of axes in a new figure, a column for each series. The
+    first row has the axes with measurement and prediction, the second row those with the residuals,
+    which are divided by the noise. A grey band from -2 to 2 should contain 95 % of the residuals.
+    The figure shows two series side by side, and further ones below them.
 
     **Raises:** `ValueError` for unknown names of series, and for an empty list.
 
@@ -110,8 +111,8 @@ def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:
 
 
 def _draw(fit: FittedModel, name: str, times: ScaledValues, above: Axes, below: Axes) -> None:
-    """Draw the measured series `name` and its prediction into the upper axes, and the residuals
-    into the lower ones. The factor and the label of the time axis are those of `times`."""
+    """Draw the measured series `name` and its prediction into the axes `above`, and the residuals
+    into the axes `below`. The time axis has the factor and the label of `times`."""
     series = fit.measurements.series[name]
     scaled_times = series.times * times.factor
     data = scaled(xr.DataArray(series.values, name=name, attrs={"units": series.unit}))
@@ -222,8 +223,7 @@ def integration_error(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
     converge from a wrong guess, or these errors are too large; a time that the record does not
     reach has no line.
 
-    **Arguments:** `horizon`: from `clearjoint.fit_horizon`; `axes`: by default those of a new
-    figure.
+    **Arguments:** `horizon`: from `cj.fit_horizon`; `axes`: axes to draw on, new ones by default.
 
     **Returns:** the axes; time in ms, errors on a logarithmic scale.
 

@@ -1,7 +1,8 @@
 """Draw forces of contacts over time and over the penetration, and phases of the motion over time.
 
-The contacts of a revolute joint with clearance are at the journal's end circles, its bases "V" and
-"W".
+The contacts of a revolute joint with clearance have the labels "V" and "W" of the journal's end
+circles, its bases. Other contacts, such as those of shoulders, have other labels. An `Observation`
+has the forces of all contacts at the observed times.
 """
 
 import enum
@@ -84,9 +85,10 @@ def contact_forces(
     logarithmic: bool | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw the normal forces of all contacts of a joint over time, each as one curve.
+    """Draw the normal forces of all contacts of a joint over time.
 
-    Contacts with the same force, such as both bases in planar motion, share one curve.
+    Each contact has a curve. Contacts with equal forces, such as both bases in planar motion, share
+    one curve.
 
     **Arguments:**
 
@@ -94,8 +96,10 @@ def contact_forces(
       impacts.
     - `joint`: name of the clearance joint.
     - `logarithmic`: whether the force axis is logarithmic; zero force is then not visible. By
-      default it is logarithmic if one peak is so large that the other forces would be invisible on
-      a linear axis. Without any force in the drawn time it is always linear.
+      default it is logarithmic if the largest force in the drawn time exceeds six times the median
+      of the peaks, or 20 times the median over time of the forces in contact. A peak is the largest
+      force in one interval of contact. Without any force in the drawn time the axis is always
+      linear.
     - `window`: start and end of the drawn time, s, by default all observed times; `axes`: axes to
       draw on, by default new ones.
 
@@ -152,6 +156,8 @@ def _over_time(
     """Draw forces over time, with equal curves merged into one.
 
     **Arguments:** `times`: (N,) s; `forces`: (N,) N, by label; `logarithmic`: see `contact_forces`.
+
+    **Raises:** `ValueError` for a window outside of the times.
     """
     axes = axes_or_new(axes)
     mask, drawn_times, time_label = time_axis(axes, times, window)
@@ -159,7 +165,8 @@ def _over_time(
     values = np.concatenate([force for _, force in curves])
     factor, unit = fitting_unit(values, "N")
     draw_lines(axes, ((label, drawn_times, force * factor) for label, force in curves), 1.0)
-    axes.get_lines()[-len(curves)].set_linewidth(1.8)  # the first one may lie below others
+    # The first of the new curves is thicker, since the others may cover it.
+    axes.get_lines()[-len(curves)].set_linewidth(1.8)
     axes.margins(x=0.0)
     axes.set_ylim(bottom=0.0)
     # The largest force in each interval of contact. Without any, the axis stays linear.
@@ -188,7 +195,8 @@ def _over_time(
 def hysteresis(
     observation: Observation, impacts: Impacts, *, count: int = 3, axes: Axes | None = None
 ) -> Axes:
-    """Draw the normal force over the penetration, as a closed loop for each impact of a contact.
+    """Draw the normal force over the penetration, as a closed loop for each of the first impacts of
+    a contact.
 
     The area inside a loop is the energy that the normal force dissipates in the impact; the legend
     gives this energy.
@@ -203,8 +211,9 @@ def hysteresis(
 
     **Returns:** the axes; penetration with a suitable prefix of m, force in N or kN.
 
-    **Raises:** `ValueError` if `impacts` is empty, if `count` is not a positive integer, or if
-    fewer than three observed instants lie in one of the drawn impacts.
+    **Raises:** `ValueError` if `impacts` is empty, if `count` is not a positive integer, if the
+    contact is not observed, or if fewer than three observed instants lie in one of the drawn
+    impacts.
 
     >>> axes = plot.hysteresis(observed, solution.impacts.of("shoulder", "V"), count=1)
     """
@@ -238,7 +247,8 @@ def enclosed_energy(observation: Observation, impacts: Impacts, index: int) -> f
     **Arguments:** `observation`: from `cj.observe`, at every accepted step or at instants that
     resolve the impact; `impacts`: table of impacts; `index`: row of the impact in the table.
 
-    **Raises:** `ValueError` if fewer than three observed instants lie in the impact.
+    **Raises:** `ValueError` if the contact is not observed, or if fewer than three observed
+    instants lie in the impact.
 
     >>> impacts = solution.impacts.of("shoulder", "V")
     >>> plot.enclosed_energy(observed, impacts, 0) > 0.0  # J
@@ -254,7 +264,8 @@ def _loop(observation: Observation, impacts: Impacts, index: int) -> tuple[np.nd
     **Returns:** penetration (n,) m and normal force (n,) N at the observed instants in the impact,
     with an added zero at both ends.
 
-    **Raises:** `ValueError` for fewer than three such instants.
+    **Raises:** `ValueError` for a contact that is not observed, and for fewer than three such
+    instants.
     """
     contact = observed.contact(observation, impacts.joint[index], impacts.contact[index])
     in_impact = inside(observation.times, (impacts.onset[index], impacts.separation[index]))
@@ -380,7 +391,8 @@ def motion_timeline(
     for row, name in enumerate(names):
         phases, durations = contact_phases(observation, name), []
         for phase, (height, style) in BAR_STYLES.items():
-            # An interval ends where one of another phase begins; both are in the window, s.
+            # An interval lasts until the first instant of the next phase. Its start and its end are
+            # moved into the window, s; intervals outside of the window then have no length.
             begins, ends = observed.spans(phases == phase).T
             starts = np.clip(times[begins], first, last)
             lengths = np.clip(times[np.minimum(ends, len(times) - 1)], first, last) - starts

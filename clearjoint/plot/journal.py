@@ -68,7 +68,8 @@ def eccentricities(
     - `window`: start and end of the drawn time, s, by default all observed times; `axes`: axes to
       draw on, by default new ones.
 
-    **Returns:** the axes; time in ms or s, eccentricity in mm or µm.
+    **Returns:** the axes; time in ms or s; eccentricity in mm, or in µm for a clearance below
+    0.2 mm; the difference of eccentricity and clearance with a suitable prefix of m.
 
     **Raises:** `ValueError` for an unknown joint, for a joint without a journal, and for a window
     without observed times.
@@ -117,7 +118,7 @@ def eccentricity_vectors(
 
     **Returns:** (N, 2) m: the components along the first and the second unit vector.
 
-    **Raises:** `ValueError` for an unknown joint or base.
+    **Raises:** `ValueError` for an unknown joint or base, and for a joint without a journal.
 
     >>> plot.eccentricity_vectors(observed, "shoulder", "V").shape[1]
     2
@@ -142,7 +143,7 @@ def journal_orbit(
     axes: Axes | None = None,
 ) -> Axes:
     """Draw the paths of the centres of both bases in the bearing's cross-section, with a circle
-    whose radius is the clearance: outside it, a base touches the wall.
+    whose radius is the clearance: a base whose centre is outside the circle touches the wall.
 
     Bases with the same path, as in planar motion, share one curve. Observed points are joined by
     straight lines. Since accepted steps are long in free flight, observe the motion at
@@ -265,6 +266,7 @@ def observed_clearance(observation: Observation, joint: str) -> float:
 
 
 def _dress_orbit(axes: Axes, clearance: float, section: CrossSection | None) -> Axes:
+    """Add the circle of the clearance, m, the legend and the texts to axes with an orbit."""
     factor, unit = length_unit(clearance)
     clearance_circle(axes, clearance, factor=factor)
     legend_above(axes, 3)
@@ -283,8 +285,8 @@ def orbit(
     window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw the path of a journal or of a base in the bearing's cross-section, for one lane of a
-    sweep, with a circle whose radius is the clearance.
+    """Draw the path of a journal or of a base in the bearing's cross-section, for one lane (run) of
+    a sweep, with a circle whose radius is the clearance.
 
     **Arguments:**
 

@@ -23,7 +23,7 @@ from .style import (
 )
 
 Curve = tuple[np.ndarray, np.ndarray]
-"""Angles (N,), rad, or times (N,), s, and values (N,) or (N, 3)."""
+"""Pair of angles (N,), rad, or times (N,), s, and of the values there, (N,) or (N, 3)."""
 
 
 def position(

@@ -48,7 +48,8 @@ def contact_rose(
 
     - `observation`: from `cj.observe`, along every accepted step, or at instants that resolve the
       impacts.
-    - `joint`: name of the clearance joint. Contacts at points between its bases are left out.
+    - `joint`: name of the clearance joint. Its contacts at shoulders, and at points between the
+      bases, are left out.
     - `weight`: "impulse", the time integral of the normal force in each sector, with base W stacked
       on base V; or "force", the largest normal force of each base in each sector. Bases with equal
       forces share their bars, which show the sum of the impulses, or the force of one base.
@@ -100,7 +101,8 @@ def wear(lane: xr.Dataset, output: str, *, axes: Axes | None = None) -> PolarAxe
 
     **Arguments:**
 
-    - `lane`: one lane of a data set from `sweep` or `open_sweep`: ``dataset.isel(clearance=3)``.
+    - `lane`: data set of one lane, which is one run of a sweep, from `sweep` or `open_sweep`:
+      ``dataset.isel(clearance=3)``.
     - `output`: name of an output of the sweep that is a `clearjoint.ArchardWear`, which computes
       the worn volume in each sector of the wall.
     - `axes`: polar axes to draw on, by default new ones.
@@ -130,8 +132,8 @@ def worn_profile(
     curves: int = 6,
     axes: Axes | None = None,
 ) -> PolarAxes:
-    """Draw the depth that wear has removed around a part of a joint, after growing numbers of
-    cycles of the motion.
+    """Draw the depth that wear has removed over the angle around a part of a joint, as a curve for
+    each of several numbers of cycles of the motion.
 
     **Arguments:**
 
@@ -162,7 +164,8 @@ def worn_profile(
     closed = np.append(angles, angles[0] + 2.0 * np.pi)  # each curve ends where it begins
     wanted = np.linspace(0.0, cycles[-1], curves + 1)[1:]  # without zero cycles
     for k, number in enumerate(wanted):
-        # `depths` is (stage, angle): the depth at each angle is interpolated between the stages.
+        # `depths` is (stage, angle), where `cycles` has the number of cycles of each stage: the
+        # depth at each angle is interpolated between the stages.
         curve = [np.interp(number, cycles, depth) for depth in depths.T]
         shade = str(0.75 * (1.0 - (k + 1) / curves))  # grey value, from light to 0, black
         label = f"{number:.3g} cycles"
@@ -174,10 +177,10 @@ def worn_profile(
 def _sectors(lane: xr.Dataset, name: str) -> np.ndarray:
     """Return the worn volumes (sectors,) of one base, m^3, in the order of the sectors' numbers.
 
-    **Arguments:** `name`: name of the base's variables in `lane` without the number of the sector:
-    they are "<name> 1", "<name> 2" and so on.
+    **Arguments:** `lane`: data set of one run of a sweep; `name`: name of the base's variables in
+    it without the number of the sector: they are "<name> 1", "<name> 2" and so on.
 
-    **Raises:** `ValueError` for a dataset with several lanes.
+    **Raises:** `ValueError` for a data set of several runs.
     """
     names = takewhile(lane.__contains__, (f"{name} {k}" for k in count(1)))
     volumes = [lane[name] for name in names]

@@ -47,6 +47,8 @@ JOINT_COLUMNS = {
     "normal law": 0.585,
     "friction": 0.81,
 }
+"""Left ends of the columns of the table of joints, as fractions of the width of the page, by the
+columns' titles."""
 IMPACT_NUMBERS = (
     ("onset, ms", 0.26, "onset", 1e3, ".4f"),
     ("duration, µs", 0.36, "duration", 1e6, ".1f"),
@@ -58,8 +60,7 @@ IMPACT_NUMBERS = (
 """Columns of numbers in the table of impacts: title, left end, name in `Impacts`, factor from the
 SI unit, and format."""
 IMPACT_COLUMNS = {"joint": 0.0, "contact": 0.16} | {row[0]: row[1] for row in IMPACT_NUMBERS}
-"""Titles of the columns of the tables of joints and impacts, and the columns' left ends as
-fractions of the width of the page."""
+"""Left ends of the columns of the table of impacts, as `JOINT_COLUMNS` for joints."""
 
 
 def joint_rows(scene: Scene, most: int) -> list[Cells]:
@@ -182,7 +183,7 @@ def impact_rows(impacts: Impacts, most: int) -> list[Cells]:
 
     The rows are the `most` impacts with the largest peak forces, in descending order. Equal
     simultaneous impacts of several contacts of a joint, such as both ends of a journal in planar
-    motion, share a row.
+    motion, count as one impact and share a row, which has the numbers of the first of them.
     """
     groups = _equal_impacts(impacts)
     rows = []

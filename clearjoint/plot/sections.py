@@ -1,4 +1,5 @@
-"""Draw Poincaré sections of a run or a lane, and of all lanes of a sweep (bifurcation diagrams).
+"""Draw Poincaré sections of a run, of a lane, which is one run of a sweep, and of all lanes of a
+sweep (bifurcation diagrams).
 
 A section records quantities, its channels, at each upward zero crossing of another quantity.
 """
@@ -92,8 +93,8 @@ def poincare_section(
     **Returns:** the axes, with equal scales for channels of the same unit and similar size. Later
     points are darker; a colour bar gives their number.
 
-    **Raises:** `ValueError` for unknown channels, a `clearance` with channels that are not lengths,
-    and if all crossings are earlier than `after`.
+    **Raises:** `ValueError` for unknown channels, a section with a single channel, a `clearance`
+    with channels that are not lengths, and if all crossings are earlier than `after`.
 
     >>> x, y = (cj.quantities.JournalOffset("shoulder", component) for component in "xy")
     >>> section = cj.Section(y, {"x": (x, "m"), "y": (y, "m")}, count=3)
@@ -230,7 +231,8 @@ def bifurcation(
       each axis that is not drawn.
     - `section`: name under which the `Section` was passed to `Saving`. `channel`: name of the
       section's channel to draw.
-    - `axis`: name of the swept parameter to draw over; by default the only axis of the sweep.
+    - `axis`: name of the swept parameter to draw over; by default the only axis of the sweep. A
+      zipped sweep, whose axes vary together, needs a name.
     - `number`: whether colours show the numbers of the crossings, from 1 on; this helps for a
       motion that decays, whose crossings depend on the time.
     - `axes`: axes to draw on, by default new ones.

@@ -189,8 +189,9 @@ def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
 
     - `data`: any shape; its name is used in the label. Its SI unit is in ``attrs["units"]``, "1" if
       this is missing.
-    - `present`: label of the axes, such as "force, kN", if these already show other data:
-      its unit is used, and its names precede the new one. Empty for new axes.
+    - `present`: text of the axis, such as "force, kN", if the axis already shows other data. The
+      new data get its unit, and the new label has its names before the new name. Empty for a new
+      axis.
 
     **Raises:** `ValueError` if the unit of `present` is not that of the data with some prefix.
     """
@@ -207,6 +208,7 @@ def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
             require(unit in exponents, "axes", base, expected, "draw it into new axes")
             exponent = exponents[unit]
         else:
+            # Data without unit don't fit an axis whose label ends with a unit.
             last = names.rpartition(", ")[2].split("/")[0]
             has_unit = last in {prefix + base for prefix in PREFIXES.values() for base in PREFIXED}
             require(not has_unit, "axes", present, "axes of data in 1", "draw it into new axes")
@@ -268,6 +270,8 @@ def time_axis(
     **Arguments:** `times`: (N,) s, increasing; `window`: start and end of the drawn time, s.
 
     **Returns:** mask (N,) of the times to draw, these times (n,) in ms or s, and the axis label.
+
+    **Raises:** `ValueError` for a window before the first or after the last time.
     """
     factor, unit = time_unit(times, window)
     times = np.asarray(times)

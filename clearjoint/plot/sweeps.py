@@ -1,7 +1,7 @@
 """Draw outputs of a sweep over one or two of its parameters.
 
-A data set of a sweep has an output, such as a peak force, for each lane. Its axes are the swept
-parameters, which are coordinates of the data set.
+A data set of a sweep has an output, such as a peak force, for each lane, which is one run. The axes
+of a sweep are the swept parameters, which are coordinates of the data set.
 """
 
 import numpy as np
@@ -44,8 +44,8 @@ def of_lanes(dataset: xr.Dataset, variable: str, along: tuple[str, ...]) -> xr.D
     **Arguments:** `variable`: name of the output; `along`: names of the axes, in the order of the
     array's dimensions.
 
-    **Raises:** `ValueError` for an unknown output or axis, and for an output whose dimensions are
-    not exactly these axes.
+    **Raises:** `ValueError` for an unknown output or axis, for an axis of which a single value is
+    selected, and for an output whose dimensions are not exactly these axes.
     """
     require_names(dataset, (variable, *along))
     single = [axis for axis in along if not dataset[axis].dims]
@@ -63,7 +63,8 @@ def of_lanes(dataset: xr.Dataset, variable: str, along: tuple[str, ...]) -> xr.D
 def only_axis(dataset: xr.Dataset, axis: str | None) -> str:
     """Return `axis`, or for None the name of the sweep's only axis.
 
-    **Raises:** `ValueError` for an unknown name, and for None if the sweep has several axes.
+    **Raises:** `ValueError` for an unknown name; and for None if the sweep has several axes or is
+    zipped, which means that its axes vary together.
     """
     if axis is not None:
         require_names(dataset, (axis,))
@@ -122,7 +123,8 @@ def against(
     - `dataset`: from `sweep` or `open_sweep`. If the sweep has several axes, select one value of
       each axis that is not drawn, as by ``dataset.sel(restitution=0.9)``.
     - `variable`: name of the output.
-    - `axis`: name of the swept parameter; by default the only axis of the sweep.
+    - `axis`: name of the swept parameter; by default the only axis of the sweep. A zipped sweep,
+      whose axes vary together, needs a name.
     - `median`: number of neighbouring lanes over which a running median is drawn as a line. It
       shows the trend in the scatter of chaotic motion. No line by default.
     - `label`: text of the legend; by default the name of the output and the selected values.
@@ -134,10 +136,9 @@ def against(
     exceeds 12 times the smallest one; that of the parameter also if its values form a geometric
     series.
 
-    **Raises:** `ValueError` for unknown names, without
-    `axis` for a sweep with several axes, for an output that is not one number for each value of the
-    parameter, for a `median` below 1 or above the number of finite values, and for axes whose units
-    the values cannot be converted to.
+    **Raises:** `ValueError` for unknown names, without `axis` for a sweep with several axes, for an
+    output that is not one number for each value of the parameter, for a `median` below 1 or above
+    the number of finite values, and for `axes` with labels whose units don't suit the values.
 
     >>> drawn = plot.against(found, "speed")
     """
@@ -224,8 +225,8 @@ def parameter_map(
     largest exceeds 12 times the smallest one; axes also if the values of the parameter form a
     geometric series.
 
-    **Raises:** `ValueError` for unknown names, and
-    for an output that is not one number for each pair of values.
+    **Raises:** `ValueError` for unknown names, and for an output that is not one number for each
+    pair of values.
 
     >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
     >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
@@ -283,10 +284,10 @@ def convergence(
 
     **Returns:** the axes, both logarithmic.
 
-    **Raises:** `ValueError` for unknown names, without
-    `axis` for a sweep with several axes, for an output that is not one number for each value of the
-    parameter, for fewer than two lanes to fit whose parameter and output are positive, and for axes
-    with another unit.
+    **Raises:** `ValueError` for unknown names, without `axis` for a sweep with several axes, for an
+    output that is not one number for each value of the parameter, for fewer than two lanes to fit
+    whose parameter and output are positive, and for `axes` with labels whose units don't suit the
+    values.
 
     >>> drawn = plot.convergence(found, "speed")
     """
@@ -323,9 +324,9 @@ def power_law_exponent(
     name of the parameter, by default the only axis of the sweep; `within`: smallest and largest
     parameter of the lanes that are fitted, in the unit of the data set, by default all are.
 
-    **Raises:** `ValueError` for unknown names, without
-    `axis` for a sweep with several axes, for an output that is not one number for each value of the
-    parameter, and for fewer than two lanes to fit whose parameter and output are positive.
+    **Raises:** `ValueError` for unknown names, without `axis` for a sweep with several axes, for an
+    output that is not one number for each value of the parameter, and for fewer than two lanes to
+    fit whose parameter and output are positive.
 
     >>> print(f"{plot.power_law_exponent(found, 'speed'):.3f}")  # 0.1 m times sqrt(k/m)
     0.500

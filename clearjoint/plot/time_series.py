@@ -1,6 +1,7 @@
 """Draw quantities and energies over time, phase portraits and amplitude spectra.
 
-A quantity is a scalar function of the state of the mechanism at an instant, such as a position.
+A quantity is a scalar function of an `Instant`, which is the scene with its motion at one time. An
+example is a position.
 
 The energy ledger of a run consists of energies that are integrated together with the motion if
 its settings have ``ledger=True``: those dissipated by damping, friction, films and stabilisation,
@@ -379,6 +380,8 @@ def energy_ledger(
     - `axes`: array (2,) of the upper and the lower axes; new ones by default.
 
     **Returns:** the axes, (2,); time in ms or s, energies with a suitable prefix of J.
+
+    **Raises:** `ValueError` for a window outside of the observed times.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> settings, save = cj.Settings(ledger=True), cj.Saving(np.linspace(0, 0.02, 2001))

@@ -1,8 +1,9 @@
 """Scalar quantities of a mechanism at an instant, such as a position or a contact force.
 
 Runs evaluate them for reductions (results such as a peak, updated at every step), for Poincaré
-sections and as measured signals. Any function of an `Instant`, one time of a run, can be used as a
-quantity. The classes below declare their units. They compare by value, so that a run is not
+sections and as measured signals. Any scalar function of an `Instant`, which is the scene with its
+motion at one time, can be used as a quantity. The classes below declare their units, except
+`Multiplier`, whose unit depends on the constraint. They compare by value, so that a run is not
 compiled again for an equal quantity.
 
 | sensor | quantity |

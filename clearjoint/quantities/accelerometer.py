@@ -64,7 +64,8 @@ class AccelerometerReading(AbstractQuantity):
         require_known("sensor", self.sensor, springs & set(scene.bodies) & set(scene.joints))
 
     def __call__(self, now: Instant) -> Scalar:
-        """Return the force of the sensor's spring along its axis over its mass, m/s^2."""
+        """Return the force of the spring on the seismic mass along the sensor's axis, divided by
+        this mass, m/s^2."""
         scene, motions = now.scene, now.motions
         spring, slide = scene.forces[self.sensor + SPRING], scene.joints[self.sensor]
         assert isinstance(spring, SpringDamper) and isinstance(slide, PrismaticJoint)

@@ -33,8 +33,7 @@ class Instant:
     """A scene and its motion at one time of a run: the argument of quantities.
 
     Vectors are not arrays but have the scalar fields `x`, `y` and `z`. Properties are computed on
-    first use. Bodies, joints and contacts have the names of the user's scene, even if the run
-    computes several of the same kind together, as arrays.
+    first use.
 
     - `time`: s.
     - `work[name]`: energies since the start, J: dissipated by "normal damping", "friction", "film"
@@ -130,9 +129,12 @@ class Instant:
 
     @cached_property
     def contacts(self) -> dict[str, dict[str, LoadedContact]]:
-        """Geometry and forces, N, of all contacts, ``contacts[joint][contact]``.
+        """Geometry and forces of all contacts, ``contacts[joint][contact]``.
 
-        Contacts whose surfaces are apart are included, with forces of zero.
+        Each has its geometry in `contact`, such as the penetration ``contact.gap.depth``, m; the
+        `normal_force`, N; and the `friction` on the joint's second body, a vector, N in global
+        axes, or ``None`` without friction. Contacts whose surfaces are apart are included, with
+        forces of zero.
         """
         return self._system.contact_forces(self._variables, self.entry_speeds, self.bristles)
 
@@ -145,7 +147,8 @@ class Instant:
 
     @cached_property
     def contact_gaps(self) -> ContactGaps:
-        """Penetration of each contact, m, and its rate, m/s, ``contact_gaps[joint][contact]``.
+        """Penetration of each contact, `depth` in m, and its `rate`, m/s, as
+        ``contact_gaps[joint][contact]``.
 
         The penetration is measured from the depth at which the contact's force begins; it is
         negative before.
@@ -154,7 +157,11 @@ class Instant:
 
     @cached_property
     def dynamics(self) -> Dynamics:
-        """Solution of the equations of motion: accelerations, constraint rows and multipliers."""
+        """Solution of the equations of motion: accelerations, constraint rows and multipliers.
+
+        In joint coordinates, `rows` and `multipliers` have only the joints that the coordinates do
+        not satisfy by themselves.
+        """
         return self._system.dynamics(
             self._variables, self.entry_speeds, self._own_time, bristles=self.bristles
         )
@@ -259,11 +266,11 @@ def check_quantity(argument: str, function: object, scene: Scene) -> None:
 
 
 def require_quantity(argument: str, function: object) -> None:
-    """Check that a value can be called with an instant, as a quantity or a function can.
+    """Check that a value is callable, as a quantity or a function is.
 
     A class is refused, such as ``Position`` without its arguments.
 
-    **Raises:** `ValueError` that begins with `argument`, the name of the user's argument.
+    **Raises:** `ValueError` about the user's argument `argument`.
     """
     remedy = 'pass for example cj.quantities.Position("arm", "x")'
     is_function = callable(function) and not isinstance(function, type)
@@ -273,7 +280,8 @@ def require_quantity(argument: str, function: object) -> None:
 def require_known(argument: str, name: str, known: Collection[str]) -> None:
     """Check that a name is among the scene's names `known`.
 
-    **Raises:** `ValueError` that begins with `argument` and suggests the nearest name.
+    **Raises:** `ValueError` about the user's argument `argument`, which lists the known names and
+    suggests the most similar one, if any is similar.
     """
     if name not in known:
         expected = f"one of the scene's {sorted(known)}"

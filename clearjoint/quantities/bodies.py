@@ -330,7 +330,8 @@ class Distance(AbstractQuantity):
     - `first`, `second`: names of the bodies; one may be the ground.
     - `point_first`, `point_second`: (3,) m in body axes.
     - `along`: (3,) in the first body's axes, any length; ``None``, the default, for the straight
-      distance. The signed distance is positive if the second point is ahead of the first.
+      distance. The signed distance is positive if the second point is ahead of the first in this
+      direction.
 
     **Raises:** `ValueError` if a point or the axis is invalid.
 

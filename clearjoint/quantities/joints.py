@@ -1,8 +1,12 @@
 """Quantities of joints: contacts, the journal in its bearing, reactions, films and angles.
 
-A contact has a label. Those of a revolute joint with clearance are "V" and "W", the names of the
-journal's two ends, and further ones if the joint has contacts between the ends or shoulders, such
-as "point 2" and "lower shoulder". Other joints have other labels, such as "lower wall" for a slot.
+A quantity is an object that is called with an `Instant`, which is the scene with its motion at one
+time, and returns a number in the quantity's unit.
+
+A contact has a label. The contacts of a revolute joint with clearance are "V" and "W", at the two
+ends of the journal. If contact is also computed at points between the ends, there are "point 2",
+"point 3" and so on, and if the bearing has shoulders, "lower shoulder" and "upper shoulder". Other
+joints have other labels, such as "lower wall" for a slot.
 """
 
 import math
@@ -53,7 +57,10 @@ class AbstractJointQuantity(AbstractQuantity):
 
 
 class AbstractContactQuantity(AbstractJointQuantity):
-    """Base class of quantities of a contact of a joint; `contact` is its label, such as "V"."""
+    """Base class of quantities of a contact of a joint; `contact` is its label, such as "V".
+
+    A subclass may allow ``None``, which stands for all contacts of the joint.
+    """
 
     contact: str = eqx.field(static=True)
 
@@ -67,7 +74,7 @@ class AbstractContactQuantity(AbstractJointQuantity):
         **Raises:** `ValueError` with the available names.
         """
         super().check(scene)
-        # ``None`` stands for all contacts of the joint, where a subclass allows it.
+        # ``None``, for all contacts, is no label that could be unknown.
         if self.contact is not None:
             require_known("contact", self.contact, scene.laws()[self.joint])
 
@@ -95,6 +102,8 @@ class ContactForce(AbstractContactQuantity):
 
 class FrictionForce(AbstractContactQuantity):
     """Magnitude of the friction force at a contact, N; zero without friction.
+
+    The moment of friction between two flat faces that rotate on each other is not part of it.
 
     **Arguments:** `joint`: name of the joint. `contact`: label of the contact, such as "V".
 
@@ -232,7 +241,7 @@ class AbstractJournalQuantity(AbstractJointQuantity):
 class JournalOffset(AbstractJournalQuantity):
     """One component of the vector from the bearing's centre to the journal's centre, m.
 
-    If `base` is given, the vector ends at the centre of this end of the journal instead. Its
+    If `base` is given, the vector ends at the centre of this end of the journal instead. The
     component is the signal of a proximity probe on the bearing.
 
     **Arguments:**
@@ -283,9 +292,9 @@ class Multiplier(AbstractJointQuantity):
     """Lagrange multiplier of a constraint row: the force or moment by which the joint satisfies it.
 
     The row's Jacobian times the multiplier is the reaction on the bodies. The multiplier's unit is
-    N for a row in m, otherwise N m. For a driver, it is the driving force or moment. In joint
-    coordinates, the joints that the coordinates satisfy by themselves have no multipliers; use
-    `Reaction` for them.
+    N for a row whose value is in m, and N m for one in rad or without unit. For a driver, it is the
+    driving force or moment. In joint coordinates, the joints that the coordinates satisfy by
+    themselves have no multipliers; use `Reaction` for them.
 
     **Arguments:** `joint`: name of the joint. `row`: name of its constraint row, a key of the
     dictionary that the joint's method `rows` returns. A row that is unknown or has no multiplier
@@ -382,7 +391,7 @@ class Reaction(AbstractReaction):
 
 
 class ReactionMoment(AbstractReaction):
-    """Moment of an ideal joint on one of its bodies, N m: its magnitude or a component.
+    """Moment of an ideal joint or driver on one of its bodies, N m: its magnitude or a component.
 
     The moment refers to the joint's point on the body, or to the centre of mass if the joint has no
     point there. For a driver it is the driving moment. With redundant constraints it isn't unique,
@@ -405,7 +414,7 @@ class ReactionMoment(AbstractReaction):
     unit: ClassVar[str | None] = "N m"
 
     def joints(self, scene: Scene) -> Collection[str]:
-        """Return the names of the ideal joints."""
+        """Return the names of the ideal joints and drivers."""
         return [name for name, j in scene.joints.items() if isinstance(j, AbstractConstraint)]
 
     def __call__(self, now: Instant) -> Scalar:
@@ -424,8 +433,10 @@ class ReactionMoment(AbstractReaction):
 class FilmForce(AbstractJointQuantity):
     """Force of a joint's lubricant film on its journal, N: its magnitude or a global component.
 
-    **Arguments:** `joint`: name of a joint with a film. `component`: "x", "y", "z" in global axes,
-    or ``None``, the default, for the magnitude.
+    **Arguments:** `joint`: name of a joint with a film: `LubricatedJoint`, or a user-defined joint
+    whose class overrides `film_wrenches`. The wrenches that this method returns must contain one on
+    the joint's second body, the journal's; otherwise the run raises a `KeyError`. `component`: "x",
+    "y", "z" in global axes, or ``None``, the default, for the magnitude.
 
     **Raises:** `ValueError` for another component.
 
@@ -437,8 +448,8 @@ class FilmForce(AbstractJointQuantity):
     unit: ClassVar[str | None] = "N"
 
     def joints(self, scene: Scene) -> Collection[str]:
-        """Return the names of the joints with a film."""
-        # The classes that override `film_wrenches`, whose default returns no wrench.
+        """Return the names of the joints whose class overrides `film_wrenches`."""
+        # The default returns no wrench: joints of the other classes have no film.
         kinds = {name: type(joint) for name, joint in scene.contact_joints().items()}
         default = AbstractContactJoint.film_wrenches
         return [name for name, kind in kinds.items() if kind.film_wrenches is not default]
@@ -470,7 +481,7 @@ class HasRelativeAngle(Protocol):
 class AbstractJointAngle(AbstractJointQuantity):
     """Base class of the angle of a joint, driver or drive torque, and of its time derivatives.
 
-    `joint` is the name of the joint or force.
+    `joint` is the name of the joint, driver or force.
     """
 
     def joints(self, scene: Scene) -> Collection[str]:
@@ -487,10 +498,13 @@ class JointAngle(AbstractJointAngle):
     """Angle of a joint's second body relative to its first, rad within (-pi, pi], right-handed.
 
     - Revolute joints with or without clearance, cylindrical, screw and planar joints, and
-      `Backlash`: the angle about the axis of the first body. It is zero for parallel frames if the
+      `Backlash`: the angle about the axis of the first body. It is zero if the bodies' frames
+      differ by the shortest rotation that makes the two axes parallel: for parallel frames, if the
       axis has the same components in both bodies.
-    - Drivers and drive torques: the driven angle.
-    - User-defined joints: any joint with a method ``relative_angle(motions)`` that returns a row.
+    - Drivers of rotations, drive torques and torsional springs: the second body's angle about their
+      axis, zero at their `orientation`.
+    - User-defined joints and forces with a method ``relative_angle(motions)``: the value of the
+      constraint row (`clearjoint.extend.Row`) that it returns.
 
     A state doesn't contain the number of revolutions. ``numpy.unwrap`` recovers it from a series
     with more than two samples per revolution.

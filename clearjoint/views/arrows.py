@@ -32,7 +32,7 @@ class Arrows(NamedTuple):
 
     - `parts`: solids of the arrows.
     - `scale`: length of the arrow of the largest force divided by that force, m/N, before long
-      arrows are cut; the given scale, or 1 if none is given and there are no forces.
+      arrows are cut. It equals a given scale, and is 1 if none is given and there are no forces.
     - `note`: the scale as a line of the legend; empty without arrows.
     """
 
@@ -44,7 +44,7 @@ class Arrows(NamedTuple):
 def arrows(
     pen: SketchingPen, observation: Observation | None, sizes: Proportions, scale: float | None
 ) -> Arrows:
-    """Return arrows of the contact forces on the second body of each contact, with tips at the
+    """Return arrows of the contact forces on the second body of each joint, with tips at the
     contact points, and of constant loads, which start at the point of application.
 
     If no scale is given and the largest force is more than five times the median of all forces

@@ -175,7 +175,8 @@ def ring(inner: Float[np.ndarray, "N 2"], outer: Float[np.ndarray, "N 2"], width
 def _extruded(
     corners: Float[np.ndarray, "N 2"], faces: Int[np.ndarray, "F 3"], width: float
 ) -> Mesh:
-    """Return the solid of a `width` along z, m, whose cross-section has the given triangles."""
+    """Return the solid of a `width` along z, m, from -width/2 to width/2, whose cross-section is
+    made of triangles: `corners`, (N, 2) m, and indices of the three corners of each, `faces`."""
     solid = _creation().extrude_triangulation(corners, faces, width)
     return _of(solid).moved(pose_at((0.0, 0.0, -0.5 * width)))
 
@@ -184,8 +185,10 @@ def outline(distances: Float[np.ndarray, " N"]) -> Float[np.ndarray, "N 2"]:
     """Return the outline of the region that is enclosed by tangents at given distances from the
     origin.
 
-    A journal is inside the outline if its support function nowhere exceeds the distances. If the
-    distances are the support function of a convex shape, the outline is that of the shape.
+    The support function of a shape is the distance of its tangent perpendicular to a direction, as
+    a function of this direction. A shape is inside the outline if its support function nowhere
+    exceeds the distances. If the distances are the support function of a convex shape, the outline
+    is that of the shape.
 
     **Arguments:** `distances`: (N,) m, positive, of the tangents perpendicular to the directions at
     the angles 0, 2 pi/N, ...
@@ -326,7 +329,8 @@ CLEAR = 0.3
 class DrawnPart:
     """A solid of a view, with its pose in each frame.
 
-    - `name`: name of its body, joint or force.
+    - `name`: name of its body, joint or force; for the arrow of a contact force, that of the joint
+      and the label of the contact.
     - `mesh`: triangles in the solid's own axes, m.
     - `poses`: homogeneous matrices from the solid's to global axes, which may also stretch it:
       (N, 4, 4), one for each frame, or (1, 4, 4) for a solid at rest.

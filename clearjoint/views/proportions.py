@@ -19,8 +19,8 @@ from .meshes import FORCE, LOAD, DrawnPart, corners, frame_about
 from .poses import BodyPoses
 
 BORE = 2.4
-"""Smallest drawn radius of a bearing by default, and that of a bearing of unknown radius, in radii
-of a bar."""
+"""Approximate smallest drawn radius of a bearing by default, and that of a bearing of unknown
+radius, in radii of the bar by which a body is drawn."""
 
 
 @dataclass(frozen=True)
@@ -262,10 +262,14 @@ def in_perspective(
 
 
 def _direction(proportions: Proportions) -> np.ndarray:
-    """Return the direction from the mechanism to the viewer, (3,) in global axes."""
+    """Return the direction from the mechanism to the viewer, (3,) in global axes, of any length.
+
+    It is a direction perpendicular to `up`, near `front` where possible, tilted to the right and
+    upwards.
+    """
     up = proportions.up
     front = proportions.front - up * (proportions.front @ up)
-    # Positions of the viewer relative to the distance in front of the mechanism.
+    # Components of the direction to the right and upwards; the component along `front` is 1.
     rightwards, upwards = (0.3, 0.2) if proportions.planar else (0.75, 0.42)
     # With joint axes within 17° of the vertical, any horizontal direction is in front, and the
     # mechanism is seen from above.

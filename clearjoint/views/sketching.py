@@ -48,7 +48,7 @@ class DrawnJournal:
     """A journal as it is drawn, with enlarged eccentricity.
 
     - `ends`: (2, N, 3) m in global axes, centres of the journal's end circles, the bases V and W,
-      in each frame.
+      in each frame. The drawn cylinder is longer: it protrudes beyond both.
     - `poses`: (N, 4, 4), homogeneous matrices to global axes from axes at the journal's middle,
       with z along the journal's axis and x in the direction of the profile's angle zero.
     - `radius`: drawn radius, m, of the circle from which the journal deviates.
@@ -92,8 +92,10 @@ class SketchingPen(AbstractPen):
     """Pen with which joints and forces draw themselves, and which makes the parts of a view.
 
     Joints and forces call the methods from `mark` to `gear`. Each method adds solids (`load` notes
-    a load), and adds the markers to the points of their bodies. The convex hull of these points is
-    the shape of a body that `body` draws.
+    a load), and adds the markers to the points of their bodies. The method `body` draws a body as a
+    bar: the convex hull of balls around these points, which is a rounded rod for two points and a
+    rounded plate for three. The radius of the balls is that of the bar, `proportions.bar`; symbols
+    have sizes in proportion to it.
 
     - `element`: name of the joint or force that is being drawn; the caller sets it.
     - `journals`: drawn journals, by the joint's name.
@@ -112,6 +114,7 @@ class SketchingPen(AbstractPen):
         self.drawn: set[str] = set()
         self._poses, self._sizes, self._colours = poses, proportions, colours
         self._bar = proportions.bar
+        """Radius of the bars by which bodies are drawn, m."""
         # Solids that are fixed to bodies, by body, colour and opacity, become one part each.
         self._fixed: dict[tuple[str, str, float], list[Mesh]] = {}
         self._moving: list[DrawnPart] = []
@@ -138,7 +141,7 @@ class SketchingPen(AbstractPen):
 
     def pin(self, first: Marker, second: Marker) -> None:
         """Draw a pin along the axis of the first of two markers that coincide, long enough to
-        protrude from both bodies."""
+        protrude from the bars of both bodies."""
         self._fix(first, meshes.cylinder(0.7 * self._bar, 6.0 * self._bar), METAL)
         for marker in (first, second):
             # The stands of the ground are behind the mechanism, as seen by the viewer.
@@ -157,8 +160,8 @@ class SketchingPen(AbstractPen):
         self._hold(first, second)
 
     def slide(self, rail: Marker, block: Marker, *, turning: bool) -> None:
-        """Draw a thin rail as long as the motion along it, and on it a block, or, if it can also
-        turn about the rail, a sleeve."""
+        """Draw a thin rail, somewhat longer than the motion of the marker `block` along it, and at
+        this marker a block, or with `turning` a sleeve, which can also turn about the rail."""
         bar, axis = self._bar, rail.along()
         low, high = self._range(rail, block, axis)
         middle = np.asarray(rail.point) + axis * (0.5 * (low + high))
@@ -214,6 +217,8 @@ class SketchingPen(AbstractPen):
     ) -> None:
         """Draw the bearing as an open cylinder, and the journal in it with enlarged eccentricity.
 
+        Clearance and eccentricity are multiplied by `Proportions.clearance_scale`, a known radius
+        and the length by `Proportions.bearing_scale`. The drawn journal is longer than the bearing.
         Deviations from circles are enlarged like the eccentricity, so that the drawn journal
         touches the drawn wall where the true one does.
 
@@ -282,11 +287,12 @@ class SketchingPen(AbstractPen):
         self._hold(ball)
 
     def walls(self, middle: Marker, runner: Marker, normal: Triple, *, distance: Single) -> None:
-        """Draw two plates as long as the path of the runner, a part of another body, between them.
+        """Draw two parallel plates, which are somewhat longer than the path of the runner, a part
+        of another body, between them.
 
         **Arguments:** `middle`: a point midway between the plates; `runner`: centre of the part;
-        `normal`: of the plates, (3,) in the axes of the body of `middle`; `distance`: of the
-        plates, m.
+        `normal`: of the plates, (3,) in the axes of the body of `middle`, any length; `distance`:
+        between the inner faces of the plates, m.
         """
         # Columns in body axes: along the walls, their normal, and near the direction of view. If
         # the viewer looks along the normal, the direction along the walls is arbitrary.
@@ -309,7 +315,7 @@ class SketchingPen(AbstractPen):
         """Draw a box, such as one that slides between walls.
 
         **Arguments:** `centre`: its centre, with the axis along its `length`, m; `normal`: (3,) in
-        body axes, along its `height`, m.
+        body axes, perpendicular to this axis, any length, along its `height`, m.
         """
         along, across = centre.along(), _unit(normal)
         frame = np.stack([along, across, np.cross(along, across)], axis=1)
@@ -331,7 +337,7 @@ class SketchingPen(AbstractPen):
 
         **Arguments:** `radius`: of the pitch circle, m, negative for an internal gear; `teeth`:
         number of teeth; `phase`: angle of the middle of a tooth about the axis, rad, from the first
-        transverse axis (see `_transverse_frame`).
+        of the two vectors that `transverse_axes` returns for the axis.
         """
         frame = _transverse_frame(centre.along(), float(phase))
         wheel = meshes.gear(float(radius), round(abs(float(teeth))), 2.4 * self._bar)
@@ -340,12 +346,13 @@ class SketchingPen(AbstractPen):
         self._hold(centre)
 
     def body(self, name: str, body: Body) -> None:
-        """Draw a body as the convex hull of the points of its joints and forces, and its equivalent
-        solid if the hull is smaller than half of the solid's longest side.
+        """Draw a body as a bar around the points of its joints and forces, and also its equivalent
+        solid if it has at most one such point, or if the points extend less than half as far as the
+        solid's longest side.
 
         The equivalent solid is the homogeneous cylinder or box with the body's mass and moments of
-        inertia, around the centre of mass. A body with a block, a gear or walls and at most one
-        such point gets no further shape.
+        inertia, around the centre of mass, to which the bar then extends. A body with a block, a
+        gear or walls and at most one point of joints and forces gets no further shape.
         """
         points = self._distinct(name)
         # Blocks, gears and walls need no further shape.
@@ -359,8 +366,11 @@ class SketchingPen(AbstractPen):
             self._add(name, meshes.hull(points, self._bar))
 
     def solid(self, name: str, body: Body) -> None:
-        """Draw the homogeneous solid with a body's mass and moments of inertia, transparent unless
-        it is as thin as a bar."""
+        """Draw the homogeneous cylinder or box with a body's mass and moments of inertia.
+
+        Sides that are shorter than the diameter of a bar, 2 `_bar`, are drawn with this length. The
+        solid is transparent, unless its two shorter sides are at most as long as this diameter.
+        """
         solid = equivalent_solid(body)
         thin = np.sort(solid.sides)[1] <= 2.0 * self._bar
         sides = np.maximum(solid.sides, 2.0 * self._bar).tolist()
@@ -369,7 +379,7 @@ class SketchingPen(AbstractPen):
         self._add(name, shape.moved(pose), opacity=1.0 if thin else CLEAR)
 
     def centre_of_mass(self, name: str) -> None:
-        """Draw a black ball, larger than the bar, at the origin of a body's frame."""
+        """Draw a black ball, larger than the bar, at a body's centre of mass."""
         self._add(name, meshes.ball(1.5 * self._bar), "#000000")
 
     def given(self, name: str, mesh: Mesh) -> None:
@@ -378,9 +388,11 @@ class SketchingPen(AbstractPen):
         self._shaped.add(name)
 
     def ground(self, down: Float[np.ndarray, "3"]) -> None:
-        """Draw a stand below each joint of the ground.
+        """Draw a stand, which is a pyramid, below each point of the ground's joints and forces.
 
-        **Arguments:** `down`: unit vector from the joints to the stands, in global axes.
+        Its tip is at the point, or for a bearing at the outside of the wall.
+
+        **Arguments:** `down`: unit vector from the tip to the base of a stand, (3,) in global axes.
         """
         # The small number prevents a division by zero if `front` is parallel to `down`.
         frame = frame_about(down, self._sizes.front + 1e-6)
@@ -531,8 +543,9 @@ def _unit(vector: ArrayLike) -> np.ndarray:
 def _transverse_frame(along: np.ndarray, phase: float = 0.0) -> np.ndarray:
     """Return a matrix (3, 3) whose columns are the axes of a gear, a bearing or a journal.
 
-    The third is its axis `along`, (3,). The first, such as the middle of a tooth, is turned about
-    the axis by `phase`, rad, from the first of the transverse axes that joints use, too.
+    The third is its axis `along`, (3,), a unit vector. The first is turned about this axis by
+    `phase`, rad, from the first of the two vectors that `transverse_axes` returns for it. Joints
+    measure angles of profiles and teeth from the same vector.
     """
     first = np.array([*map(float, transverse_axes(Vector(*map(float, along)))[0])])
     return frame_about(along, first * np.cos(phase) + np.cross(along, first) * np.sin(phase))

@@ -35,7 +35,8 @@ class View:
     """A three-dimensional view of a mechanism, made by `view`. Notebooks display it.
 
     - `parts`: the drawn solids.
-    - `times`: (N,) s, of the frames; ``None`` for a single state.
+    - `times`: (N,) s, of the N frames, each of which shows the mechanism at one instant; ``None``
+      for a single state.
     - `legend`: its `title`; its `entries`, pairs of a colour such as "#0072B2" and its meaning; and
       its `notes`.
     - `clearance_scale`, `bearing_scale`: drawn size divided by true size of clearances and of
@@ -185,9 +186,10 @@ def view(
 
     **Returns:** a `View`.
 
-    **Raises:** `ValueError` for a solution without states, bodies that the scene does not have, an
-    observation of other instants or with a `State`, a number of frames below 1, and meshes or
-    scales that can't be drawn; `ImportError` without the package trimesh of the extra `view`.
+    **Raises:** `ValueError` for a solution without states, for bodies that are not exactly those of
+    the scene, for an observation with another number of instants or with a `State`, a number of
+    frames below 1, and meshes or scales that can't be drawn; `ImportError` without the package
+    trimesh of the extra `view`.
     """
     require_count("frames", frames, "give a number of frames")
     if force_scale is not None:
@@ -231,7 +233,7 @@ def _poses(
     trajectory and for a scene without contacts. The arguments are those of `view`.
 
     **Raises:** `ValueError` for a motion without states, of other bodies or with arrays of wrong
-    shapes, and for an observation of other instants or with a single state.
+    shapes, and for an observation with another number of instants or with a single state.
     """
     if motion is None or isinstance(motion, State):
         remedy = "leave it out, or pass the solution that was observed"
