@@ -124,6 +124,8 @@ def eccentricity_vectors(
     2
     """
     observed = contact(observation, joint, base)
+    remedy = f'pass "{BASES[0]}" or "{BASES[1]}" of a joint with a journal'
+    require(observed.eccentricity is not None, "base", base, "a base of a journal", remedy)
     if section is None:
         return np.asarray(observed.offset)[:, :2]  # the third component is along the axis
     # The normal is the direction from the bearing's axis to the contact, and thus, if both surfaces

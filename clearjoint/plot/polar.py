@@ -158,7 +158,7 @@ def worn_profile(
     require(joint in known, "joint", joint, f"one of {known}", "name a joint that wears")
     require_count("curves", curves, "give a number of curves")
     axes = polar_or_new(axes)
-    depths = found[f"{part}_depth"].sel(joint=joint).values
+    depths = found[f"{part}_depth"].sel(joint=joint).transpose("stage", "angle").values
     cycles, angles = found["cycles"].values, found["angle"].values
     factor, unit = _fitting(depths, "m")
     closed = np.append(angles, angles[0] + 2.0 * np.pi)  # each curve ends where it begins

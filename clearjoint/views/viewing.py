@@ -233,7 +233,7 @@ def _poses(
     trajectory and for a scene without contacts. The arguments are those of `view`.
 
     **Raises:** `ValueError` for a motion without states, of other bodies or with arrays of wrong
-    shapes, and for an observation with another number of instants or with a single state.
+    shapes, and for an observation of other instants or with a single state.
     """
     if motion is None or isinstance(motion, State):
         remedy = "leave it out, or pass the solution that was observed"
@@ -257,10 +257,11 @@ def _poses(
     chosen = instants_to_show(times, frames)
     shown = _at(trajectory, chosen)
     if observation is not None:
-        fits, given = np.shape(observation.times) == times.shape, np.size(observation.times)
-        expected = f"of the motion's {len(times)}"
+        given = np.asarray(observation.times)
+        fits = given.shape == times.shape and np.allclose(given, times, rtol=1e-9, atol=0.0)
+        expected = f"of the motion's {len(times)} instants"
         remedy = "pass the result of observe(scene, solution), or nothing"
-        require(fits, "observation", f"of {given} instants", expected, remedy)
+        require(fits, "observation", f"of {given.size} instants", expected, remedy)
         observation = _at(observation, chosen)
     elif forces and not isinstance(motion, Trajectory) and scene.contact_joints():
         observation = observe(scene, motion, shown)

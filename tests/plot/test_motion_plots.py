@@ -32,6 +32,17 @@ def test_the_orbit_in_a_moving_bearing_is_relative_to_the_bearing(turning):
     assert np.hypot(*axes.get_lines()[0].get_data()) == pytest.approx(0.5, rel=3e-3)
 
 
+def test_only_bases_of_journals_have_an_eccentricity(turning):
+    seen, _, _ = turning
+    flat = eqx.tree_at(
+        lambda seen: (seen.contacts["pin"]["V"].offset, seen.contacts["pin"]["V"].eccentricity),
+        seen,
+        (None, None),
+    )
+    with pytest.raises(ValueError, match='`base` must be a base of a journal, but is .*pass "V"'):
+        plot.eccentricity_vectors(flat, "pin", "V")
+
+
 def test_contact_forces_over_time(turning):
     seen, _, _ = turning
     axes = plot.contact_forces(seen, "pin", window=WINDOW)

@@ -67,6 +67,11 @@ def test_fits_take_the_states_of_derivatives_and_looser_slopes():
     assert loose > presets.derivatives.derivative_tolerance
 
 
+CLIPPED = diffrax.ClipStepSizeController(
+    diffrax.PIDController(rtol=1e-6, atol=1e-9), jump_ts=np.array([0.1])
+)
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [
@@ -83,6 +88,7 @@ def test_fits_take_the_states_of_derivatives_and_looser_slopes():
         ({"solver": diffrax.Tsit5}, r"`solver` must be an object such as diffrax.Tsit5\(\)"),
         ({"solver": diffrax.KenCarp4()}, "`solver` must be a solver of ordinary"),
         ({"controller": 1e-3}, "`controller` must be an object such as diffrax.PIDController"),
+        ({"controller": CLIPPED}, "`controller` must be without `step_ts` and `jump_ts`"),
         ({"coordinates": "joint"}, r"`coordinates` must be an object such as JointCoordinates\(\)"),
         ({"stabilisation": None}, r"`stabilisation` must be an object such as Baumgarte\(\)"),
         ({"ledger": "no"}, "`ledger` must be True or False, but is 'no'"),

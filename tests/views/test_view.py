@@ -444,6 +444,12 @@ def test_motions_that_do_not_fit_are_refused():
         cj.view(scene, half, observation=recorded.observed())
 
 
+def test_an_observation_at_other_times_is_refused():
+    later = dataclasses.replace(recorded.observed(), times=recorded.observed().times + 0.1)
+    with pytest.raises(ValueError, match="`observation` must be of the motion's"):
+        cj.view(recorded.arm_in_bearing(), recorded.motion(), observation=later)
+
+
 def test_a_state_has_no_observation():
     scene, state = cj.mechanisms.double_pendulum()
     for motion in (state, None):

@@ -395,6 +395,7 @@ class _Group:
             # There may be more empty columns than lanes left; the other columns stay empty.
             for column, number, cells, state in zip(empty, numbers, own, states, strict=False):
                 self._slots[column] = _LaneSlot(number)
+                self._shared.times[number] = float(self._shared.batch.common.start_time)
                 self._loop.write_lane(self._columns, column, cells, state)
         return len(numbers) > 0 or len(empty) < len(self._slots)
 

@@ -120,6 +120,13 @@ class Settings:
         ):
             value, expected = getattr(self, name), f"an object such as {example}"
             require(isinstance(value, kind), name, value, expected, "pass one, or leave it out")
+        # Its times would be missed by steps that are cut at contact events.
+        clip = self.controller
+        fine = not isinstance(clip, diffrax.ClipStepSizeController) or (
+            clip.step_ts is None and clip.jump_ts is None
+        )
+        remedy = "save at times by cj.Saving(times); functions of time declare their `breakpoints`"
+        require(fine, "controller", clip, "without `step_ts` and `jump_ts`", remedy)
         require_ordinary(self.solver)
         self.check_numbers()
         require_count("max_steps", self.max_steps, "give a number of steps")
@@ -237,7 +244,7 @@ def check_span(start: Scalar, end: Scalar) -> None:
         after = f"after start_time = {as_shown(start)}"
         fine = (abs(first) < np.inf) & (abs(last) < np.inf) & (last > first)
         require(fine, "end_time", end, f"finite and {after}", "give times in s")
-        shortest = SHORTEST * float(jnp.finfo(float).tiny)
+        shortest = SHORTEST * float(jnp.finfo(jnp.result_type(float)).tiny)
         expected = f"at least {shortest:.1g} s {after}"
         remedy = "give times in s; the processor takes shorter spans as zero"
         require(last - first >= shortest, "end_time", end, expected, remedy)
