@@ -104,7 +104,7 @@ class Axis:
 
         - `make`: function that receives the scene, the initial state and one value, and returns the
           changed pair (scene, state). It may change numbers only, not names or shapes of arrays. A
-          lane for which it raises a `ValueError` is not run.
+          lane for which it changes more, or raises a `ValueError`, is not run.
         - `values`: (n,), in `unit`.
         - `unit`: text that labels the values in the results.
 
