@@ -1,4 +1,5 @@
-"""Axes of a sweep, and the scenes and initial states of its lanes."""
+"""Axes of a sweep, and the scenes and initial states of its lanes. A lane is one run of the sweep,
+with one value of each axis."""
 
 from collections.abc import Mapping
 from contextlib import suppress
@@ -103,7 +104,7 @@ class Axis:
 
         - `make`: function that receives the scene, the initial state and one value, and returns the
           changed pair (scene, state). It may change numbers only, not names or shapes of arrays. A
-          lane for which it raises a `ValueError` is not run.
+          lane for which it changes more, or raises a `ValueError`, is not run.
         - `values`: (n,), in `unit`.
         - `unit`: text that labels the values in the results.
 
@@ -287,8 +288,8 @@ def _columns_by_functions(
     """Return the columns by calling the axes' functions for every lane.
 
     The arguments are those of `lanes_of`, with the functions `changes` in place of the axes; `bad`
-    is extended. A lane whose function raises a `ValueError` gets the unchanged leaves and an entry
-    in `bad`.
+    is extended. A lane gets the unchanged leaves and an entry in `bad` if a function raises a
+    `ValueError` for it, or changes more than numbers, such as a name or the shape of an array.
     """
     base, structure = jax.tree.flatten((scene, state))
     rows: list[list[PyTree]] = []

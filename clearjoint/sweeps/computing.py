@@ -1,6 +1,6 @@
 """Computation of the lanes that are missing in a store, with progress bars.
 
-A chunk is a group of successive lanes whose results a store keeps together.
+A lane is one run of a sweep. A chunk is a group of lanes whose results a store keeps together.
 """
 
 import logging

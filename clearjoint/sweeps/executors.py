@@ -1,9 +1,10 @@
 """Computation of the chunks of a sweep on an executor.
 
-Chunks are independent and may be computed more than once. Any executor with the interface of
-`concurrent.futures.Executor` is accepted, and so is a client of Dask's distributed scheduler, which
-gives the chunks of a worker that dies to another worker. For the cores of one machine, a script
-makes an executor below ``if __name__ == "__main__":`` by ::
+A chunk is a group of lanes, the runs of the sweep. Chunks are independent and may be computed more
+than once. Any executor with the interface of `concurrent.futures.Executor` is accepted, and so is a
+client of Dask's distributed scheduler, which gives the chunks of a worker that dies to another
+worker. For the cores of one machine, a script makes an executor below
+``if __name__ == "__main__":`` by ::
 
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(4, mp_context=spawn) as executor: ...
@@ -104,8 +105,8 @@ TICK = 1.0
 """Time, s, between two calls of `on_start`, the callback of `run_chunks` that reports that workers
 are still starting."""
 QUEUED = 2
-"""Number of chunks submitted for each worker: one that it computes, and one that waits so that the
-worker need not."""
+"""Number of chunks submitted for each worker: one that it computes, and another one that it can
+begin at once when the first is done."""
 
 
 class AbstractSubmitter(Protocol):

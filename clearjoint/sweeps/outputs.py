@@ -1,7 +1,8 @@
 """Outputs of a sweep, and the shapes and labels of its results, which are known before it runs.
 
-The lanes of a sweep are numbered from 0. They are all combinations of the axes' values, those of
-the last axis varying fastest. In a zipped sweep the i-th lane has the i-th value of each axis.
+A lane is one run of a sweep. Lanes are numbered from 0. They are all combinations of the axes'
+values, those of the last axis varying fastest. In a zipped sweep the i-th lane has the i-th value
+of each axis.
 Lanes are computed and stored in chunks of equal size; the last chunk may be shorter. The results of
 some lanes are a dictionary of arrays whose first dimension is the lanes.
 """
@@ -126,8 +127,9 @@ class Layout:
     notes: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        # Values are converted to arrays, and names to those that netCDF allows. The class is
-        # frozen, so the fields are set by `object`.
+        # Values of axes and labels are converted to arrays, and names of settings and notes, which
+        # become attributes, to those that netCDF allows. The class is frozen, so the fields are set
+        # by `object`.
         for part in ("axes", "coordinates"):
             object.__setattr__(self, part, tuple(map(_with_array, getattr(self, part))))
         for part in ("settings", "notes"):
@@ -135,7 +137,8 @@ class Layout:
             object.__setattr__(self, part, texts)
         require_array_names("variables", self.variables, "name every result")
         # A dataset has one namespace for variables, labels and dimensions, and a store has a folder
-        # for each of them beside the folder `BY_LANE`.
+        # for each variable and each array of labels beside the folder `BY_LANE`. A dimension with
+        # labels rightly has the name of these labels, so only dimensions without labels are added.
         labels = [c.name for c in (*self.axes, *self.coordinates)]
         dims = {dim for variable in self.variables.values() for dim in variable.dims}
         names = [LANE, *labels, *self.variables, *(dims - {c.name for c in self.coordinates})]

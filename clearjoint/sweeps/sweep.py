@@ -1,4 +1,5 @@
-"""Parameter sweeps: simulate one scene for many values of its parameters."""
+"""Parameter sweeps: simulate one scene for many values of its parameters. Each of the runs is
+called a lane."""
 
 import warnings
 from collections import Counter
@@ -371,7 +372,10 @@ def sweep(
 def checked_starts(
     lanes: Lanes, start_time: float, coordinates: AbstractCoordinates
 ) -> tuple[Lanes, bool]:
-    """Check the constraints of each lane at the start, as `simulate` does.
+    """Find the lanes whose constraints are redundant, or nearly so, at the start of the run.
+
+    Lanes whose initial state violates the constraints are skipped: their runs end at once, with the
+    result code of `not_assembled`.
 
     **Arguments:** `lanes`: scenes and initial states; `start_time`: s; `coordinates`: coordinates
     that the solver uses.
@@ -386,7 +390,7 @@ def checked_starts(
     # Lanes often have equal rows, for which the search for dependent rows is done once, by `known`.
     bad, redundant = dict(lanes.bad), False
     known: dict[bytes, np.ndarray] = {}
-    # The runs of lanes that violate their constraints end with the result code not_assembled.
+    # Only lanes that satisfy their constraints are looked at: the others end as `not_assembled`.
     residuals = np.concatenate([rows.values, rows.rates], axis=1)
     for lane in np.flatnonzero((np.abs(residuals) <= ACCEPTED_VIOLATION).all(axis=1)).tolist():
         if lane in bad:

@@ -1,4 +1,5 @@
-"""Computation of the lanes of a sweep, and conversion of their results to arrays."""
+"""Computation of the lanes of a sweep, which are its runs, and conversion of their results to
+arrays."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,8 +20,9 @@ CONTACT = "contact"
 class Work:
     """All lanes of a sweep, in the form in which they can be run.
 
-    - `common`: data that the lanes share.
-    - `tasks`: data of each lane, in NumPy arrays (lanes, ...).
+    - `common`: data that the lanes share, such as the integration method and the outputs.
+    - `tasks`: data of each lane, such as its initial state and its end time, in NumPy arrays
+      (lanes, ...).
     - `bodies`: names of the bodies along the dimension "body".
     - `bad`: numbers of the lanes with invalid parameters; they are not run.
     - `variables`: by name, the type, shape and unit of each result of a lane.
@@ -134,7 +136,8 @@ class Chunks:
     trace: Callable[[], Mapping[str, str]] | None = None
 
     def __call__(self, chunk: int) -> LaneArrays:
-        """Return the results of the lanes of a chunk, arrays (lanes, ...) by variable.
+        """Return the results of the lanes of a chunk, arrays (lanes, ...) by variable, in the order
+        of `lanes[chunk]`.
 
         **Raises:** `RuntimeError` in a process that would run other code than the one that made the
         sweep.
@@ -174,7 +177,8 @@ def variable_name(output: str, key: str) -> str:
 
 
 def concatenated(parts: Sequence[tuple[np.ndarray, LaneArrays]]) -> tuple[np.ndarray, LaneArrays]:
-    """Join several parts, each with the numbers of its lanes and their results, to one part."""
+    """Join one or more parts, each a pair of the numbers of its lanes, (n,), and their results by
+    variable, (n, ...), to one such pair."""
     lanes, results = zip(*parts, strict=True)
     joined = {name: np.concatenate([part[name] for part in results]) for name in results[0]}
     return np.concatenate(lanes), joined

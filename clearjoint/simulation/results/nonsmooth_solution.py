@@ -71,10 +71,11 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
     - `saved_count`: number of requested times that the run reached; ``None`` if no times were
       requested. Later rows of `saved` and `history` repeat the last state.
     - `contacts[joint][contact]`: the `ContactTotals` of the whole run.
-    - `residual`: largest violation of the contact conditions (no approach without an impulse, no
-      pulling impulse, Coulomb's law) in a step, by its impulses or by the projection of its
-      positions, relative to the largest velocity that these have to change at closed contacts, or
-      to 1 m/s if there is none.
+    - `residual`: largest violation, in any step, of the contact conditions (no approach without an
+      impulse, no pulling impulse, Coulomb's law). They are solved for the impulses of the step and
+      then, along the normals, for the correction of its positions. Each violation is relative to
+      the largest velocity that the solution has to change at closed contacts, or to 1 m/s if there
+      is none.
     - `formulation`: the formulation of the equations of motion: their coordinates, and how
       constraints are kept satisfied.
     - `redundant_constraints`: names of constraint equations that depend linearly on others. If

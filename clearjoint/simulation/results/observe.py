@@ -511,7 +511,8 @@ def _modes(scene: Scene, dynamics: Dynamics) -> dict[str, Integers]:
 
 
 def _reactions(dynamics: Dynamics) -> dict[str, dict[str, Load]]:
-    """Return the reaction of each ideal joint on each body at one instant, by joint and body."""
+    """Return the reaction of each ideal joint on each of its bodies except the ground at one
+    instant, by joint and body."""
     reactions: dict[str, dict[str, Load]] = {}
     for name, rows in dynamics.rows.items():
         total: dict[str, Wrench] = {}

@@ -7,7 +7,9 @@ A segment ends at the end time, after the last time to save at, after a number o
 steps, accepted or rejected), at a failure, or when a buffer of recorded rows is full. Python then
 empties the buffers, shows progress and starts the next segment.
 
-Scene and states are passed in packed form, in which each vector is an array (3,).
+Scene and states are passed in packed form, in which each vector is an array (3,). In a folded
+scene, the components of vectors that are exactly 0 or 1 are marked; they become constants of the
+compiled program.
 """
 
 from collections.abc import Mapping
@@ -56,8 +58,8 @@ one, because every accepted step writes a row. Their sizes are part of the compi
 LATEST, STEPS, IMPACTS = "latest", "steps", "impacts"
 SECTIONS, REDUCTIONS = "sections", "reductions"
 """Keys of the dictionaries of recorders and of records. `LATEST` is the latest accepted attempt,
-`STEPS` the states after accepted steps. The values at `SECTIONS` and `REDUCTIONS` are dictionaries
-by the name of the output."""
+`STEPS` the states at the start and after accepted steps, `IMPACTS` the impacts of all contacts. The
+values at `SECTIONS` and `REDUCTIONS` are dictionaries by the name of the section or reduction."""
 
 
 def recorders_of(save: Saving) -> Recorders:
@@ -90,7 +92,7 @@ def begin(
     **Arguments:**
 
     - `scheme`: integration method and formulation of the equations of motion.
-    - `folded_scene`, `state`: scene and initial state, in packed form.
+    - `folded_scene`, `state`: folded scene and initial state, in packed form.
     - `t0`, `t_end`, `first_step`: s, start, end and length of the first step, as arrays.
     - `recorders`: recorders in nested dictionaries, as `recorders_of` returns.
     """
@@ -143,7 +145,7 @@ def segment(
 
 def emptied(now: Progress) -> Progress:
     """Return the run `now` with empty buffers of steps and impacts, to be called after Python has
-    read their rows."""
+    read their rows. Buffers of sections stay: they have room for all crossings to be kept."""
     read = {key: now.records[key] for key in (STEPS, IMPACTS) if key in now.records}
     if not read:
         return now
@@ -179,8 +181,7 @@ segment_compiled = Native(segment)
 class Run:
     """A run that is ready to start.
 
-    - `folded_scene`: the scene; its vector components that are exactly 0 or 1 are marked as
-      constants.
+    - `folded_scene`: the folded scene, in packed form.
     - `scheme`: integration method and formulation of the equations of motion.
     - `recorders`: the recorders that collect results during the run.
     - `end`: end time, s.
@@ -243,7 +244,8 @@ class Run:
         journal has slid out of its bearing at the end.
         """
         program, start = (self.scheme, self.folded_scene), float(now.step.t)
-        # In the precision of the run: 0.02 s is less in float32, and a run would never reach it.
+        # In the precision of the run. Rounded to float32, an end time such as 0.02 s may become
+        # smaller, and a run in float32 would never reach the unrounded number.
         end = float(np.asarray(self.end, jnp.result_type(now.step.t)))
         saved_states: list[State] = []
         saved_count, wanted = 0, 0 if save_at is None else len(save_at)
@@ -337,9 +339,9 @@ def _end_of(
 
     The vectors of the state are arrays (3,).
 
-    **Arguments:** `folded_scene`: the scene; `reductions`, `tallies`: the recorders of reductions
-    and their records, by name of the output; `step`: state of the run after its last step; `end`:
-    end time of the run, s.
+    **Arguments:** `folded_scene`: the scene, in packed form; `reductions`, `tallies`: the recorders
+    of reductions and their records, by name of the reduction; `step`: state of the run after its
+    last step; `end`: end time of the run, s.
     """
     system = scheme.system_of_packed(folded_scene)
     final = final_state(system, step)

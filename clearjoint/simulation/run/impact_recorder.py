@@ -1,7 +1,11 @@
-"""Recorder of impacts, for single runs, runs with derivatives and lanes of sweeps.
+"""Recorder of impacts, for single runs, runs with derivatives and the runs of sweeps.
 
 An impact is a finished contact. While a contact lasts, its peak force and its largest penetration
 are updated after each accepted step. When the contact ends, they are written as a row of a buffer.
+
+The penetration of a contact is also called its depth; it is negative where the surfaces are apart.
+Times are on the clock of the run's `System`, which counts the time from the system's `origin`, s;
+without an origin it shows the scene's time.
 """
 
 from collections.abc import Callable, Mapping
@@ -45,7 +49,8 @@ do not end at contact events, the contact may fill a small part of the step only
 class ContactInstant(eqx.Module):
     """A contact at one instant.
 
-    - `gap`: depth, m, and its rate, m/s.
+    - `gap`: depth, m, and its rate, m/s, positive while the surfaces approach; also the radii of
+      the surfaces, m, on which the force may depend.
     - `second_rate`: second time derivative of the depth, m/s^2.
     - `entry_speed`: m/s, rate of the depth at the onset of the contact, zero in flight; ``None`` if
       the contact law does not use it.
@@ -226,7 +231,8 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
     """Recorder of the impacts of one joint, or of all joints.
 
     - `joint`: name of the joint, or ``None`` for all joints.
-    - `window`: span of time; only contacts with an onset in it are recorded. ``None`` records all.
+    - `window`: span of the scene's time; only contacts with an onset in it are recorded. ``None``
+      records all.
     - `capacity`: number of rows of each contact's buffer. Further impacts are counted, but their
       rows are lost, so the caller must empty a full buffer, or repeat the run with more room.
     - `wanted`: number of impacts that a sweep still asks for, by the contact's label such as

@@ -25,7 +25,7 @@ R = TypeVar("R", bound=PyTree[Scalar])
 
 ROWS = 64
 """Default number of rows of a `RowBuffer`. When a buffer is full, compiled code returns to Python,
-which empties all buffers. The number is small, since each lane of a sweep has its own buffers."""
+which empties all buffers. The number is small, since each run of a sweep has its own buffers."""
 
 
 class RowBuffer(eqx.Module, Generic[R]):
@@ -33,7 +33,8 @@ class RowBuffer(eqx.Module, Generic[R]):
     is a PyTree of numbers.
 
     - `rows`: a PyTree with the structure of a row, whose leaves have an additional first axis of
-      rows. It is longer by one than the buffer has room for; the last row is never read.
+      rows. This axis is longer by one than the number of rows for which the buffer has room; its
+      last row is never read.
     - `count`: number of rows written since the buffer was empty, including rows for which there was
       no room.
     """
@@ -129,7 +130,8 @@ class TimedState(eqx.Module):
 class StepRecorder(AbstractRecorder[RowBuffer[TimedState]]):
     """Recorder of the states at the start of a run and after each accepted step.
 
-    **Arguments:** `capacity`: number of rows of the buffer.
+    **Arguments:** `capacity`: number of rows of the buffer. Rows for which there is no room are
+    lost, so the caller must empty the buffer when it is full.
     """
 
     capacity: int = eqx.field(static=True)

@@ -77,7 +77,8 @@ def is_traced(tree: PyTree) -> bool:
 
 def check_numbers(scene: Scene, state: State) -> None:
     """Check that the numbers of a scene satisfy the conditions of its constructors, and that a
-    state has exactly the scene's bodies and finite numbers.
+    state has exactly the scene's bodies and finite numbers, with Euler parameters of about unit
+    norm.
 
     **Raises:** `ValueError` that names the element.
     """
@@ -123,12 +124,14 @@ def check_start(
 def check_structure(
     scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
 ) -> tuple[str, ...]:
-    """Check an initial state against the constraints of a scene at a time t, s.
+    """Check an initial state against the constraints of a scene at a time t, s. Nothing is checked
+    in a scene without joints.
 
     **Returns:** the names of the redundant constraints.
 
     **Raises:** `ValueError` if the state violates a constraint, if a journal is far outside its
-    bearing, if redundancy cannot be decided, or if the coordinates cannot represent the state.
+    bearing, if redundancy cannot be decided, or if the coordinates cannot represent the state or
+    have no variable.
 
     **Warns:** `UnusualValueWarning` for a journal that is less far outside, but deep in the wall.
     """
@@ -145,14 +148,17 @@ def check_structure(
 def derivative_scheme(
     scene: Scene, state: State, settings: Settings, start_time: float = 0.0
 ) -> Scheme:
-    """Check all arguments of a run with derivatives, and return its integration method and
-    formulation.
+    """Check scene, state and settings of a run with derivatives, and return its integration method
+    and formulation.
 
     **Arguments:** `start_time`: s, the time at which the state must satisfy the constraints.
 
     **Raises:** `ValueError` for an invalid scene or state; for settings that derivatives do not
-    support, such as a solver without dense output; and for an element that changes abruptly at
-    times that it does not declare as `breakpoints`.
+    support, such as a solver other than an explicit Runge-Kutta method, or a `landing_tolerance` of
+    ``None``; if JAX computes in 32 bits; and for an element that may change abruptly at some time
+    but declares no `breakpoints`.
+
+    **Warns:** `UnusualValueWarning`, as `check_structure`.
     """
     settings.require_double()
     check_precision(False)

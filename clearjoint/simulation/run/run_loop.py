@@ -2,8 +2,12 @@
 
 Single runs, runs with derivatives and lanes of sweeps all use `RunLoop`. They differ in their
 recorders, which collect data during the run. JAX's loops repeat the body of the loop in single
-runs, and the scheduler of lanes repeats it in sweeps. Times are on the clock of the run's `System`,
-which counts the time from the system's `origin`, s; without an origin it shows the scene's time.
+runs, and the scheduler of lanes repeats it in sweeps. A lane is one run of a sweep. Compiled code
+advances several lanes side by side; a lane that waits, for example because one of its buffers is
+full, stays unchanged in the meantime.
+
+Times are on the clock of the run's `System`, which counts the time from the system's `origin`, s;
+without an origin it shows the scene's time.
 """
 
 import abc
@@ -87,8 +91,9 @@ class StepOutcome:
 
     @cached_property
     def now(self) -> Instant:
-        """The end of the attempt as an `Instant`, from which quantities such as positions are
-        computed."""
+        """The state `after` as an `Instant`, from which quantities such as positions are computed.
+        Its method `inside`, which returns instants inside the step, is valid only if the step was
+        accepted."""
         after = self.after
 
         def inside(x: Scalar) -> Instant:
@@ -134,9 +139,10 @@ class RunLoop:
     - `t_end`: s, end of the run; no step goes past it.
     - `recorders`: nested dictionaries of recorders; the records have the same keys.
     - `family`: the system as a function of parameters, if the run carries derivatives with respect
-      to them.
+      to them; otherwise ``None``.
     - `loops`: JAX's loops, or loops with checkpoints for reverse-mode differentiation.
-    - `attempt`: the function that tries a step.
+    - `attempt`: the function that tries a step, with the arguments and the result of the function
+      `attempt` in `..step.stepping`, which is the default.
     """
 
     method: Method
@@ -158,8 +164,8 @@ class RunLoop:
         If the step is rejected, time and variables stay as they are, and the next attempt is
         shorter.
 
-        **Arguments:** `now`: the run before the attempt; `goes`: whether to take the step; where it
-        is false, as in a lane that waits, the run stays unchanged. By default the step is taken.
+        **Arguments:** `now`: the run before the attempt; `goes`: whether to make the attempt; where
+        it is false, as in a lane that waits, the run stays unchanged. By default it is made.
         """
         family_if_any = () if self.family is None else (self.family,)
         tried = self.attempt(self.method, self.system, now.step, self.t_end, *family_if_any)
@@ -181,7 +187,7 @@ class RunLoop:
         goes: Callable[[Progress], Condition] | None = None,
     ) -> Progress:
         """Return the run after further steps, of which the last one ends at or after the time
-        `stop`, s. A run that is past this time stays unchanged.
+        `stop`, s. A run that has reached this time already stays unchanged.
 
         The steps end earlier at a failure, at the end of the run `t_end`, after `attempts` attempts
         since the start of the run, and if the function `goes`, called with the run before each
@@ -198,8 +204,8 @@ class RunLoop:
 def _map_recorders(
     function: Callable[..., PyTree], recorders: Recorders, *records: Records
 ) -> Records:
-    """Return the results of a function of each recorder and its record, in nested dictionaries with
-    the same keys."""
+    """Call a function for each recorder, with its record as second argument if `records` are given,
+    and return the results in nested dictionaries with the keys of `recorders`."""
     return jax.tree.map(
         function, recorders, *records, is_leaf=lambda tree: isinstance(tree, AbstractRecorder)
     )
@@ -235,7 +241,8 @@ def final_state(system: System, step: Step) -> State:
 def final_result(step: Step, t_end: Scalar) -> RESULTS:
     """Return the result code of a run whose last step was `step`.
 
-    The code is `max_steps_reached` if the run has neither failed nor reached its end `t_end`, s.
+    The code is `max_steps_reached` if the run has neither failed nor reached its end `t_end`, s;
+    otherwise it is `step.result`.
     """
     unfinished = (step.t < t_end) & (step.result == RESULTS.successful)
     return RESULTS.where(unfinished, RESULTS.max_steps_reached, step.result)

@@ -50,7 +50,8 @@ class Kept(eqx.Module):
     """Results that a run with tangents keeps besides the values of quantities.
 
     - `states`: whether to keep the state at each of the times.
-    - `impacts`: largest number of impacts of each contact, or ``None`` to record no impacts.
+    - `impacts`: number of impacts of each contact for which the buffers have room, or ``None`` to
+      record no impacts. Further impacts of a contact are counted, but not kept.
     - `sections`: recorders of the crossings of Poincaré sections, by name of the section.
     """
 
@@ -75,8 +76,8 @@ class Sampled(eqx.Module):
     - `reached`: (N,), whether the run reached each time. Values at other times are meaningless.
     - `time`: s, the time at which the run ended; `result`: its result code.
     - `attempts`, `accepted`: numbers of steps that were tried, and that were accepted.
-    - `states`: the state at each time, whose leaves have an additional first axis of length N;
-      ``None`` unless kept.
+    - `states`: the state at each time. Its leaves have an additional first axis of length N, and
+      each vector is three separate arrays. ``None`` unless kept.
     - `impacts`: the record of impacts, with times since the start of the run; ``None`` unless kept.
     - `sections`: the records of crossings, by name of the section, with times on the clock of the
       scene, to which drivers and loads refer.
@@ -99,8 +100,9 @@ def start_with_tangents(
 ) -> Step:
     """Return the complete state of a run with tangents before its first step.
 
-    **Arguments:** `family`: the systems and initial states as functions of p parameters; `t0`,
-    `t_end`: start and end of the run, s; `first_step`: length of the first step, s.
+    **Arguments:** `method`: solver and step control; `family`: the systems and initial states as
+    functions of p parameters; `t0`, `t_end`: start and end of the run, s, on the clock of the
+    systems, which is zero at `family.origin`; `first_step`: length of the first step, s.
     """
 
     def initial(system: System, values: Coordinates) -> tuple[tuple[Variables, EntrySpeeds], None]:
@@ -140,11 +142,11 @@ def start_with_tangents(
 
 def look_at_tangents(method: Method, attempt: Attempt, t: Scalar) -> tuple[Variables, EntrySpeeds]:
     """Return the derivatives of variables and entry speeds with respect to p parameters at a time
-    t, s, of the accepted step of an `attempt`.
+    t, s since the start of the run, of the accepted step of an `attempt`.
 
-    Inside the step they are derivatives of dense output, and at its end those of the stored state,
-    in both cases without the correction that makes the variables satisfy the constraints. Each leaf
-    has an additional first axis of length p.
+    Inside the step they are derivatives of dense output, and at its end those of the stored state.
+    The correction by which `look_inside` then makes the variables satisfy the constraints is not
+    differentiated here. Each leaf has an additional first axis of length p.
     """
     end, inside, last = attempt.step.t, attempt.tangents, attempt.step.tangents
     assert inside is not None and last is not None
@@ -176,11 +178,16 @@ def run_with_tangents(
     - `scheme`: integration method and formulation of the equations of motion.
     - `family`: scene and initial state as functions of the p parameters.
     - `outputs`: the quantities to evaluate, by name.
-    - `times`: (N,) s, not decreasing, between `t0` and `t_end`.
-    - `t0`, `t_end`: s, start and end of the run.
+    - `times`: (N,) s, not decreasing, not before `t0`. The last one must be `t_end` or later, as
+      `padded` ensures: the run ends with the step that reaches the last of them, and counts as
+      unfinished (`max_steps_reached`) if that is before `t_end`. Times after `t_end` are not
+      reached.
+    - `t0`: s, start of the run; `t_end`: s, time beyond which no step goes.
     - `first_step`: s, length of the first step that is tried.
     - `max_steps`: largest number of attempts.
-    - `kept`: results to keep besides the values of the quantities.
+    - `kept`: results to keep besides the values of the quantities. If a contact has more impacts
+      than `kept.impacts`, the record lacks some of them, and the caller must repeat the run with
+      more room, as `recorded_run` does.
     """
     method, systems = scheme.method, SystemFamily(family, scheme.formulation, t0)
     system = systems.system()
@@ -201,8 +208,8 @@ def run_with_tangents(
     def sample(now: Progress, row: tuple[Scalar, Condition]) -> tuple[Progress, PyTree]:
         """Continue the run to a time or beyond it.
 
-        **Arguments:** `now`: the run so far; `row`: the time, s, and whether it differs from the
-        time before it.
+        **Arguments:** `now`: the run so far; `row`: the time, s since the start of the run, and
+        whether it differs from the time before it.
 
         **Returns:** the run, and a tuple of values, derivatives and state at the time, and whether
         the run has reached it.

@@ -25,10 +25,11 @@ class Saving:
     - `times`: (N,) s, strictly rising, times at which to save the state, in `solution.saved`. The
       states are interpolated by the solver's dense output, so that saving does not change the
       steps.
-    - `steps`: keep the state after every accepted step, in `solution.steps`.
+    - `steps`: keep the states at the start and after every accepted step, in `solution.steps`.
     - `impacts`: keep a table of impacts, with one row for each finished contact, in
       `solution.impacts`. If steps do not end at contact events, because the `landing_tolerance` of
-      the `Settings` is ``None``, contacts that begin and end within one step have no row.
+      the `Settings` is ``None``, contacts that begin and end within one step have no row, and of
+      other contacts, the part in the step in which they begin does not count for their peaks.
     - `sections`: Poincaré sections by name, each a `Section`, whose crossings are kept in
       `solution.sections`.
     - `outputs`: reductions by name, such as `Peak`, which are updated at every accepted step. Their
@@ -37,7 +38,7 @@ class Saving:
     **Raises:** `ValueError` for times that are not finite or do not rise strictly, for an empty
     array of times, and for fields of other types; for a name of a section or an output that is not
     a non-empty string, contains a slash or backslash, or begins with "." or "__", since names
-    become those of arrays in files.
+    become those of arrays in files. Times that JAX traces are not checked.
 
     >>> cj.Saving(np.linspace(0.0, 1.0, 1001), impacts=True).impacts
     True

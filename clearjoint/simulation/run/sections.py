@@ -4,9 +4,10 @@ zero.
 These instants are called crossings, and the quantities to evaluate there are called channels. A
 quantity is a scalar function of an `Instant`, a scene with its motion at one time.
 
-Single runs and runs with derivatives compute the channels at each crossing. Lanes of sweeps record
-the state at each crossing, from which the channels are computed after the run. Lanes are computed
-side by side, and in the run every lane would have to compute the channels in every step.
+Single runs and runs with derivatives compute the channels at each crossing. Lanes, which are the
+runs of a sweep, record the state at each crossing, from which the channels are computed after the
+run. Lanes are computed side by side, and in the run every lane would have to compute the channels
+in every step.
 """
 
 from collections.abc import Mapping
@@ -81,8 +82,8 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
       crossings inside the same step are not found.
     - `earliest`: s, time of the scene before which crossings are ignored.
     - `channels`: pairs of a name and a quantity. A row of the record contains the time and the
-      values of all quantities, by name. If `channels` is ``None``, a row is a `Snapshot` of the
-      state instead.
+      values of all quantities, by name. If `channels` is ``None``, as in lanes, a row is a
+      `Snapshot` instead: time, variables and entry speeds.
     - `capacity`: number of rows of the buffer.
     - `wanted`: number of rows in the buffer after which no further crossing is recorded or counted
       until the buffer is emptied, by default `capacity`.

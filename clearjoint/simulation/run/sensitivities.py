@@ -4,7 +4,7 @@ Automatic differentiation of an adaptive solver gives the derivatives of its com
 impacts these differ from the derivatives of the exact motion. Here, instead, the variational
 equations (the equations of motion, differentiated with respect to the parameters) are integrated
 together with the state, under the same error control. Entry speeds of contacts are differentiated
-at the true onset of a contact, and steps end at onsets within 1e-13 m of penetration.
+at the true onset of a contact, and steps end at onsets, by default within 1e-13 m of penetration.
 `studies.speed_accuracy` measures the accuracy, and `studies.benchmark` the cost.
 """
 
@@ -170,8 +170,10 @@ def sensitivities(
     **Raises:** `ValueError` for invalid arguments, and for a joint, driver or force that may jump
     or have a kink at some time (it compares, rounds or clips a number that depends on time) but
     declares no `breakpoints`, because derivatives would lack the effect of a shift of these times;
-    `SimulationError` for a run that fails. If a user-defined force jumps at a state of the motion,
-    the run ends there with `RESULTS.force_jumped`.
+    `SimulationError` for a run that fails, if `throw` is true. If a user-defined force jumps at a
+    state of the motion, the run ends there with `RESULTS.force_jumped`.
+
+    **Warns:** `UnusualValueWarning` for a journal that starts deep in the wall of its bearing.
 
     >>> found = cj.sensitivities(scene, state, 0.3, {"stiffness": stiffness}, {"x": x}, times)
     >>> exact = -0.5 * times * np.sin(10.0 * times)  # d x/d log k

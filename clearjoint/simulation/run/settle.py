@@ -118,7 +118,8 @@ as periodic, since a single period may resemble an earlier one by chance. A moti
 steady must be still for as many periods."""
 STILL = 1e-6
 """Lower bound of the ranges of a motion, in m, m/s and rad/s, by which its changes are divided, so
-that rounding errors of a motion at rest are not taken for changes."""
+that rounding errors of a motion at rest are not taken for changes. It is also the lower bound of
+the scales of a section's waiting times, s, and channels, in their units."""
 
 
 @dataclass(frozen=True)

@@ -74,7 +74,8 @@ def simulate(
     - `adjoint`: `diffrax.RecursiveCheckpointAdjoint()` for reverse-mode differentiation; forward
       mode is then unavailable. Its argument `checkpoints` is the number of states that are stored;
       the steps between stored states are computed again. The default of 300 was fastest up to
-      36 000 steps. Any number works for any run, and does not change the solution.
+      36 000 steps. Any number works for any run, and does not change the solution. A run that JAX
+      does not trace ignores `adjoint`.
     - `throw`: if the run fails, raise `SimulationError`. Otherwise, and always if JAX traces the
       run, a failed run returns a `Solution`, whose `result` is the code of the failure.
     - `progress`: show a progress bar for runs that take longer than two seconds, and while
@@ -82,8 +83,8 @@ def simulate(
 
     **Returns:** a `Solution`.
 
-    **Raises:** `ValueError` for invalid arguments; `SimulationError` if the run fails;
-    `RunInterrupted`, a `KeyboardInterrupt` with the solution so far, after Ctrl-C.
+    **Raises:** `ValueError` for invalid arguments; `SimulationError` if the run fails and `throw`
+    is true; `RunInterrupted`, a `KeyboardInterrupt` with the solution so far, after Ctrl-C.
 
     **Warns:** `LeftBearingWarning` if a journal without axial support has slid out of its bearing
     in a saved state or at the end; `LawRangeWarning` if impacts are saved, and a contact was deeper

@@ -28,8 +28,8 @@ parabolas, which are accurate if steps are short."""
 LONGEST = 100.0
 """Longest duration of a contact that is simulated, s."""
 INSIDE = 1e-300
-"""Penetration at the start, m. It is positive, so that a law whose force jumps at zero penetration
-has a force from the start."""
+"""Penetration at the start, m, counted from the onset of the law's force. It is positive, so that a
+law whose force jumps at the onset has a force from the start."""
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,9 @@
 """Metadata and labels of a sweep's Zarr store, which are written before any result.
 
-They tell which sweep the store holds, and which lanes. In the arrays of the store's folder
-`by_lane`, each lane has a row. The number of the row may differ from that of the lane, because
-lanes that are added later get rows at the end. Beside this folder the store has a grid, a copy of
-the results along the axes for other programs.
+They tell which sweep the store holds, and which lanes. A lane is one run of the sweep. In the
+arrays of the store's folder `by_lane`, each lane has a row. The number of the row may differ from
+that of the lane, because lanes that are added later get rows at the end. Beside this folder the
+store has a grid, a copy of the results along the axes for other programs.
 """
 
 import glob
@@ -35,8 +35,8 @@ ROOT = "zarr.json"
 def unfinished(path: Path) -> Iterator[Path]:
     """Yield a new path beside that of a store, for a store or grid that is being written.
 
-    Within the context the caller writes it, and moves it or its files to their place when it is
-    complete; the rest is removed afterwards.
+    Within the context the caller writes to this path, and moves the complete folder, or its files,
+    to their final place. When the context ends, also by an error, all that is left is removed.
     """
     new = path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
     try:
@@ -94,7 +94,8 @@ def write_grid(path: Path, results: "xr.Dataset") -> None:
 
 
 def remove_grid(path: Path) -> None:
-    """Remove the grid from the store at a path; results by lane stay."""
+    """Remove the grid from the store at a path: the file `ROOT`, and every folder but `by_lane`,
+    which has the results by lane."""
     (path / ROOT).unlink(missing_ok=True)
     for entry in path.iterdir():
         if entry.name != BY_LANE and entry.is_dir():
@@ -157,7 +158,7 @@ def create(path: Path, contents: Contents) -> None:
 
     **Arguments:** `contents`: contents of the new store.
 
-    **Raises:** `OSError` if the store can't be renamed for another reason.
+    **Raises:** `OSError` if the store can't be renamed although nothing exists at the path.
     """
     with unfinished(path) as store:
         _write(store / BY_LANE, contents)
@@ -342,9 +343,17 @@ def _write_labels(group: "zarr.Group", coordinate: Coordinate, dim: str, chunk: 
 
 
 def _values(path: Path, group: "zarr.Group", name: str) -> np.ndarray:
-    """Read an array of labels, all of which are needed to open a store.
+    """Read an array of labels: values of an axis, labels of another dimension, digests of the
+    lanes, or their order.
 
-    **Raises:** `ValueError` for a missing or damaged file.
+    A store can't be opened without all its labels, so a missing or damaged file is an error here.
+
+    **Arguments:** `path`: folder of the group `by_lane`; `group`: this group, opened; `name`: name
+    of the array.
+
+    **Returns:** (n,).
+
+    **Raises:** `ValueError` that names the missing or damaged file.
     """
     array = opened(group, name)
     values, faults = read(path, array)

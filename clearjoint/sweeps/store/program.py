@@ -1,8 +1,8 @@
 """Fingerprints of functions, and the digests by which a store recognises its sweep.
 
-A run is determined by its program and by the numbers from which it starts. A store therefore
-compares digests of both instead of source texts or names of functions. A sweep with further axes
-finds the stored lanes that start from the same numbers as some of its own.
+A lane is one run of a sweep. A run is determined by its program and by the numbers from which it
+starts. A store therefore compares digests of both instead of source texts or names of functions. A
+sweep with further axes finds the stored lanes that start from the same numbers as some of its own.
 
 Programs are traced as they are for the lanes: the numbers of scene and state are arguments of a
 program, and the numbers of solver, controller and outputs are constants.

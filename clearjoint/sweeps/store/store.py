@@ -1,11 +1,12 @@
 """Results of a sweep in a Zarr store (format 3) on disk, chunk by chunk.
 
-In the folder `by_lane`, each variable is an array whose first dimension is `lane` and whose chunks
-are those of the sweep, so writing a chunk changes no file of another chunk. The result codes of a
-chunk are written last. Without them its lanes count as pending (not yet computed), whatever else a
-killed process has written. Writing a chunk again is harmless, and two processes that write to the
-same store wait for each other if the system can lock files. The grid, a copy of the results along
-the axes, is stored for other programs (see `.metadata`).
+A lane is one run of the sweep, and a chunk a group of lanes that are stored together. In the folder
+`by_lane`, each variable is an array whose first dimension is `lane` and whose chunks are those of
+the sweep, so writing a chunk changes no file of another chunk. The result codes of a chunk are
+written last. Without them its lanes count as pending (not yet computed), whatever else a killed
+process has written. Writing a chunk again is harmless, and two processes that write to the same
+store wait for each other if the system can lock files. The grid, a copy of the results along the
+axes, is stored for other programs (see `.metadata`).
 
 Every file has a checksum of its content and path. The lanes of a chunk with a damaged, missing or
 exchanged file count as pending too. A warning names the file, and the lanes are computed again.
