@@ -423,7 +423,8 @@ class _Measured(NamedTuple):
     """Wear measured by a run of J joints.
 
     - `halves`: (2, 1 + p, J, 2, samples) m, the depths of bearing and journal per cycle in each
-      half of the measured cycles, and their derivatives with respect to the p parameters.
+      half of the measured cycles, and, from index 1 of the second axis on, their derivatives with
+      respect to the p parameters.
     - `extremes`: (J, 2) largest penetration, m, and largest sum of the normal forces at the two
       ends of the journal, N.
     - `state`: at the end of the run.
@@ -442,10 +443,11 @@ class _Stages:
 
     - `names`: of the J joints that wear. `parameters`: names of the p parameters.
     - `areas`: (J, 2) m^2, of the bearing's wall and of the journal's surface.
-    - `cycles`: number of cycles before each stage. `depths`: (1 + p, J, 2, samples) m, the depths
-      there, and their derivatives with respect to the p `parameters`.
-    - `rates`: depth per cycle, likewise, and `extremes`, see `_Measured`, in the run of each stage
-      except the last one, which has no run yet.
+    - `cycles`: number of cycles before each stage.
+    - `depths`: for each stage, (1 + p, J, 2, samples) m, the depths that have worn off before it,
+      bearing before journal, and their derivatives with respect to the p `parameters`.
+    - `rates`, `extremes`: for each stage except the last one, which has no run yet, the depth per
+      cycle and its derivatives, of the same shape, and the `extremes` of `_Measured`.
     - `state`: from which the next run starts.
     - `failure`: why no further stage can be computed; empty for none.
     - `ending`: why the computation ended; empty while it goes on.
@@ -719,7 +721,7 @@ def _version(folder: Path) -> int | None:
 
 
 def open_wear(path: str | PathLike[str]) -> "xr.Dataset":
-    """Read the result of `clearjoint.wear` from its store, also while it is being computed.
+    """Read the result of `clearjoint.wear` from its store, also while `wear` still computes it.
 
     **Arguments:** `path`: of the store, as it was given to `wear`.
 

@@ -3,7 +3,7 @@
 These elasticities take the place of the stiffness in a law of the Hunt-Crossley family and can be
 combined with any of its damping factors. The delivered restitution stays the same, because it
 doesn't depend on the elastic force. In the formulas F is the force, delta the penetration, L the
-length, dR the clearance, and 1/E* the sum of (1 - nu^2)/E of both materials.
+length, dR the radial clearance, and 1/E* the sum of (1 - nu^2)/E of both materials.
 
 The pressure between two rough planes depends on the ratio of their distance to their roughness (J.
 A. Greenwood, J. H. Tripp 1970). Integrated around a journal that is nearly as large as its bearing,
@@ -126,8 +126,8 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
         return jnp.where(gap.depth > 0.0, self.length * energy, 0.0)
 
     def _parts(self, gap: Gap) -> tuple[Scalar, Scalar, Scalar]:
-        """Return the depth for which the formula is used, m, and what the tangent adds beyond it:
-        force per length, N/m, and energy per length, J/m."""
+        """Return the depth for which the formula is used, m, and the additions along its tangent
+        beyond this depth: force per length, N/m, and energy per length, J/m."""
         # Without contact the formulas are evaluated too; a positive depth keeps derivatives finite.
         depth = jnp.where(gap.depth > 0.0, gap.depth, 1e-6)
         deepest = self.deepest(gap)
