@@ -187,8 +187,9 @@ def wear(
     if parameters is not None:
         check_parameters(parameters)
         of_parts = {name: (rate.bearing, rate.journal) for name, rate in rates.items()}
-        # A path to a number holds for one structure of the scene, so the profiles get their places
-        # for derivatives first.
+        # The path to a parameter's number depends on the structure of the scene. So the profiles
+        # that wear become `MovingSpline`s, with zeros as derivatives, before the directions are
+        # made.
         count = len(parameters) + np.count_nonzero(list(of_parts.values()))
         unworn = np.zeros((1 + count, len(rates), len(PARTS), samples))
         scene = _with_depths(scene, list(rates), unworn)
@@ -514,6 +515,7 @@ class _Stages:
         if found.failure or difference > run.tolerance:
             self._refuse(found.failure, difference, run)
             return
+        # Number of cycles to the next of several goals, or to the only one.
         left = float(goals[goals > self.cycles[-1]].min()) - self.cycles[-1]
         # Without wear, no number of cycles leads to a depth.
         if np.isinf(left) and not found.halves[:, 0].any():
@@ -525,6 +527,7 @@ class _Stages:
         self.state = found.state
         self.rates.append(found.halves.mean(axis=0))
         self.extremes.append(found.extremes)
+        # Several goals prescribe the stages, so that no limit shortens them.
         self._extrapolate(left if goals.ndim == 1 else self._length(left, largest_change))
 
     def has_ended(self, cycles: float, stages: int, depth: float | None) -> bool:
@@ -784,7 +787,8 @@ def _digest(scene: Scene, state: State, run: _CycleRun, goals: np.ndarray) -> st
     The arguments `largest_change`, `stages` and `depth` are left out, so that a user may change
     them and continue.
     """
-    # The text of a direction may contain an address, so its effect on scene and state is used.
+    # The text of a direction may contain an address in memory, which differs from process to
+    # process. So the derivatives of scene and state along the direction are used instead.
     named = dataclasses.replace(run, directions=dict.fromkeys(run.directions))
     effects = [
         jax.jvp(lambda u, a=along: a.without_profiles(scene, state, u), (0.0,), (1.0,))[1]

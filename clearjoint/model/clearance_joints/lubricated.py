@@ -376,7 +376,9 @@ def _load(
     dry = joint.dry
     position, own_velocity = (Vector(row[0], row[1], 0.0) for row in (offset, velocity))
     eccentricity = position * (1.0 / dry.clearance)
-    # The film sees the motion relative to the mean rotation of both surfaces, half the speed.
+    # A film law takes the rate as seen in axes that rotate with the mean angular velocity of both
+    # surfaces, which is half the journal's, since the bearing is at rest. `_half_of_film` gets the
+    # same rate from the relative velocity midway between the two axes.
     rate = own_velocity * (1.0 / dry.clearance) - UNIT_Z.cross(eccentricity) * (0.5 * speed)
     sizes = dry.bearing_radius, dry.clearance, dry.journal_length
     film = FilmGap(UNIT_Z, eccentricity, rate, speed, *sizes)
