@@ -1,4 +1,8 @@
-"""Wear of clearance joints over many cycles, with profiles that change."""
+"""Wear of clearance joints over many cycles of a periodic motion, with profiles that change.
+
+The computation proceeds in stages. In each, a run measures the wear of some cycles, which is then
+extrapolated over as many cycles as the change of the profiles allows.
+"""
 
 import dataclasses
 import hashlib
@@ -49,14 +53,15 @@ if TYPE_CHECKING:
 CHANGE_BY_PENETRATION = 0.2
 """Default of the largest change of depth in a stage, relative to the largest penetration."""
 FIRST_STAGE = 0.1
-"""Length of the first stage relative to the others, since it has no earlier one to extrapolate."""
+"""Factor by which the first stage has fewer cycles than the limits allow. It is shorter because
+there is no earlier stage from which the change of the wear rate could be estimated."""
 FEWEST_SAMPLES = 8
 """Smallest number of angles. With 8 of them a cubic B-spline, which is four spacings wide, covers
 half of the circumference."""
 EXTREMES = {"penetration": "m", "force": "N"}
 """Units of the largest values in a stage that are part of a result, by name."""
 STEPS_PER_SAMPLE = 16
-"""Smallest number of quadrature steps in a cycle, relative to the number of angles. So many steps
+"""Smallest number of quadrature steps in a cycle, divided by the number of angles. So many steps
 resolve the passage from one angle to the next of a contact that circles the wall once a cycle."""
 
 
@@ -96,19 +101,19 @@ def wear(
     - `rates`: wear rates of the joints that wear, by name: each a `ClearanceJoint` without
       `line_points`, since a profile is the same all along the axis.
     - `cycles`: number of cycles to extrapolate to, such as 1e6, or ``np.inf`` if only `depth` ends
-      the computation; or the rising numbers of cycles before the stages after the first one, such
-      as those of an earlier result with slightly different numbers. The latter fix the stages, and
-      `largest_change` has no effect.
+      the computation. Or a rising array, (n,), that fixes the stages: the number of cycles before
+      each stage after the first one, such as ``found["cycles"][1:]`` of an earlier result with
+      slightly different parameters. `largest_change` then has no effect.
     - `settings`: of the runs; by default `clearjoint.presets.default`.
-    - `parameters`: by which the depths are differentiated, by names of your choice; they may select
-      no number of a profile that wears. The logarithms of the wear rates are additional parameters,
-      with names such as "pin bearing rate". The derivatives are those at fixed numbers of cycles
-      before the stages. They require that the measured cycles don't depend on the state in which a
-      stage begins, because they have settled.
+    - `parameters`: with respect to which the depths are differentiated, by names of your choice;
+      they may select no number of a profile that wears. The logarithms of the positive wear rates
+      are additional parameters, with names such as "pin bearing rate". The derivatives are those at
+      fixed numbers of cycles before the stages. They are valid if the motion has settled before the
+      measured cycles, so that these don't depend on the state in which a stage begins.
     - `settle`: number of cycles of a run before the wear is measured; `measured`: number of cycles
-      that are measured, even. The two halves of them must agree to `tolerance`, relatively: in the
-      sum of the depths that wear off each joint, and in that of the derivatives by each parameter.
-      A motion that is not periodic needs many measured cycles.
+      that are measured, even. Their first and second half must agree to the relative `tolerance`:
+      in the sum of the depths that wear off each joint, and in that of the derivatives by each
+      parameter. A motion that is not periodic needs many measured cycles.
     - `largest_change`: largest change of depth in a stage, m; by default a fifth of each
       joint's largest penetration in the stage. With larger changes the profile oscillates, since
       the material that carries the load in one stage is gone in the next.
@@ -132,8 +137,9 @@ def wear(
     - ``bearing_depth_derivative``, ``journal_rate_derivative`` and so on: the derivatives of these
       with respect to the parameters' coordinates, along the additional dimension "parameter". Only
       with `parameters`.
-    - ``penetration``, ``force``: largest penetration, m, and largest normal force, N, in the
-      measured cycles of a stage, (joint, stage); NaN in the last stage.
+    - ``penetration``, ``force``: largest penetration, m, and largest sum of the normal forces at
+      the two ends of the journal, N, in the measured cycles of a stage, (joint, stage); NaN in the
+      last stage.
     - ``bearing_volume``, ``journal_volume``: worn volume before a stage, m^3, (joint, stage).
     - ``final_position``, ``final_orientation``, ``final_velocity``, ``final_spin``: the state after
       the last run whose wear was used, as in `clearjoint.BodyState`, (body, 3) or (body, 4).
@@ -181,8 +187,9 @@ def wear(
     if parameters is not None:
         check_parameters(parameters)
         of_parts = {name: (rate.bearing, rate.journal) for name, rate in rates.items()}
-        # A path to a number holds for one structure of the scene, so the profiles get their places
-        # for derivatives first.
+        # The path to a parameter's number depends on the structure of the scene. So the profiles
+        # that wear become `MovingSpline`s, with zeros as derivatives, before the directions are
+        # made.
         count = len(parameters) + np.count_nonzero(list(of_parts.values()))
         unworn = np.zeros((1 + count, len(rates), len(PARTS), samples))
         scene = _with_depths(scene, list(rates), unworn)
@@ -417,8 +424,10 @@ class _Measured(NamedTuple):
     """Wear measured by a run of J joints.
 
     - `halves`: (2, 1 + p, J, 2, samples) m, the depths of bearing and journal per cycle in each
-      half of the measured cycles, and their derivatives with respect to the p parameters.
-    - `extremes`: (J, 2) largest penetration, m, and largest normal force, N.
+      half of the measured cycles, and, from index 1 of the second axis on, their derivatives with
+      respect to the p parameters.
+    - `extremes`: (J, 2) largest penetration, m, and largest sum of the normal forces at the two
+      ends of the journal, N.
     - `state`: at the end of the run.
     - `failure`: text of the run's result code; empty for a successful run.
     """
@@ -435,10 +444,11 @@ class _Stages:
 
     - `names`: of the J joints that wear. `parameters`: names of the p parameters.
     - `areas`: (J, 2) m^2, of the bearing's wall and of the journal's surface.
-    - `cycles`: number of cycles before each stage. `depths`: (1 + p, J, 2, samples) m, the depths
-      there, and their derivatives with respect to the p `parameters`.
-    - `rates`: depth per cycle, likewise, and `extremes`, see `_Measured`, in the run of each stage
-      except the last one, which has no run yet.
+    - `cycles`: number of cycles before each stage.
+    - `depths`: for each stage, (1 + p, J, 2, samples) m, the depths that have worn off before it,
+      bearing before journal, and their derivatives with respect to the p `parameters`.
+    - `rates`, `extremes`: for each stage except the last one, which has no run yet, the depth per
+      cycle and its derivatives, of the same shape, and the `extremes` of `_Measured`.
     - `state`: from which the next run starts.
     - `failure`: why no further stage can be computed; empty for none.
     - `ending`: why the computation ended; empty while it goes on.
@@ -505,6 +515,7 @@ class _Stages:
         if found.failure or difference > run.tolerance:
             self._refuse(found.failure, difference, run)
             return
+        # Number of cycles to the next of several goals, or to the only one.
         left = float(goals[goals > self.cycles[-1]].min()) - self.cycles[-1]
         # Without wear, no number of cycles leads to a depth.
         if np.isinf(left) and not found.halves[:, 0].any():
@@ -516,6 +527,7 @@ class _Stages:
         self.state = found.state
         self.rates.append(found.halves.mean(axis=0))
         self.extremes.append(found.extremes)
+        # Several goals prescribe the stages, so that no limit shortens them.
         self._extrapolate(left if goals.ndim == 1 else self._length(left, largest_change))
 
     def has_ended(self, cycles: float, stages: int, depth: float | None) -> bool:
@@ -712,7 +724,7 @@ def _version(folder: Path) -> int | None:
 
 
 def open_wear(path: str | PathLike[str]) -> "xr.Dataset":
-    """Read the result of `clearjoint.wear` from its store, also while it is being computed.
+    """Read the result of `clearjoint.wear` from its store, also while `wear` still computes it.
 
     **Arguments:** `path`: of the store, as it was given to `wear`.
 
@@ -745,7 +757,8 @@ def open_wear(path: str | PathLike[str]) -> "xr.Dataset":
 
 
 def final_state(found: "xr.Dataset") -> State:
-    """Return the state after the last run whose wear was used, from a result of `wear`."""
+    """Return the state after the last run whose wear was used, from a result of `wear`; the initial
+    state if there was no such run."""
     numbers = [found[f"final_{field.name}"].values for field in fields(BodyState)]
     names = [str(name) for name in found["body"].values]
     return State({name: BodyState(*(part[j] for part in numbers)) for j, name in enumerate(names)})
@@ -754,7 +767,7 @@ def final_state(found: "xr.Dataset") -> State:
 def _stacked(found: "xr.Dataset", name: str) -> Float[np.ndarray, "stages rows joints 2 samples"]:
     """Return the depths, m, or rates, m per cycle, of a result, and their derivatives, if any.
 
-    Row 0 is the number itself; the others are its derivatives by the parameters.
+    Row 0 is the depth or rate itself; the other rows are its derivatives by the parameters.
 
     **Arguments:** `name`: "depth" or "rate".
     """
@@ -774,7 +787,8 @@ def _digest(scene: Scene, state: State, run: _CycleRun, goals: np.ndarray) -> st
     The arguments `largest_change`, `stages` and `depth` are left out, so that a user may change
     them and continue.
     """
-    # The text of a direction may contain an address, so its effect on scene and state is used.
+    # The text of a direction may contain an address in memory, which differs from process to
+    # process. So the derivatives of scene and state along the direction are used instead.
     named = dataclasses.replace(run, directions=dict.fromkeys(run.directions))
     effects = [
         jax.jvp(lambda u, a=along: a.without_profiles(scene, state, u), (0.0,), (1.0,))[1]

@@ -28,13 +28,14 @@ OF_BASES = tuple(
 SIGNALS = tuple(f"{base} {kind}" for base, kind in OF_BASES) + PlanarAxes._fields
 """Names of the numbers from which the wear of a joint follows at an instant.
 
-They are, for each base, the normal force, N, its product with the sliding speed, W, the base's
-eccentricity in the bearing's frame, m, and the penetration, m; and the four components of
-`PlanarAxes`, those of the journal's x and y axes along the bearing's.
+They are, for each base, the normal force, N ("V force"), its product with the sliding speed, W
+("V power"), the base's eccentricity in the bearing's frame, m ("V x", "V y"), and the penetration,
+m ("V penetration"); and the four components of `PlanarAxes`, those of the journal's x and y axes
+along the bearing's.
 """
 TIMES_IN_PROGRAM = 4096
-"""The number of times, less one, is rounded up to a multiple of this for a compiled program, so
-that few programs are compiled for runs of different numbers of steps."""
+"""The number of times, less one, is rounded up to a multiple of this number. A program is compiled
+for each number of times, so this limits how many are compiled for runs of different lengths."""
 
 Signals = Mapping[str, Float[jax.Array | np.ndarray, " T"]]
 """Values of `SIGNALS` at T times, by name."""
@@ -220,8 +221,8 @@ def _shares(
 
     The share of an angle is max(overlap - clearance + clearance spacing^2/2, 0), divided by the sum
     of this over all angles. Here the overlap less the clearance is the penetration in the direction
-    of the angle, and the spacing is that of the angles, rad. Each row adds up to 1, or is zero if
-    the journal is far from the wall.
+    of the angle, and the spacing is that of the angles, rad. The shares at one time add up to 1, or
+    are all zero if no angle has a positive one, because the journal is too far from the wall.
 
     A contact may be narrower than the spacing of the angles, and none of them be in it. Therefore
     clearance spacing^2/2 is added: the gap between two circles is larger by this amount at one

@@ -77,7 +77,7 @@ class ParameterDirection:
     It is called with a scene, a state and a value, and returns the changed scene and state. The
     value is the distance from the present coordinate of the parameter.
 
-    - `index`: of the parameter among those that move the profiles, the `shifts` of `MovingSpline`.
+    - `index`: place of the parameter in the `shifts` of each `MovingSpline`.
     - `joints`: names of the joints that wear.
     - `change`: how the parameter's value changes the scene and the state; ``None`` for a wear rate.
       A run depends on wear rates only through the profiles.
@@ -121,8 +121,8 @@ class ParameterDirection:
 def directions_of(
     scene: Scene, state: State, rates: Rates, parameters: Mapping[str, Parameter]
 ) -> dict[str, ParameterDirection]:
-    """Return the directions of the parameters and of the logarithm of each positive wear rate, by
-    name.
+    """Return a `ParameterDirection` for each parameter and for the logarithm of each positive wear
+    rate, by name.
 
     A wear rate has the name of its joint and part, such as "pin bearing rate". Parameters come
     first, then wear rates; the index of each direction is its place in this order.
@@ -206,7 +206,8 @@ def derivatives_in_spans(
         for j, (joint, of_parts) in enumerate(rates.items()):
             signals = {name: run.values[f"{joint} {name}"][rows] for name in SIGNALS}
             # The depths depend on a parameter through the numbers and profiles of the joint,
-            # through the signals of the run, and through the wear rates.
+            # through the signals of the run (forces, sliding speeds and positions of the journal
+            # over time), and through the wear rates.
             for k, (parameter, along) in enumerate(directions.items()):
                 element, element_along = jax.jvp(
                     lambda value, j=joint, a=along: a(scene, state, value)[0].joints[j],

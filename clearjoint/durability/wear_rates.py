@@ -27,8 +27,9 @@ COEFFICIENT_AND_HARDNESS: dict[Material, tuple[float, float]] = {
     "stainless steel": (1.7e-5, 2.5e9),
     "tool steel": (1.3e-4, 8.5e9),
 }
-"""Wear coefficients k of unlubricated sliding on hard steel, for mild steel on mild steel (J. F.
-Archard, J. Appl. Phys. 24, 1953, 981), and typical hardnesses H of the materials, Pa."""
+"""Wear coefficient k, without unit, and typical hardness H, Pa, of each material. k is that of
+unlubricated sliding on hard steel, but of mild steel on mild steel (J. F. Archard, J. Appl. Phys.
+24, 1953, 981)."""
 
 
 @dataclass(frozen=True)

@@ -54,16 +54,16 @@ class Backlash(AbstractPair, AbstractFlankJoint):
     - `radius`: m, of the flanks. Optional with a `torsional_stiffness`: 0.01 m by default.
     - `middle`: rad, the joint's angle (`quantities.JointAngle`) in the middle of the play. The
       angle is zero for parallel frames of the bodies if both axes have the same components.
-    - `law`: normal law of each flank, with an explicit stiffness. Alternatively
+    - `law`: normal law of each flank, whose stiffness is given as a number. Alternatively
       `torsional_stiffness`: N m/rad, of a pressed flank as in gearbox catalogues, with
       `restitution`, 0.5 by default; the law is then a linear `ExactRestitution`.
 
     **Raises:** `ValueError` if the play is not between zero and a full revolution; unless exactly
     one of `play` and `play_length`, and exactly one of `law` and `torsional_stiffness`, is given;
-    if a `law` is given with a `restitution` or without a `radius`; if the law takes its stiffness
-    from radii; if an axis has zero length; if both bodies are the same; or if another value is
-    outside its range. **Warns:** `UnusualValueWarning` for a play of more than 0.5 rad or a radius
-    of more than 10 m.
+    if a `law` is given with a `restitution` or without a `radius`; if the law's stiffness is not
+    given as a number; if an axis has zero length; if both bodies are the same; or if another value
+    is outside its range. **Warns:** `UnusualValueWarning` for a play of more than 0.5 rad or a
+    radius of more than 10 m.
 
     Source: dead-zone model with a contact law at the two flanks (M. Nordin, P.-O. Gutman,
     Controlling mechanical systems with backlash: a survey, Automatica 38, 2002).
@@ -149,7 +149,7 @@ class Backlash(AbstractPair, AbstractFlankJoint):
         require_numbers(lambda play: play < TURN, "play", (self.play,), expected, remedy)
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return the largest meaningful penetration of each flank, m, by label.
+        """Return the penetration of each flank at which a run ends, m, by label.
 
         Opposite the middle of the play the angle jumps by 2 pi, and the contact would change to the
         other flank. The penetration there is radius (pi - play/2), of which half is allowed.
@@ -173,8 +173,11 @@ class Backlash(AbstractPair, AbstractFlankJoint):
         for label, side in FLANKS.items():
             arm = side * self.radius
             gap = Gap(arm * angle - 0.5 * self.radius * self.play, arm * speed)
-            # The penetration is arm times the angle plus a constant, so that its derivatives are
-            # arm times those of the angle. A couple has no point of action: points are arbitrary.
+            # The contact transmits a moment only. `turning` consists of the derivatives of the
+            # penetration by the rotations of both bodies, m/rad in body axes; the moment on a body
+            # is minus its vector times the normal force. The penetration is arm times the angle
+            # plus a constant, so that its derivatives are arm times those of the angle. A couple
+            # has no point of action: the contact's points are arbitrary.
             first, second = (row.jacobian[name].moment * arm for name in self.pair())
             contacts[label] = Contact(gap, axis * side, ZERO, ZERO, None, turning=(first, second))
         return contacts

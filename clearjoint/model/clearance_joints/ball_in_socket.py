@@ -106,7 +106,7 @@ class BallInSocket(AbstractCentredJoint):
         return {CONTACT: Contact(gap, normal, on_socket, on_ball, slip, *centres)}
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return the largest meaningful penetration, m, by label: the ball's radius, at which the
+        """Return the penetration at which a run ends, m, by label: the ball's radius, at which the
         ball's centre leaves the socket."""
         return {CONTACT: subtract(self.socket_radius, self.clearance)}
 

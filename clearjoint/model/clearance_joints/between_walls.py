@@ -56,11 +56,12 @@ class PinInSlot(AbstractFrictionJoint):
     - `pin_radius`: m.
     - `play`: m, total travel of the pin between the walls.
     - `travel`: m, total travel between the ends; ``None``, the default, for a slot without ends.
-    - `law`: normal law of walls and ends; it needs an explicit stiffness, because they are flat.
+    - `law`: normal law of walls and ends; its stiffness must be given as a number, because they are
+      flat.
     - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``.
 
-    **Raises:** `ValueError` if the axis is not perpendicular to the normal, the law takes its
-    stiffness from radii, both bodies are the same, or another value is of the wrong class or
+    **Raises:** `ValueError` if the axis is not perpendicular to the normal, the law's stiffness is
+    not given as a number, both bodies are the same, or another value is of the wrong class or
     outside its range.
 
     ```python
@@ -196,12 +197,13 @@ class SliderInGuide(AbstractFrictionJoint):
     - `slider_axis`, `slider_normal`: perpendicular directions in the same axes, (3,), any length.
     - `half_length`, `half_height`: half the slider's size along its axis and its normal, m.
     - `clearance`: m, on either side of a centred slider.
-    - `law`: normal law of a corner; it needs an explicit stiffness, because the walls are flat.
+    - `law`: normal law of a corner; its stiffness must be given as a number, because the walls are
+      flat.
     - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``.
 
     **Raises:** `ValueError` if the axis is not perpendicular to the normal, the clearance is not
-    smaller than `half_height`, the law takes its stiffness from radii, both bodies are the same, or
-    another value is of the wrong class or outside its range.
+    smaller than `half_height`, the law's stiffness is not given as a number, both bodies are the
+    same, or another value is of the wrong class or outside its range.
 
     ```python
     import clearjoint as cj

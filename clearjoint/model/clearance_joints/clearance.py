@@ -3,11 +3,11 @@
 Equation numbers are those of P. Flores, J. Ambrosio, J. C. P. Claro, H. M. Lankarani, Spatial
 revolute joints with clearances for dynamic analysis of multi-body systems, 2006.
 
-The first body carries the bearing, the second the journal. Both bases V and W of the journal are
-checked against the bearing's wall, and each base applies the full normal law. The tilt between
-journal and bearing is assumed small, so that the bases' circles lie in the bearing's cross-section
-(as in the paper). With `line_points`, circles between the bases touch the wall as well, and the
-force is the mean of the normal law over the journal's length.
+The first body carries the bearing, the second the journal. The journal's bases V and W are the
+circles at its two ends. Each is checked against the bearing's wall and applies the full normal law.
+The tilt between journal and bearing is assumed small, so that the bases' circles lie in the
+bearing's cross-section (as in the paper). With `line_points`, circles between the bases touch the
+wall as well, and the force is the mean of the normal law over the journal's length.
 """
 
 import itertools
@@ -65,9 +65,9 @@ class AbstractAxialPolicy(AbstractConverting):
     """Axial behaviour of a `ClearanceJoint`: a free, held or stopped journal.
 
     A subclass sets ``holds_centre = True``, so that an ideal constraint keeps the journal's centre
-    in the bearing's middle plane. Or it defines two shoulders at the ends of the bearing. A
-    subclass that does neither leaves the journal free. This example defines washers at different
-    distances:
+    in the bearing's middle plane. Or it defines two shoulders at the ends of the bearing, by
+    `shoulder_law` and the other methods. A subclass that does neither leaves the journal free. This
+    example defines washers at different distances:
 
     ```python
     import clearjoint as cj
@@ -158,14 +158,14 @@ class EndPlay(AbstractAxialPolicy):
     **Arguments:**
 
     - `play`: m, total axial travel between the shoulders.
-    - `law`: normal law of a shoulder; it needs an explicit stiffness, because the surfaces are
-      flat.
+    - `law`: normal law of a shoulder; its stiffness must be given as a number, because the surfaces
+      are flat.
     - `friction`: an `AbstractFriction`, or ``None``, the default, for no friction.
     - `radius`: mean radius of the faces, m, if and only if they have friction. For a face between
       the radii a and b, (2/3) (b^3 - a^3)/(b^2 - a^2) gives the moment of a uniform pressure.
 
-    **Raises:** `ValueError` if only one of `friction` and `radius` is given, the law takes its
-    stiffness from radii, or a value is of the wrong class or outside its range.
+    **Raises:** `ValueError` if only one of `friction` and `radius` is given, the law's stiffness is
+    not given as a number, or a value is of the wrong class or outside its range.
 
     >>> collars = cj.EndPlay(play=0.2e-3, law=cj.laws.Hertz(1e9))
     >>> gap = collars.shoulder_gap(1.0, offset=0.15e-3, rate=0.0)
@@ -478,10 +478,12 @@ class ClearanceJoint(AbstractCentredJoint):
             self.planar_axes(bearing, journal),
         )
         normal = x_axis * near.cosine + y_axis * near.sine
-        # The force acts on both bodies at one point, midway between the surfaces. A point
-        # of a shape is the gradient of its support function by the normal. So it is beside the
-        # normal through the base's centre by the slope of the journal's deviation, times the
-        # gradient of the angle about the journal's axis, (own_axis x normal)/(1 - tilt^2).
+        # The force acts on both bodies at one point, midway between the surfaces. A profile is
+        # given by its support function, the distance from the centre to the tangent that is
+        # perpendicular to a normal. The point of the surface with this normal is the gradient of
+        # the support function by the normal. So it is not on the line through the base's centre
+        # along the normal, but beside it by the slope of the journal's deviation times the gradient
+        # of the angle about the journal's axis, (own_axis x normal)/(1 - tilt^2).
         own_axis = journal.direction(unit(self.journal_axis))
         tilt = own_axis.dot(normal)
         beside = own_axis.cross(normal) * (near.journal.slope / (1.0 - tilt * tilt))
@@ -606,9 +608,10 @@ class ClearanceJoint(AbstractCentredJoint):
         return relative_angle_row(self.pair(), bearing, journal, *axes)
 
     def slid_out(self, motions: Motions) -> Scalar | None:
-        """Return the distance by which the journal has left a bearing of the same length, m.
+        """Return the distance along the axis from the journal to a bearing of the same length, m.
 
-        It is negative inside, and ``None`` if the journal is held axially or has shoulders.
+        It is negative until the journal has left the bearing completely. ``None`` stands for a
+        journal that is held axially or has shoulders.
         """
         if not self._is_free():
             return None
@@ -647,10 +650,11 @@ class ClearanceJoint(AbstractCentredJoint):
             return None
         if self.bearing_profile is None:
             return self._ideal(self.bearing_point + self.clearance / size * across)
-        # The journal rests where the wall's normal is along the load. A profile gives the deviation
-        # of the wall from the circle as a support function: by the angle of the wall's normal, the
-        # distance along it. Its slope, m/rad, is then the distance of the contact point from the
-        # line through the centre along the normal.
+        # The journal rests where the wall's normal is along the load. A profile is a deviation of
+        # the support function: for each direction of the wall's normal, the amount by which the
+        # wall is farther from the centre along this normal than the circle. Its derivative by the
+        # angle of the normal, `slope` in m/rad, is the distance of the contact point from the line
+        # through the bearing's centre along the normal. The journal's centre has the same distance.
         frame = transverse_axes(unit(Vector(*along)))
         first, second = (np.array([*direction], float) for direction in frame)
         wall = self.bearing_profile.at(math.atan2(across @ second, across @ first))
@@ -659,7 +663,9 @@ class ClearanceJoint(AbstractCentredJoint):
         return self._ideal(self.bearing_point + np.asarray(offset))
 
     def _ideal(self, centre: Triple) -> AbstractConstraint:
-        """Return the joint that holds the journal's centre at a point of the bearing, (3,) m."""
+        """Return the ideal joint that keeps the journal's axis parallel to the bearing's, through a
+        point of the bearing, (3,) m: cylindrical for an axially free journal, otherwise revolute.
+        """
         points, axes = (centre, self.journal_point), (self.bearing_axis, self.journal_axis)
         kind = CylindricalJoint if self._is_free() else RevoluteJoint
         return kind(*self.pair(), *points, *axes)

@@ -38,8 +38,9 @@ RIGHT_ANGLE = 1e-9
 rounding of given numbers."""
 
 LEAST_TRANSVERSE_LOAD = 1e-6
-"""Ratio of a load's component across the axis to the load, below which it counts as rounding
-error."""
+"""Ratio of a load's component to the load up to which the component counts as rounding error. It is
+the component that presses a part to a wall: across a bearing's axis, or along the normal of flat
+walls."""
 
 
 class AbstractOneLawJoint(AbstractContactJoint):
@@ -84,8 +85,8 @@ class AbstractFlankJoint(AbstractOneLawJoint):
 
     There is no friction.
 
-    **Raises:** `ValueError` if `law` is no contact law, or takes its stiffness from radii: flanks
-    are flat.
+    **Raises:** `ValueError` if `law` is no contact law, or its stiffness is not given as a number:
+    flanks are flat and have no radii on which it could depend.
     """
 
     friction: ClassVar[None] = None
@@ -103,8 +104,8 @@ class AbstractFlankJoint(AbstractOneLawJoint):
 
     @abc.abstractmethod
     def centred_rows(self, motions: Motions) -> dict[str, Row]:
-        """Return the row that holds the second body in the middle of the play, by label; its value
-        is zero there."""
+        """Return the constraint row that holds the second body in the middle of the play, by label;
+        its value is zero there."""
 
     def centred_joint(self) -> AbstractConstraint:
         """Return the constraint that holds the second body in the middle of the play."""

@@ -94,7 +94,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
     The normal force acts along the line of action in the plane of the first gear. It drives the
     gears in the ratio of their teeth, and loads their bearings with its radial component too. The
     centres may move, in bearings with clearance or on a planet carrier: the backlash changes with
-    their distance according to involute geometry. Angles are taken modulo the pitch, so that the
+    their distance according to involute geometry. Since s is taken modulo the base pitch, the
     number of revolutions is unlimited.
 
     One law represents all tooth pairs in mesh. The model has no contact ratio and no friction, and
@@ -110,8 +110,8 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
     - `module`: the module, m.
     - `backlash`: j, m, along the pitch circle, from flank to flank, at the centre distance
       m |z1 + z2|/2.
-    - `law`: normal law of the mesh, with an explicit stiffness. ISO 6336 gives about 20 N/um per mm
-      of tooth width for steel.
+    - `law`: normal law of the mesh, whose stiffness is given as a number. ISO 6336 gives about
+      20 N/um per mm of tooth width for steel.
     - `pressure_angle`: alpha, rad; 20 degrees by default.
     - `phase`: rad, rotation of the first gear from its reference position. At phase 0, with the
       gears in the middle of the play, the line of centres has the direction of the first transverse
@@ -119,8 +119,8 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
 
     **Raises:** `ValueError` if a number of teeth is not a whole number, `teeth_first` is not
     positive, an internal gear is not larger than the first gear, the backlash is not smaller than
-    the pitch pi m, the pressure angle is outside 0.1 to 0.8 rad, the law takes its stiffness from
-    radii, both bodies are the same, or another value is outside its range. **Warns:**
+    the pitch pi m, the pressure angle is outside 0.1 to 0.8 rad, the law's stiffness is not given
+    as a number, both bodies are the same, or another value is outside its range. **Warns:**
     `UnusualValueWarning` for a module of more than 0.1 m, or a backlash of more than 0.2 pi m.
 
     Source: involute gearing after ISO 21771; backlash as a dead zone with impacts after
@@ -180,10 +180,9 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
             caution_above("backlash", self.backlash, "m", widest, remedy)
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return the largest meaningful penetration of both flanks, m, by label.
+        """Return the penetration of each flank at which a run ends, m, by label.
 
-        It is half of a tooth's thickness along the line of action. A run ends when a flank exceeds
-        it.
+        It is half of a tooth's thickness along the line of action.
         """
         play = self.backlash * cosine(self.pressure_angle)
         deepest: Scalar = 0.25 * (self._base_pitch() - play)
@@ -253,9 +252,11 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         opening = radii * change + 0.5 * self.backlash * nominal[1]
         contacts = {}
         for label, side in FLANKS.items():
-            # The line of action has the angle alpha' from the tangent of the pitch circles.
+            # `push` is a unit vector along the line of action, which has the angle alpha' from the
+            # tangent of the pitch circles. An external second gear is pushed in this direction, and
+            # an internal one against it. The normal points in the opposite direction of the force
+            # on the second gear: that in which the second gear penetrates the first.
             push = line.across * (side * tangential) + line.along * radial
-            # The second gear penetrates the first against `push`, an internal one along it.
             normal = push * -sense
             # An infinite penetration is beyond every limit, so that a run refuses such gears.
             depth = where(meshes, side * displacement - opening, math.inf)
@@ -282,8 +283,8 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
     def draw(self, pen: AbstractPen) -> None:
         """Draw two gears, with a tooth of the second in a gap of the first."""
         first, second = self.ends(self.axis_first, self.axis_second)
-        # A turn by half a pitch puts a gap of the first gear where the teeth mesh. With an internal
-        # gear this is on the side away from that gear's centre.
+        # A rotation by half a pitch puts a gap of the first gear where the teeth mesh. With an
+        # internal gear this is on the side away from the internal gear's centre.
         half, beyond = 0.5 * self.module, math.pi if self.teeth_second < 0.0 else 0.0
         gap = math.pi / self.teeth_first - self.phase
         teeth = self.teeth_first, self.teeth_second

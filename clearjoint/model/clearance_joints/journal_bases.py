@@ -1,4 +1,7 @@
-"""Position and velocity of the journal's two bases in the bearing, and of points between them."""
+"""Position and velocity of the journal's two bases in the bearing, and of points between them.
+
+The bases are the circles at the two ends of the journal. Each can touch the bearing's wall.
+"""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -16,7 +19,8 @@ from ..joints.base import Motions
 BASES = ("V", "W")
 """Names of the bases at the lower and the upper end of the journal's axis."""
 SIDES = (-1.0, 1.0)
-"""Signs of the two ends of a journal or bearing: against its axis, and along it."""
+"""Signs of the two ends of a journal or bearing: -1 for the end against the direction of its axis,
+1 for the end in this direction."""
 BETWEEN = "point "
 """Start of the labels "point 2", "point 3" and so on of contacts between the bases."""
 
@@ -44,7 +48,7 @@ def axial_points(count: int) -> dict[str, AxialPoint]:
     positions = np.array([-1.0, *polynomial.deriv().roots(), 1.0])
     # The rule is symmetric, which rounding of the roots must not change.
     positions = 0.5 * (positions - positions[::-1])
-    # Half of the usual weights, whose sum is the length 2 of the interval from -1 to 1.
+    # Half of the usual weights, which add up to 2, the length of the interval from -1 to 1.
     weights = 1.0 / (count * (count - 1) * polynomial(positions) ** 2)
     labels = (BASES[0], *(f"{BETWEEN}{k}" for k in range(2, count)), BASES[1])
     numbers = zip(positions.tolist(), weights.tolist(), strict=True)
@@ -79,8 +83,8 @@ def require_bases_only(argument: str, name: str, labels: Iterable[str]) -> None:
 class HasJournal(Protocol):
     """Interface of a joint with a journal whose bases touch the wall at the radial clearance.
 
-    Functions that need the journal's offset find its joints by ``isinstance``, so that joints of
-    several classes, dry and lubricated, serve.
+    Functions that need the journal's offset test by ``isinstance`` whether a joint has a journal,
+    so that they accept joints of several classes, dry and lubricated.
     """
 
     @property

@@ -101,10 +101,10 @@ def _of_dry_joint(name: str) -> PyTree:
 class LubricatedJoint(AbstractContactJoint):
     """A clearance joint with a lubricant film and wall contact when the film is squeezed out.
 
-    The film extends over the journal's length. Half of its force acts at each base, computed from
-    that base's eccentricity. Force and reaction act at one point midway between the two axes, so
-    that the film conserves angular momentum. The energy ledger lists the energy that the film
-    dissipates as "film".
+    The film extends over the journal's length. Half of its force acts at each base, which is one of
+    the journal's two ends, and is computed from the eccentricity there. Force and reaction act at
+    one point midway between the two axes, so that the film conserves angular momentum. The energy
+    ledger of a run lists the energy that the film dissipates as "film".
 
     Contact begins when the journal touches the wall, and replaces the film smoothly over the depth
     `transition`. This is the blend of P. Flores et al. 2006 with a continuous slope. The film force
@@ -307,9 +307,9 @@ class CarriedJournal(NamedTuple):
 def carried_journal(joint: LubricatedJoint, load: ArrayLike, speed: Scalar) -> CarriedJournal:
     """Compute the equilibrium of a loaded journal in its film, and the stiffness and damping there.
 
-    The bearing is at rest and the axes are parallel. The journal is searched inside the clearance.
-    For a joint with a `transition`, contact with the wall does not add to the force. The
-    eccentricity ratio is not limited to the joint's `largest_ratio`.
+    The bearing is at rest and the axes are parallel. The search for the equilibrium is limited to
+    eccentricities below the clearance. For a joint with a `transition`, contact with the wall does
+    not add to the force. The eccentricity ratio is not limited to the joint's `largest_ratio`.
 
     ```python
     import clearjoint as cj
@@ -370,13 +370,15 @@ def _load(
 
     They are those of the film and, without `transition`, of the contact.
 
-    **Arguments:** `speed`: of the journal, rad/s. `offset`: from the bearing's axis to the
-    journal's, (2,) m. `velocity`: its rate, (2,) m/s.
+    **Arguments:** `speed`: angular velocity of the journal about its axis, rad/s. `offset`: from
+    the bearing's axis to the journal's, (2,) m. `velocity`: rate of the offset, (2,) m/s.
     """
     dry = joint.dry
     position, own_velocity = (Vector(row[0], row[1], 0.0) for row in (offset, velocity))
     eccentricity = position * (1.0 / dry.clearance)
-    # The film sees the motion relative to the mean rotation of both surfaces, half the speed.
+    # A film law takes the rate as seen in axes that rotate with the mean angular velocity of both
+    # surfaces, which is half the journal's, since the bearing is at rest. `_half_of_film` gets the
+    # same rate from the relative velocity midway between the two axes.
     rate = own_velocity * (1.0 / dry.clearance) - UNIT_Z.cross(eccentricity) * (0.5 * speed)
     sizes = dry.bearing_radius, dry.clearance, dry.journal_length
     film = FilmGap(UNIT_Z, eccentricity, rate, speed, *sizes)

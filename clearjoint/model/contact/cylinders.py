@@ -3,7 +3,7 @@
 These elasticities take the place of the stiffness in a law of the Hunt-Crossley family and can be
 combined with any of its damping factors. The delivered restitution stays the same, because it
 doesn't depend on the elastic force. In the formulas F is the force, delta the penetration, L the
-length, dR the clearance, and 1/E* the sum of (1 - nu^2)/E of both materials.
+length, dR the radial clearance, and 1/E* the sum of (1 - nu^2)/E of both materials.
 
 The pressure between two rough planes depends on the ratio of their distance to their roughness (J.
 A. Greenwood, J. H. Tripp 1970). Integrated around a journal that is nearly as large as its bearing,
@@ -37,8 +37,8 @@ _GAUSS = np.polynomial.legendre.leggauss(24)
 _NODES, _WEIGHTS = 0.5 * (_GAUSS[0] + 1.0), 0.5 * _GAUSS[1]
 """Nodes and weights of Gauss quadrature over [0, 1], (24,) each, more than smooth formulas need."""
 _STRAIGHT_FROM = 0.99
-"""Fraction of the largest penetration, where some formulas have an infinite stiffness, from which
-the force is extrapolated linearly."""
+"""Fraction of a formula's largest penetration above which the force is extrapolated linearly: at
+the largest penetration itself, some formulas have an infinite stiffness."""
 
 
 class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
@@ -99,8 +99,8 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
         return None
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """Return the penetration and its valid range, m, as one `Limit`; an empty tuple if the
-        formula has no limit.
+        """Return a tuple with one `Limit`, the penetration and its valid range, m; an empty tuple
+        if the formula has no limit.
 
         A run that records impacts warns of penetrations outside this range.
         """
@@ -126,8 +126,8 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
         return jnp.where(gap.depth > 0.0, self.length * energy, 0.0)
 
     def _parts(self, gap: Gap) -> tuple[Scalar, Scalar, Scalar]:
-        """Return the depth for which the formula is used, m, and what the tangent adds beyond it:
-        force per length, N/m, and energy per length, J/m."""
+        """Return the depth for which the formula is used, m, and the additions along its tangent
+        beyond this depth: force per length, N/m, and energy per length, J/m."""
         # Without contact the formulas are evaluated too; a positive depth keeps derivatives finite.
         depth = jnp.where(gap.depth > 0.0, gap.depth, 1e-6)
         deepest = self.deepest(gap)
@@ -193,7 +193,7 @@ class PereiraCylinder(AbstractCylinder):
         return 1e3 * factor * (1e3 * depth) ** exponent
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """Return the clearance and its valid range, m, as one `Limit`."""
+        """Return a tuple with one `Limit`, the clearance and its valid range, m."""
         clearance = radii_of(gap)[2]
         return (Limit(type(self).__name__, "clearance", "m", clearance, 5e-6, 10e-3),)
 
@@ -368,8 +368,9 @@ class RadzimovskyCylinder(AbstractLogarithmicCylinder):
     P is the force per length, b the width of the contact, R_i and R_j the radii of bearing and
     journal, R = R_i R_j/dR their relative radius, and 1/E* the sum of (1 - nu^2)/E of both
     materials. The formula is used as printed, and is valid for penetrations up to 1.425 clearances.
-    The factor 1.60 in Roark's handbook refers to diameters; with 2.26 the penetration would be
-    smaller by P/(pi E*) ln 2. The arguments are those of `AbstractCylinder`.
+    The factor 1.60 in Roark's handbook refers to diameters. With the corresponding factor for
+    radii, 2.26, the penetration would be smaller by P/(pi E*) ln 2. The arguments are those of
+    `AbstractCylinder`.
 
     >>> cylinder = cj.laws.RadzimovskyCylinder(207e9, 0.3, length=20e-3)
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
@@ -528,8 +529,8 @@ class RoughCylinders(AbstractContactLaw):
       contact at each of the journal's two ends, and both apply the full law: pass half the
       journal's length. If the joint's argument `line_points` is given, the law is that of the whole
       journal: pass its length.
-    - `law`: of the walls. Its force begins with zero slope, such as Hertz's with an exponent above
-      one.
+    - `law`: of the walls. Its force must begin with zero slope, as that of `Hertz` with an exponent
+      above one does.
 
     The surfaces must be cylinders: the force needs the bearing's radius and the clearance in `Gap`.
 

@@ -4,7 +4,11 @@ delta is the penetration, m, and rate its time derivative, m/s. Such laws don't 
 A contact ends at delta = 0, but the force is set to zero before, where the dashpot would pull the
 surfaces together. The delivered restitution, the ratio of rebound speed to entry speed in a free
 impact, depends on this rule: without it `KelvinVoigt` and `Tsuji` would deliver the requested
-value, with it they deliver `clamped_restitution`. The force of `KelvinVoigt` jumps at the onset.
+value, with it they deliver `clamped_restitution`. The forces of `KelvinVoigt` and `Ristow`, for
+which m = 0, jump at the onset.
+
+The last three laws, `ElastoGap`, `ImpactFunction` and `FloresKelvinVoigt`, have another damping,
+whose force is zero at the onset.
 """
 
 import abc
@@ -298,9 +302,9 @@ class Ristow(AbstractGivenDashpotLaw):
 class AbstractBoundedDampingLaw(AbstractPowerLaw):
     """Base class of laws with the elastic force K delta^n and a damping that a subclass defines.
 
-    A subclass declares the fields `stiffness`, K, and `exponent`, n, and defines `force`. The force
-    must not jump at the onset of a contact, and does not use the entry speed, the rate at the
-    onset.
+    A subclass declares the fields `stiffness`, K, and `exponent`, n, and defines `force`. This
+    force must not jump at the onset of a contact, and must not use the entry speed, which is the
+    rate at the onset.
 
     **Raises:** `ValueError` if the exponent n is below 1.
     """

@@ -348,6 +348,8 @@ class AbstractBristleFriction(AbstractConverting):
     def rate(self, deflection: Vector, slip: Vector) -> Vector:
         """Return the rate of the deflection, m/s.
 
+        All vectors are in the same axes.
+
         **Arguments:** `deflection`: m. `slip`: tangential velocity of the second body relative to
         the first, m/s.
         """
@@ -388,8 +390,8 @@ class AbstractBristleFriction(AbstractConverting):
         It is zero without slip. It is used where deflections are not integrated, such as for rigid
         contacts.
 
-        **Arguments:** `normal_force`: N. `slip`: velocity of the second body relative to the first,
-        m/s.
+        **Arguments:** `normal_force`: N. `slip`: tangential velocity of the second body relative to
+        the first, m/s.
         """
         speed, direction = norm_and_direction(slip)
         return direction * (-normal_force * self.sliding_ratio(speed))
@@ -526,11 +528,13 @@ class ElastoPlastic(AbstractDampedBristles):
 
     $$\dot z = v - \alpha(z) \frac{\sigma_0 |v|}{g(v)} z$$
 
-    Here z is the deflection, v the slip, and g(v) friction over normal force in steady sliding, as
-    in `LuGre`. The factor alpha is 0 for |z| <= z_ba and for bristles that relax, and 1 for
-    |z| >= g(v)/sigma0; between these deflections it rises as half a period of a cosine. Below z_ba
-    an oscillating load causes no drift. In two dimensions alpha is multiplied by the cosine of the
-    angle between slip and deflection, if this is positive.
+    Here z is the deflection and v the slip. Friction over normal force is sigma0 z + sigma1 dz/dt +
+    sigma2 v, and g(v) is its value in steady sliding without the viscous part sigma2 v; both are
+    those of `LuGre`. The factor alpha is 0 for |z| <= z_ba and for bristles that relax, which are
+    deflected against the slip. For |z| >= g(v)/sigma0 it is 1; between these deflections it rises
+    as half a period of a cosine. Below z_ba an oscillating load causes no drift. In two dimensions
+    alpha is multiplied by the cosine of the angle between slip and deflection, and is 0 where this
+    is negative.
 
     **Arguments:**
 

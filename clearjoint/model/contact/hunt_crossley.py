@@ -39,8 +39,8 @@ from .laws import (
 )
 
 _SERIES_BELOW = 1e-5
-"""Damping factor below which e = 1 - 2 chi/3 is more accurate than the numerical solution, which is
-rounded."""
+"""Damping factor chi below which the series 1 - 2 chi/3 gives the delivered restitution more
+accurately than the numerical solution, which is rounded."""
 _NEWTON = optimistix.Newton(rtol=1e-14, atol=1e-14)
 _MOST_STEPS = 32
 """Step limit of Newton's method, which needs five steps for every damping factor."""
@@ -66,7 +66,8 @@ def delivered_restitution(damping_factor: Float[ArrayLike, "..."]) -> Float[jax.
 def _solve_restitution(damping_factor: jax.Array) -> jax.Array:
     """Return the restitution e for one damping factor chi, a scalar."""
     # The unknown is y = -ln(1 - chi e), which stays exact where chi e rounds to one. In it the
-    # equation is y - 1 + exp(-y) = chi - ln(1 + chi). The left side is about y^2/2 for small y.
+    # equation is y - 1 + exp(-y) = loss, with loss = chi - ln(1 + chi). The left side is about
+    # y^2/2 for small y and y - 1 for large y; `start` is an upper bound of the solution for all y.
     small = damping_factor < _SERIES_BELOW
     chi = jnp.where(small, _SERIES_BELOW, damping_factor)
     loss = chi - jnp.log1p(chi)
@@ -117,9 +118,10 @@ def _logarithm(e: Scalar) -> Scalar:
 
     Unlike chi e, y doesn't lose digits where chi e rounds to one.
     """
-    # Start from the factor of Carvalho and Martins, which is accurate to four digits above 0.5, or
-    # for e up to 0.4 from 1 above the asymptote y = 1 + 1/e - ln(1 + 1/e). The minimum keeps the
-    # logarithm finite where the other start is used.
+    # For e above 0.4, start from the damping factor of Carvalho and Martins, which is accurate to
+    # four digits above 0.5. For smaller e, start from a value that is 1 above the asymptote for
+    # small e, y = 1 + 1/e - ln(1 + 1/e). The minimum keeps the logarithm finite for these e too, at
+    # which its value is not used.
     approximate = 1.5 * (1.0 - e) * (11.0 - e) / (1.0 + 9.0 * e)
     start = jnp.where(
         e > 0.4, -jnp.log1p(-jnp.minimum(approximate * e, 0.9)), 2.0 + 1.0 / e - jnp.log1p(1.0 / e)
@@ -180,8 +182,8 @@ class AbstractHertzianLaw(AbstractElasticLaw):
 
     - `stiffness`: an `AbstractStiffness`, a number in N/m^n, or an `AbstractCylinder`, whose force
       replaces K delta^n.
-    - `exponent`: n, at least 1; as a static field, the values 1 and 1.5 are computed without a
-      general power. A cylinder ignores it.
+    - `exponent`: n, at least 1. Declare it as a static field, so that the compiled program can do
+      without a general power for the values 1 and 1.5. A cylinder ignores it.
     - `smoothing`: width w in m, or ``None``. With it, the penetration is replaced by a ramp that
       begins at delta = -w, is the parabola (delta + w)^2/(4 w) up to delta = w, and delta above.
       The factor 1 + chi rate/entry speed, which is otherwise limited to at least zero, is replaced
@@ -269,8 +271,8 @@ class AbstractHertzianLaw(AbstractElasticLaw):
         factor = 1.0 + (self.damping_factor() / entry_speed) * gap.rate
         width = self.smoothing
         if width is not None:
-            # It tends to zero at penetrations well above the smoothing width, where only the usual
-            # limit of zero remains.
+            # This width of the factor's ramp tends to zero at penetrations well above the smoothing
+            # width: there, as without smoothing, the factor is only limited to at least zero.
             width = width / (width + jnp.maximum(gap.depth, 0.0))
         return self.elastic_force(gap) * ramp(factor, width)
 

@@ -2,8 +2,8 @@
 
 A law computes the force from the penetration delta, m, its rate, m/s, and the entry speed, m/s,
 which is the rate at the onset of the contact. Laws of the Hunt-Crossley family are in
-`hunt_crossley`, laws with a parallel dashpot in `dashpots`. Other laws
-subclass `AbstractContactLaw`; test them with `clearjoint.testing.check_law`.
+`hunt_crossley`, laws with a parallel dashpot in `dashpots`. User-defined laws subclass
+`AbstractContactLaw`; test them with `clearjoint.testing.check_law`.
 """
 
 import abc
@@ -53,7 +53,7 @@ class Gap:
 def radii_of(gap: Gap) -> tuple[Scalar, Scalar, Scalar]:
     """Return bearing radius, journal radius and radial clearance of a gap, m.
 
-    **Raises:** `ValueError` for a gap of flat surfaces, which has no radii.
+    **Raises:** `ValueError` if the gap lacks one of the radii, as that of flat surfaces does.
     """
     radius, clearance = gap.bearing_radius, gap.clearance
     for argument, value in (("bearing_radius", radius), ("clearance", clearance)):
@@ -164,8 +164,8 @@ class AbstractElasticity(AbstractConverting):
     def begins_flat(self, exponent: float) -> bool:
         """Return whether the force is known to start with zero slope at the onset.
 
-        If so, no correction for a kink is computed at the ends of a contact. `exponent` is n of a
-        law K delta^n. The default is ``False``.
+        If so, a run computes no correction for a kink at the onset and at the end of a contact.
+        `exponent` is n of a law K delta^n. The default is ``False``.
         """
         return False
 
@@ -199,7 +199,7 @@ class AbstractStiffness(AbstractElasticity):
     def begins_flat(self, exponent: float) -> bool:
         """Return whether the exponent is above one, which makes the initial slope zero.
 
-        An exponent that JAX traces is unknown, which gives ``False``.
+        It is ``False`` for an exponent that is no Python number, such as one that JAX traces.
         """
         return isinstance(exponent, int | float) and exponent > 1.0
 
@@ -362,7 +362,8 @@ class AbstractContactLaw(AbstractConverting):
 
     @abc.abstractmethod
     def elastic_force(self, gap: Gap) -> Scalar:
-        """Return the conservative part of the force, N: the derivative of the stored energy."""
+        """Return the conservative part of the force, N: the derivative of the stored energy by the
+        penetration."""
 
     @abc.abstractmethod
     def stored_energy(self, gap: Gap) -> Scalar:
@@ -378,9 +379,9 @@ class AbstractContactLaw(AbstractConverting):
     def slope_jumps(self) -> bool:
         """Return whether the derivative of the force by the penetration may jump at the onset.
 
-        It does for a linear spring. If ``True``, the default, the solver corrects steps that end at
-        an onset or end of a contact for the kink. ``False`` saves this correction, one evaluation
-        of the equations of motion.
+        It does for a linear spring. If ``True``, the default, the solver corrects each step that
+        ends at the onset or the end of a contact for the kink of the force. ``False`` saves this
+        correction, one evaluation of the equations of motion.
         """
         return True
 
@@ -478,12 +479,12 @@ def require_instance(argument: str, value: object, *kinds: type, remedy: str = "
 def require_flat_law(law: object, surfaces: str) -> None:
     """Check that a law can be used between flat surfaces, which have no radii.
 
-    The stiffness of an `AbstractElasticLaw` must be given as a number, since others may depend on
-    radii. Other laws are accepted unchecked.
+    The stiffness of an `AbstractElasticLaw` must be given as a number, since other stiffnesses may
+    depend on radii. Laws of other classes are accepted unchecked.
 
     **Arguments:** `surfaces`: their names in the error message.
 
-    **Raises:** `ValueError` if the value is no law, or its stiffness is not given as a number.
+    **Raises:** `ValueError` if `law` is no contact law, or its stiffness is not given as a number.
     """
     require_instance("law", law, AbstractContactLaw)
     # Other laws have no `stiffness`; whether they read the radii is not visible from outside.
@@ -497,8 +498,8 @@ def contact_normal_force(law: AbstractContactLaw, gap: Gap, entry_speed: Scalar 
     """Return the normal force of a contact, N.
 
     **Arguments:** `law`: law of the normal force. `gap`: penetration, m, and its rate, m/s.
-    `entry_speed`: m/s; ``None`` for a law that doesn't use it. It is 0 as long as the onset has not
-    been recorded; the current rate then replaces it, since the two agree at the onset.
+    `entry_speed`: m/s; ``None`` for a law that doesn't use it. Pass 0 as long as the onset has not
+    been recorded: the current rate then replaces it, since the two agree at the onset.
 
     >>> law, gap = cj.laws.HuntCrossley(0.8, 1e9), extend.Gap(depth=1e-4, rate=0.1)
     >>> print(f"{extend.contact_normal_force(law, gap, entry_speed=0.1):.1f} N")  # 1000 (1 + 0.3)

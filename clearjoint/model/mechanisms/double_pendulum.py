@@ -32,8 +32,8 @@ def double_pendulum(
 
     **Arguments:**
 
-    - `clearance`: radial, m; ``None`` for an ideal ground joint, on which the other arguments
-      have no effect.
+    - `clearance`: radial, m; ``None`` for an ideal ground joint. The other arguments then have no
+      effect.
     - `restitution`: requested of the default law, which is that of Lankarani and Nikravesh; 0 to 1.
     - `bearing_radius`, `journal_length`: m.
     - `law`: replaces the default law.

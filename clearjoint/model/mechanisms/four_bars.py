@@ -74,9 +74,10 @@ def four_bar(
       is to the left of the line from the crank pin to the rocker foot, in the direction of that
       line. The state is that of the ideal mechanism, with centred journals.
     - `motor`: an element that drives "crank" relative to "ground"; none by default.
-    - `bearing_radius`, `journal_length`: m.
-    - `law`: replaces the default law.
-    - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``, the default.
+    - `bearing_radius`, `journal_length`: m, of each pin with clearance.
+    - `law`: of each pin with clearance; replaces the default law.
+    - `friction`: of each pin with clearance: an `AbstractFriction`, an `AbstractBristleFriction`,
+      or ``None``, the default.
     - `gravity`: (3,) m/s^2, 9.81 along -Y by default; ``None`` for none.
 
     **Raises:** `ValueError` for a clearance without the name of its pin, an unknown pin, rods that
@@ -197,12 +198,13 @@ def spatial_four_bar(
 
     Lengths, masses and radii follow P. Flores et al., Dynamics of multibody systems with spherical
     clearance joints, 2006, but were not checked against the publication. The positions of the axes
-    are our choice: crank and rocker start upright and the coupler along X, and the crank can make
-    full revolutions.
+    are our choice: at the start crank and rocker point along +Y, from their axes to the coupler,
+    and the coupler lies along X. The crank can make full revolutions.
 
     **Arguments:**
 
-    - `clearance`: radial, m; ``None`` for an ideal ball joint. The ball starts centred.
+    - `clearance`: radial, m; ``None`` for an ideal ball joint, for which `restitution`, `law` and
+      `friction` have no effect. The ball starts centred.
     - `restitution`: ratio of rebound speed to entry speed, 0 to 1, requested of the default law,
       which is that of Lankarani and Nikravesh.
     - `speed`: of the crank at the start, rad/s. The state is that of the ideal mechanism.
@@ -231,7 +233,7 @@ def spatial_four_bar(
             law=steel_law(restitution) if law is None else law,
             friction=friction,
         )
-    # With crank and rocker upright, their upper ends are at the same height.
+    # At the start crank and rocker point along Y, and their ends at the coupler have the same Y.
     foot = (COUPLER, CRANK - ROCKER, 0.0)
     lower, upper, bottom = ((0.0, y, 0.0) for y in (-0.5 * CRANK, 0.5 * CRANK, -0.5 * ROCKER))
     start = (-0.5 * COUPLER, 0.0, 0.0)
@@ -246,8 +248,9 @@ def spatial_four_bar(
         "coupler": _bar(1.4158, COUPLER, X_AXIS),
         "rocker": _bar(0.3157, ROCKER, Y_AXIS),
     }
-    # The crank is upright, so that its end moves along Z. The coupler rotates about the rocker's
-    # end, which is at rest. The centres of both rods move at half the velocity of their common end.
+    # The crank points along Y and rotates about X, so that its end moves along Z. The coupler
+    # rotates about the rocker's end, which is at rest. The centres of crank and coupler move at
+    # half the velocity of their common end.
     velocity = 0.5 * np.array([0.0, 0.0, CRANK]) * speed
     spin_crank = np.array([1.0, 0.0, 0.0]) * speed
     spin_coupler = np.array([0.0, CRANK / COUPLER, 0.0]) * speed

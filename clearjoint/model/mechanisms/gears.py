@@ -131,8 +131,9 @@ def cycloid_stage(
     - `speed`, `angle`: of the shaft, rad/s, and rad at the start. The output begins with the angle
       and the speed of the disc.
     - `torque`: on the output about Z, N m.
-    - `law`: of each of the two ends of a pin and its hole; Hunt and Crossley's for a line of 10 mm
-      on steel, with a restitution of 0.8, by default.
+    - `law`: of the contact of a pin with its hole at each of the pin's two ends; by default Hunt
+      and Crossley's with the exponent 1, a stiffness of 5e8 N/m, half that of a line of 10 mm on
+      steel, and a restitution of 0.8.
 
     **Raises:** `ValueError` if a value is outside its range.
 

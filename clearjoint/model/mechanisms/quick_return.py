@@ -18,8 +18,8 @@ from .common import ORIGIN, Y_AXIS, Z_AXIS, planar_state
 CRANK, BASE, LEVER = 0.05, 0.1, 0.25
 """Radius of the crank, height of its axis above the lever's axis, and length of the lever, m."""
 SLOT = 0.13
-"""Length that the slot leaves for the pin's centre, m, with its middle at the crank's axis. The pin
-needs 0.1 m of it, twice the radius of the crank."""
+"""Length of the slot that is available to the pin's centre, m. Its middle is as far from the
+lever's axis as the crank's axis is. The pin needs 0.1 m of it, twice the radius of the crank."""
 LINE_STIFFNESS = 1e9
 """Stiffness of the pin on 10 mm of a flat steel wall, N/m, rounded from (pi/4) E* L with the length
 L, where 1/E* is the sum of (1 - nu^2)/E of both materials."""
@@ -45,8 +45,8 @@ def quick_return(
 
     **Arguments:**
 
-    - `play`: m, the slot's width minus the pin's diameter; ``None`` for an ideal slot. The pin
-      doesn't reach the ends of the slot.
+    - `play`: m, the slot's width minus the pin's diameter; ``None`` for an ideal slot, for which
+      `law` and `friction` have no effect. The pin doesn't reach the ends of the slot.
     - `speed`, `angle`: of the crank, rad/s, and rad at the start, counter-clockwise from the
       vertical. The state is that of the ideal mechanism, with a centred pin.
     - `law`: of pin and walls; Hunt and Crossley's for a line of 10 mm on steel, with a restitution

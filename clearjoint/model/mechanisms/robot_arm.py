@@ -79,9 +79,9 @@ WRIST = (
 
 Source: P. Corke, B. Armstrong-Helouvry, A search for consensus among model parameters reported for
 the PUMA 560 robot, IEEE ICRA 1994, in the form of P. Corke, Robotics, Vision and Control.
-Exceptions: the first link's mass and its moments about the other axes, which have no effect; and
-the third link's last moment, 0.02 instead of 0.0125, which would violate the triangle
-inequality."""
+Exceptions: the first link's mass and its moments about the two axes across its axis of rotation,
+which have no effect on the motion; and the third link's last moment, 0.02 instead of 0.0125, which
+would violate the triangle inequality."""
 WRIST_ANGLES = (0.0, 0.25 * math.pi, 0.0)
 """Fixed angles of the wrist, rad: those of the nominal pose."""
 
@@ -147,7 +147,8 @@ class Lump:
 
 
 def lumps() -> list[Lump]:
-    """Return mass and inertia of each link in its own frame; the third link includes the wrist."""
+    """Return mass, centre of mass and inertia of each link of the arm in the link's frame; the
+    third link includes the wrist."""
     single = [Lump(link.mass, np.array(link.centre), np.diag(link.inertia)) for link in ARM]
     parts = [single[2]]
     for link, frame in zip(WRIST, frames(WRIST, WRIST_ANGLES)[1:], strict=True):
@@ -213,7 +214,7 @@ GRAVITY = (0.0, 0.0, -9.81)
 PARENTS = (GROUND, *LINKS[:2])
 """Name of the parent body of each link."""
 LUMPS = lumps()
-"""Mass and inertia of each link."""
+"""Mass, centre of mass and inertia of each link of the arm in the link's frame."""
 
 
 def robot_arm(
@@ -243,7 +244,8 @@ def robot_arm(
 
     - `play`: total angle of the backlash in each of the three joints, rad; with ``None`` there are
       no flanges, and the motors drive the links directly.
-    - `restitution`: of the default law of the backlash, above 0 and at most 1.
+    - `restitution`: ratio of rebound speed to entry speed, above 0 and at most 1, of the default
+      law of the backlash, `ExactRestitution`.
     - `angles`: of the motors at the start, rad. `speeds`: of the motors, constant, rad/s.
     - `law`: replaces the default law.
 

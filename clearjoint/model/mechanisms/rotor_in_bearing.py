@@ -15,8 +15,8 @@ from ..scene import Scene
 from .common import Z_AXIS, steel_law
 
 TRANSITION = 0.02
-"""Penetration at which wall contact has fully replaced the film, over the clearance. Up to it the
-film's force decreases to zero. It is small against the clearance: 1 um by default."""
+"""Penetration at which wall contact has fully replaced the film, divided by the clearance. Up to
+this penetration, 1 um for the default clearance, the film's force decreases to zero."""
 
 
 def rotor_in_bearing(

@@ -64,8 +64,10 @@ def slider_crank(
 
     **Arguments:**
 
-    - `clearance`: radial, m; ``None`` for an ideal pin.
-    - `restitution`: requested of the default law, which is that of Lankarani and Nikravesh.
+    - `clearance`: radial, m; ``None`` for an ideal pin, for which `restitution`, `bearing_radius`,
+      `journal_length`, `law` and `friction` have no effect.
+    - `restitution`: ratio of rebound speed to entry speed, 0 to 1, requested of the default law,
+      which is that of Lankarani and Nikravesh.
     - `speed`, `angle`: of the crank at the start, rad/s and rad; at angle 0 the slider is farthest
       out. The state is that of the ideal mechanism, with a centred journal.
     - `motor`: an element that drives "crank" relative to "ground", such as a `DriveTorque` about
@@ -142,12 +144,12 @@ def _slider_crank_state(speed: Scalar, angle: float) -> State:
 CRANK, ROD = 0.153, 0.306
 """Lengths of crank and rod of `guided_slider_crank`, m."""
 HALF_LENGTH, HALF_HEIGHT = 0.05, 0.025
-"""Half the length and half the height of its slider, m."""
+"""Half the length and half the height of the slider of `guided_slider_crank`, m."""
 GUIDE_STIFFNESS = 1e9
-"""Stiffness of a corner of its slider on a wall, N/m^1.5. It is our choice, since the contacts of
+"""Stiffness of a corner of this slider on a wall, N/m^1.5. It is our choice, since the contacts of
 the publication are rigid."""
 FRICTION = RegularisedCoulomb(0.01)
-"""Friction in its guide, with the coefficient of the publication."""
+"""Friction in the guide of this slider, with the coefficient of the publication."""
 
 
 def guided_slider_crank(
@@ -172,14 +174,16 @@ def guided_slider_crank(
 
     **Arguments:**
 
-    - `clearance`: m, on either side of the slider; ``None`` for an ideal guide.
+    - `clearance`: m, on either side of the slider; ``None`` for an ideal guide, for which `law` and
+      `friction` have no effect.
     - `pin_clearance`: radial clearance of the pin between rod and slider, m, in a bearing of 10 mm
       radius and 20 mm length; ``None``, the default, for an ideal pin. With a clearance, the ideal
       joints "plane along" and "plane across" are added, which hold the slider in the plane.
-    - `law`: of the slider's corners on the walls; by default a restitution of 0.4, as published.
+    - `law`: of the slider's corners on the walls; by default `ExactRestitution` with the published
+      restitution of 0.4 and a stiffness of 1e9 N/m^1.5, which is not published.
     - `friction`: of the guide; coefficient 0.01 by default, as published; ``None`` for none.
-    - `pin_law`: of the pin; by default that of Lankarani and Nikravesh for steel with a restitution
-      of 0.9.
+    - `pin_law`: of a pin with clearance; by default that of Lankarani and Nikravesh for steel with
+      a restitution of 0.9.
     - `speed`: of the crank at the start, rad/s.
 
     **Raises:** `ValueError` if a value is outside its range.
