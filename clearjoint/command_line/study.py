@@ -91,7 +91,8 @@ class RunPart:
       the preset.
     - `outputs`: quantities and reductions, by name. A quantity is evaluated at the saved states;
       the extremes of forces and accelerations between saved states are found too. A reduction
-      gives numbers of the whole run, such as `Peak` the largest value of a quantity and its time.
+      gives numbers of the whole run: `Peak`, for instance, the largest value of a quantity and the
+      time of this value.
     - `sections`: Poincaré sections, by name.
     """
 

@@ -126,6 +126,7 @@ class BoundFunction:
     def __init__(self, function: "NativeFunction", flat: "FlatArguments", varied: Sequence[int]):
         program, result = function.program(flat)
         outputs = program.outputs
+        # Of an example of a result, `Cells` uses the structure, shapes, dtypes and static leaves.
         self.results = Cells(result([np.zeros(region.shape, region.dtype) for region in outputs]))
         # Arguments that are not varied are written to memory once, here.
         self._code, self._memory = program.code, program.memory(flat.arrays)

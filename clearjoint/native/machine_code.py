@@ -198,6 +198,8 @@ def load_or_make(
     kept = load(function, arguments)
     if kept is not None:
         return cast(Program, kept)
+    # The place is determined after the program is made: it is `None` if the package's code was
+    # changed until then.
     program, place = make(), _place(function, arguments)
     if place is not None:
         store, key = place
