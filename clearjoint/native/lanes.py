@@ -1,10 +1,9 @@
 """Loops that compute several lanes at once, each in one slot of the processor's vectors.
 
 A lane is one of several runs that differ only in numbers, as in a sweep. The memory of a group of
-lanes has a column for each lane. A loop returns to its host, the Python
-code that called it, as soon as a lane needs the host, for instance to empty a buffer of results.
-The next call continues all lanes from their states in memory. The arithmetic of a lane does not
-depend on other columns.
+lanes has a column for each lane. A loop returns to its host, the Python code that called it, as
+soon as a lane needs the host, for instance to empty a buffer of results. The next call continues
+all lanes from their states in memory. The arithmetic of a lane does not depend on other columns.
 """
 
 import abc

@@ -339,7 +339,8 @@ class Operations:
         )
 
     def _operand_of(self, name: str, value: Value) -> Value | None:
-        """Return the argument of the operation that computed a value; ``None`` if it is not `name`.
+        """Return the argument of the operation that computed a value; ``None`` unless this
+        operation is `name`.
 
         **Arguments:** `name`: an operation with one argument.
         """
