@@ -92,7 +92,8 @@ def _measured(study: Study, part: FitPart, location: FileLocation) -> Measuremen
 
     **Arguments:** `part`: the section [fit]; `location`: its location in the file, for messages.
 
-    **Raises:** `ValueError` for a missing file, and as `read_csv`.
+    **Raises:** `ValueError` for a missing file, and for a file, a column or a unit that `read_csv`
+    refuses.
     """
     path = study.path.parent / part.measurements
     if not path.exists():

@@ -35,13 +35,15 @@ SUMMARY = "summary.json"
 SCENE, REACHED = "scene.toml", "reached.toml"
 """Files of the scene with its initial state, and with the state at the end of the run."""
 MOTION, OBSERVED, IMPACTS, OUTPUTS = "motion", "observed", "impacts", "outputs"
-"""Names of the tables of a run, each in a netCDF and in a CSV file."""
+"""Names of the tables of a run, each in a netCDF and in a CSV file: the saved states; the forces,
+accelerations and energies at these states; the impacts; and the outputs of the study that are
+quantities at these states."""
 NUMBERS = "numbers.csv"
 """File of the outputs that are one number of the run."""
 SECTION = "section "
-"""Prefix of the names of the tables of sections."""
+"""Prefix of the names of the tables of Poincaré sections."""
 STORE, WEAR_STORE = "sweep.zarr", "wear.zarr"
-"""Folders of the store of a sweep, and of wear."""
+"""Folders of the Zarr stores of a sweep and of wear."""
 FIGURES = "figures"
 """Folder of the figures."""
 PAGE = "index.html"
@@ -146,7 +148,8 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
 
 
 def formulation_of(notes: Mapping[str, object], redundant: bool) -> Formulation:
-    """Return the formulation of a run: its coordinates, stabilisation and ledger.
+    """Return the formulation of a run: its coordinates, its stabilisation of constraints, and
+    whether it integrates the energy ledger (powers of damping, friction and drives).
 
     **Arguments:** `notes`: attributes of a table of the run; "setting_coordinates",
     "setting_stabilisation" and "setting_ledger" have its settings as texts, such as
@@ -187,7 +190,9 @@ def _by_contact(
 ) -> dict[str, dict[str, np.ndarray]]:
     """Return the values of a state variable of the contacts by joint and contact.
 
-    **Arguments:** `table`: array of the variable, None if the scene has none; `dim`: its dimension
+    Contacts that are not in the table are left out.
+
+    **Arguments:** `table`: array of the variable, None if no contact has it; `dim`: its dimension
     along the contacts, whose labels are those of `contact_label`.
     """
     by_joint: dict[str, dict[str, np.ndarray]] = {}

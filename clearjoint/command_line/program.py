@@ -266,8 +266,8 @@ def main() -> None:
 
 
 def _prepare() -> None:
-    """Configure matplotlib, and JAX unless it is configured already, as in a process that calls
-    several commands."""
+    """Set matplotlib up to draw files, and configure JAX. If JAX is configured already, as in a
+    process that calls several commands, its configuration is left as it is."""
     import jax
     import matplotlib
 

@@ -359,8 +359,8 @@ def _table(title: str, frame: pd.DataFrame, rows: int) -> str:
 
 
 def lane_table(dataset: xr.Dataset) -> pd.DataFrame:
-    """Return a table with a row for each lane of a sweep: the values of the axes, and the outputs
-    that are one number of the lane."""
+    """Return a table with a row for each lane (run) of a sweep: the values of the axes, and the
+    outputs that are one number of the lane."""
     dims = dataset["result"].dims
     table = dataset[[name for name in dataset.data_vars if dataset[name].dims == dims]]
     # A sweep over a grid has a dimension for each axis: they become columns of one list of lanes.

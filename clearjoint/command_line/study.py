@@ -1,7 +1,9 @@
 """Study files and scene files: their sections, the numbers that they name, and how they are read.
 
 The fields of each dataclass are the keys of a table in the file. `Annotated[float, "s"]` declares
-the unit of a number, which may be written as a text with another unit, such as "2 ms".
+the unit of a number, which may be written as a text with another unit, such as "2 ms". A path is a
+text such as "joints.pin.clearance" that names a number of the scene or, as in
+"state.bodies.crank.position[0]", of the initial state.
 """
 
 import inspect
@@ -88,8 +90,9 @@ class RunPart:
     - `preset`: name of settings in `clearjoint.presets`; `settings`: entries that replace those of
       the preset.
     - `outputs`: quantities and reductions, by name. A quantity is evaluated at the saved states;
-      the extremes of forces and accelerations between saved states are found too. A reduction,
-      such as `Peak`, gives one number of the run.
+      the extremes of forces and accelerations between saved states are found too. A reduction
+      gives numbers of the whole run: `Peak`, for instance, the largest value of a quantity and the
+      time of this value.
     - `sections`: Poincaré sections, by name.
     """
 
@@ -201,9 +204,9 @@ class FitPart:
     - `columns`: measured quantities, by the name of the column; `missing`: "drop" omits samples
       that are not numbers, "refuse" makes them errors.
     - `parameters`: numbers to estimate, by name.
-    - `grow`: times, s, up to which the record is fitted one after another before the whole record;
-      `max_iterations`: largest number of iterations; `starts`: further first guesses. They are
-      arguments of `clearjoint.identify`.
+    - `grow`: times, s. The record is first fitted up to each of them, one after another, and then
+      as a whole. `max_iterations`: largest number of iterations; `starts`: further first guesses.
+      All three are arguments of `clearjoint.identify`.
     - `start`: time at which runs begin, s; `preset`, `settings`: as in [run].
     """
 
@@ -305,7 +308,7 @@ def study_schema() -> Schema:
 class WrittenPath:
     """Function that returns the numbers of a scene, or of a state, at given paths.
 
-    - `paths`: names and indices that lead to each number.
+    - `paths`: for each number, the keys of its path: names and indices that lead to it.
     """
 
     paths: tuple[Keys, ...]
@@ -318,9 +321,9 @@ class WrittenPath:
 
 @dataclass(frozen=True)
 class FoundPath:
-    """A number that a written path names.
+    """A number that a path in a file names, or several numbers that get the same value.
 
-    - `path`: function of the scene, or of the state, that returns the number.
+    - `path`: function of the scene, or of the state, that returns the number or a list of numbers.
     - `in_state`: whether the number belongs to the state instead of the scene.
     - `unit`: SI unit of the number, or of all numbers if there are several.
     """
@@ -346,10 +349,10 @@ class FoundPath:
 def find_path(
     texts: str | Sequence[str], scene: Scene, state: State, location: FileLocation
 ) -> FoundPath:
-    """Find the number at a written path, or the numbers at several paths, which then all get the
-    same value.
+    """Find the number at a path, or the numbers at several paths, which then all get the same
+    value.
 
-    **Arguments:** `texts`: a written path, or several; `location`: their location in the file, for
+    **Arguments:** `texts`: a path, or several; `location`: their location in the file, for
     messages.
 
     **Raises:** `ValueError` for a text that is no path, for a name that does not exist, with the
@@ -441,7 +444,7 @@ class Study:
         those of its preset with the changes that the section makes.
 
         A section [sweep] without preset and changes has the settings of [run]. The energy ledger is
-        switched on if an output of the section needs it.
+        switched on if an output of the section needs it. The study must have the section.
         """
         part = getattr(self.parts, section)
         needs_ledger = any(

@@ -101,7 +101,8 @@ def sweep_axes(study: Study, part: SweepPart) -> dict[str, Axis]:
     if not axes:
         location.at("axes").refuse({}, "at least one axis", "add [sweep.axes.<name>]")
     # Each output is checked alone, so that an error names its place in the file, and then all are
-    # checked together. The ledger counts as kept: the study's settings switch it on where needed.
+    # checked together. The energy ledger counts as switched on: `Study.settings` does so if an
+    # output needs it.
     study.check_elements(part.outputs, "sweep", "outputs")
     with location.at("outputs").in_errors():
         check_outputs(part.outputs, study.scene, ledger=True)
@@ -129,8 +130,10 @@ def _values(part: AxisPart, found: FoundPath, location: FileLocation) -> np.ndar
 
 
 def _summary(dataset: xr.Dataset, code: int) -> tuple[Summary, str]:
-    """Return the numbers of lanes, by how they ended, and the sizes of the axes, by name; and the
-    result as one line of text, with the largest of all outputs that are forces.
+    """Return the entries of the summary, and the result as one line of text.
+
+    The entries are the numbers of lanes, by how they ended, and the sizes of the axes. The line has
+    the largest of all outputs that are forces.
 
     **Arguments:** `dataset`: result of the sweep; `code`: its exit code, which tells whether it was
     interrupted.

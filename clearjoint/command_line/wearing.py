@@ -32,8 +32,8 @@ def wear(study: Study, folder: Path) -> CommandResult:
 
     **Arguments:** `folder`: folder of the results, which is made if it does not exist.
 
-    **Returns:** the exit code of the command, for wear that reached its end, failed or was
-    interrupted, and the table of stages as text.
+    **Returns:** the exit code, 1 if a stage failed, 130 after Ctrl-C and 0 otherwise, and the text
+    to print: the table of stages, and a line with the numbers of stages and cycles and the depths.
 
     **Raises:** `ValueError` for a study without this section, and for wrong entries in it.
     `KeyboardInterrupt` if Ctrl-C interrupts the computation before its store exists.

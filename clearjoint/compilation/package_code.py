@@ -84,9 +84,9 @@ def is_remembered(module: str) -> bool:
 def source_digest() -> str:
     """Return the digest, as hexadecimal text, of the package's source files when its import began.
 
-    **Raises:** `ChangedCodeError` if the code of this process differs from these files, or has
-    differed at an earlier call, or if `remember_contents` has not been called, so that it cannot be
-    compared.
+    **Raises:** `ChangedCodeError` if the code of this process differs from these files, or if
+    `remember_contents` has not been called, so that it cannot be compared. From then on, every call
+    raises this error.
     """
     with _STATE.lock:
         if not (_STATE.changed or _is_as_imported()):

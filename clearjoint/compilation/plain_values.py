@@ -33,13 +33,17 @@ class NotPlainError(Exception):
 
 
 def digest_of(value: object) -> str:
-    """Return the digest of a value, 40 hexadecimal digits, which is the same in all processes for
-    equal values.
+    """Return the digest of a value, 40 hexadecimal digits, which is the same in all processes.
+
+    Values of the same types and content have the same digest. The types of numbers count, so 1 and
+    1.0 have different digests, and so does the order of the items of a dictionary. Arrays of NumPy
+    and JAX with the same numbers, dtype and shape have the same digest.
 
     **Raises:** `NotPlainError` unless the value consists of numbers, strings, bytes, ``None``,
-    ``...``, arrays and their types and shapes, tuples, lists and dictionaries, and of functions,
-    classes and their instances that are members of a module of this package or of `NUMERIC`; also
-    for arrays of objects and for a value that contains itself.
+    ``...``, arrays, dtypes and `jax.ShapeDtypeStruct`, tuples, lists and dictionaries, of functions
+    and classes that are members of a module of this package or of `NUMERIC`, of instances of such
+    classes, and of their methods and `functools.partial`; also for arrays of objects and for a
+    value that contains itself or is nested too deeply.
 
     >>> from clearjoint.compilation.plain_values import digest_of
     >>> one, same, other = (cj.Body(mass, (1.0, 1.0, 1.0)) for mass in (2.0, 2.0, 3.0))
@@ -54,9 +58,10 @@ def digest_of(value: object) -> str:
 
 
 def _nested(value: object) -> object:
-    """Return nested tuples of strings, numbers and bytes whose `repr` identifies the value.
+    """Return nested tuples of plain Python values whose `repr` identifies the value.
 
-    **Raises:** `NotPlainError` for a value that `digest_of` refuses.
+    **Raises:** `NotPlainError` for a value that `digest_of` refuses, except for one that contains
+    itself, for which it is `RecursionError`.
     """
     # Exact types: an instance of a subclass could hold further data, and is handled last.
     kind = type(value)
@@ -109,7 +114,8 @@ def _instance(value: object) -> object:
     """Return a tuple with the class, the items and all attributes of an instance, including
     attributes that are not fields.
 
-    **Raises:** `NotPlainError` if the class is not accepted or the data cannot be read.
+    **Raises:** `NotPlainError` if the class, one of its base classes or an attribute is not
+    accepted, or if the data cannot be read.
     """
     cls = type(value)
     named = _named(cls)

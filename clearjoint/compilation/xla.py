@@ -52,9 +52,8 @@ def traced_once(function: Callable[..., Result]) -> Callable[..., Result]:
     A function that is called several times within a program, such as the rates in the stages of a
     step, would otherwise be traced at each call. Leaves that are not arrays must be hashable; the
     function is traced again for other values of them, and for other shapes or dtypes of the arrays.
-    The jaxpr is discarded with the wrapper.
-    `equinox.filter_jit` would keep it for the next run, in which a global variable that the
-    function reads may have changed.
+    The jaxpr is discarded with the wrapper. `equinox.filter_jit` would keep it for the next run, in
+    which a global variable that the function reads may have changed.
     """
 
     # Only arrays are traced; other leaves are static, so that the function can branch on them.
@@ -125,8 +124,9 @@ def seconds_of_compiling() -> float:
 def begins_a_program(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
     """Wrap a function that JAX traces, so that the time of compiling begins when it is called.
 
-    JAX calls the function only to trace it: a call of a program that exists starts no time. The
-    program must be called within `program_is_made_inside`, which ends the time.
+    JAX calls the function only to trace it, so the call of a program that has been compiled already
+    does not count as compiling. The program must be called within `program_is_made_inside`, which
+    ends the time.
     """
 
     @wraps(function)

@@ -103,7 +103,7 @@ def secant_root(value_at: Callable[[Scalar], Scalar], start: Scalar, end: Scalar
 
 
 class Bend(NamedTuple):
-    """A value, its rate and its second rate at one end of a step."""
+    """A value, its rate and its second rate (second derivative by time) at one end of a step."""
 
     value: Scalar
     rate: Scalar

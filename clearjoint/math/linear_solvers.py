@@ -53,7 +53,7 @@ class UnrolledFactorisation:
         return start
 
     def solve(self, right: Sequence[Scalar]) -> list[Scalar]:
-        """Return the solution x of the system matrix x = right; both are lists of n scalars."""
+        """Return the solution x of ``matrix @ x = right``; x and `right` are lists of n scalars."""
         # Solve L z = right, then D L^T x = z.
         n = len(right)
         z: list[Scalar] = []
@@ -81,8 +81,8 @@ class OrderedFactorisation:
         self._factorisation = UnrolledFactorisation(full)
 
     def solve(self, right: Sequence[Scalar]) -> list[Scalar]:
-        """Return the solution x of matrix x = right; both are lists of n scalars in the original
-        order of the unknowns."""
+        """Return the solution x of ``matrix @ x = right``; x and `right` are lists of n scalars in
+        the original order of the unknowns."""
         solution = self._factorisation.solve([right[i] for i in self._order])
         by_unknown = dict(zip(self._order, solution, strict=True))
         return [by_unknown[i] for i in range(len(right))]
@@ -109,7 +109,7 @@ def _least_degree_order(matrix: Rows) -> list[int]:
 
 
 class AbstractSolver:
-    """Base class of solvers for matrix x = right, with rows of scalars or with arrays.
+    """Base class of solvers for ``matrix @ x = right``, with rows of scalars or with arrays.
 
     The matrix is D M^-1 D^T, with the Jacobian D of constraints and a mass matrix M.
     """

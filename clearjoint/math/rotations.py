@@ -37,7 +37,8 @@ def rotation_matrix(p: EulerParameters) -> Matrix:
 
 
 def euler_parameter_rates(p: EulerParameters, spin: Vector) -> EulerParameters:
-    """Return the time derivatives of Euler parameters, 1/s, for a spin in body axes, rad/s."""
+    """Return the time derivatives of Euler parameters, 1/s, for a spin (angular velocity) in body
+    axes, rad/s."""
     a, b, c = 0.5 * spin.x, 0.5 * spin.y, 0.5 * spin.z
     return EulerParameters(
         -(p.e1 * a + p.e2 * b + p.e3 * c),
@@ -156,7 +157,7 @@ SMALL = 1e-4
 """Squared sine up to which `_angle_over_sine` uses a series. `_curvature` uses one up to a squared
 angle of 100 times this number. The errors of both series are below rounding errors."""
 TINY = 1e-200
-"""Squared sine that counts as zero."""
+"""Squared sine up to which the sine counts as zero."""
 
 
 class RotationVector(NamedTuple):
@@ -187,7 +188,7 @@ class RotationVector(NamedTuple):
         Torque and moment have the same power, ``moment . rate = torque . spin``, so the matrix of
         this map is the transpose of that in `rate`.
 
-        **Arguments:** `moment`: N m, moment that is conjugate to the rotation vector.
+        **Arguments:** `moment`: N m, moment that is work-conjugate to the rotation vector.
         """
         product = self.vector.cross(moment)
         return moment + product * 0.5 + self.vector.cross(product) * self.factor

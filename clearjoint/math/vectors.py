@@ -3,7 +3,8 @@
 Scalars are faster than arrays here. Native code (`clearjoint.native`) consists of operations on
 scalars, and XLA's CPU compiler compiles a stepping loop to one function if the loop's body is
 elementwise arithmetic on scalars. A `stack`, a `dot` or a concatenation would each launch a kernel
-of XLA, which would take most of the time of a run. ``vmap`` adds lanes to the same code.
+of XLA, which would take most of the time of a run. Under ``vmap`` the same code computes many runs:
+each scalar becomes an array.
 
 A component that is a Python ``0.0`` or ``1.0`` is *structural*: operations on it are omitted while
 JAX traces, so that a fixed ground or a unit vector needs no arithmetic. `fold_constants` finds such

@@ -3,14 +3,14 @@
 `Native` wraps a function as `jax.jit` does. When the function is first called,
 
 1. JAX traces it to a jaxpr (`.functions`);
-2. `.lowering` converts the jaxpr to operations on scalars, vectors of tangents and arrays in memory
-   (`.operations`), by a rule for each JAX primitive. The rules are in `.elementwise`,
-   `.elementary`, `.structure`, `.indexing` and `.control`;
+2. `.lowering` converts the jaxpr to operations on scalars, vectors of tangents (derivatives by
+   parameters) and arrays in memory (`.operations`), by a rule for each JAX primitive. The rules are
+   in `.elementwise`, `.elementary`, `.structure`, `.indexing` and `.control`;
 3. `.llvm_text` writes the operations in LLVM's language;
 4. `.machine_code` compiles this text to machine code, and saves it on disk for other processes.
 
-The machine code works on memory in which arrays are laid out as in `.cells`. `.lanes` is a loop
-that computes eight lanes of a sweep at once.
+The machine code works on memory, in which `.cells` lays out the arrays. `.lanes` is a loop that
+computes eight lanes, the runs of a sweep, at once.
 
 On CPUs, calls of the package are compiled by LLVM or by XLA:
 
@@ -28,8 +28,8 @@ On CPUs, calls of the package are compiled by LLVM or by XLA:
 | calls inside of `jax.jit`, `jax.vmap` or `jax.grad` | XLA |
 
 If a program contains a JAX primitive without a rule, XLA compiles the program and a
-`NativeFallbackWarning` is issued. On accelerators XLA compiles every call. In each process JAX
-traces programs for XLA again, although XLA's code is saved.
+`NativeFallbackWarning` is issued. On accelerators XLA compiles every call. JAX saves the code that
+XLA has compiled on disk, but traces such a program again in each process.
 """
 
 from .compiled import Native, NativeFallbackWarning, is_native, over_rows

@@ -1,8 +1,9 @@
 """Memory of native programs, and the arrays and PyTrees that it holds.
 
-Memory is divided into cells of 8 bytes. A cell holds a float64, or an integer or bool as an int64.
-An array occupies consecutive cells, one for each element in row-major order. A PyTree occupies the
-cells of its arrays, one array after the other.
+Memory is divided into cells. A cell holds a number of 8 bytes: a float64, or an integer or bool as
+an int64. If a program computes several runs at once, each run is a lane, and a cell holds one
+number for each lane. An array occupies consecutive cells, one for each element in row-major order.
+A PyTree occupies the cells of its arrays, one array after the other.
 """
 
 import math

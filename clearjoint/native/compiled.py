@@ -1,7 +1,8 @@
 """Functions that are compiled to native code on CPUs, and by XLA elsewhere.
 
-Native code is made from a jaxpr by a rule for each JAX primitive. Some primitives have no rule; XLA
-compiles functions that use them.
+Native code is machine code that LLVM compiles without XLA. It is made from a jaxpr by a rule for
+each JAX primitive. Some primitives, or some uses of them, have no rule; XLA compiles functions that
+contain these.
 """
 
 import os
@@ -28,7 +29,8 @@ _reported: set[str] = set()
 
 
 class NativeFallbackWarning(UserWarning):
-    """Warning that XLA compiles a program, because `clearjoint.native` has no rule for a primitive.
+    """Warning that XLA compiles a program, because `clearjoint.native` has no rule for a primitive
+    or for its use, or because LLVM rejects the program.
 
     Results are correct, but compiling takes longer.
     """
@@ -38,14 +40,14 @@ class Native(Generic[Arguments, Result]):
     """A function that is compiled when it is first called, on CPUs to native code.
 
     XLA compiles the function on accelerators, inside of JAX's transformations (such as `jax.jit`
-    and `jax.grad`), for calls with keyword arguments, if the function uses a primitive without a
-    rule, and if the environment variable `SWITCH` is 0. Arrays in results of native code are NumPy
-    arrays.
+    and `jax.grad`), for calls with keyword arguments, if native code cannot be made (for instance
+    if a primitive has no rule), and if the environment variable `SWITCH` is 0. Arrays in results of
+    native code are NumPy arrays.
 
     - `native`: the function in native code.
 
     **Arguments:** `function`: function of PyTrees; `warns`: whether a `NativeFallbackWarning` is
-    issued if the function uses a primitive without a rule.
+    issued if native code cannot be made.
     """
 
     __wrapped__: Callable[Arguments, Result]
@@ -59,8 +61,8 @@ class Native(Generic[Arguments, Result]):
     def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
         """Return the function's result.
 
-        If native code once cannot be made for arguments of some structure, shapes and dtypes, XLA
-        computes all later calls with such arguments.
+        If native code cannot be made for the structure, shapes, dtypes and static leaves of the
+        arguments, XLA computes this call and all later ones with such arguments.
         """
         if options or is_tracing() or not is_native():
             return self._compiled(*arguments, **options)
@@ -88,11 +90,12 @@ def is_native() -> bool:
 def over_rows(function: Callable[..., Result], *rows: PyTree) -> Result:
     """Return the results of a function for each of n rows, stacked in arrays (n, ...).
 
-    XLA computes all rows at once, by `jax.vmap`. Native code computes them in a loop: it consists
-    of scalar operations, and would contain those of a mapped function once for each row.
+    XLA computes all rows at once, by `jax.vmap`. Native code computes them in a loop: as native
+    code consists of scalar operations, it would contain all operations of a mapped function once
+    for each row.
 
-    **Arguments:** `rows`: PyTrees of arrays (n, ...). `function`: takes one row of each, a
-    PyTree of arrays (...).
+    **Arguments:** `rows`: PyTrees of arrays (n, ...). `function`: takes as many PyTrees of arrays
+    (...), one row of each of these.
     """
     if is_native():
         return jax.lax.map(lambda row: function(*row), rows)
@@ -100,7 +103,8 @@ def over_rows(function: Callable[..., Result], *rows: PyTree) -> Result:
 
 
 def report_fallback(error: UnsupportedPrimitiveError) -> None:
-    """Issue a `NativeFallbackWarning`, once for each reason, which `error` names."""
+    """Issue a `NativeFallbackWarning` with the text of `error` as reason, unless this process has
+    issued one with the same reason."""
     reason = str(error)
     if reason not in _reported:
         _reported.add(reason)

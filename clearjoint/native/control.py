@@ -2,14 +2,15 @@
 
 A rule takes the `Lowering`, which builds the program, an equation of a jaxpr and the equation's
 arguments. It adds operations to the program and returns the equation's results. Arguments and
-results are `Array`s: a scalar value, a vector of tangents (`Packed`), a NumPy array of values, or
-an array in memory (`InMemory`), which may be overwritten only if it is `owned`. A value is an
-integer that names it in the program. Its kind is "b" for a bool or "i" for an int64, among others;
-the suffix "p" stands for a vector of tangents.
+results are `Array`s: a scalar value, a vector of tangents, which are derivatives by parameters
+(`Packed`), a NumPy array of values, or an array in memory (`InMemory`), which may be overwritten
+only if it is `owned`. A value is an integer that names a number in the program. Its kind is "b" for
+a bool or "i" for an int64, among others; the suffix "p" stands for a vector of tangents.
 
-In a program of several lanes a condition is a vector. A branch is executed if its condition holds
-in any lane, and a loop goes on as long as its condition holds in any lane. Each lane then selects
-its results, and writes to memory only where its own condition holds.
+A program may compute several runs, called lanes, at once. A condition is then a vector. A branch is
+executed if its condition holds in any lane, and a loop goes on as long as its condition holds in
+any lane. Each lane then selects its results, and writes to memory only where its own condition
+holds.
 """
 
 import math
@@ -44,7 +45,9 @@ def _cond(lower: Lowering, equation: Equation, condition: Array, *arguments: Arr
     The condition is a bool, or the index of a branch. Only the chosen branch is added if the
     condition is known, both are computed if they are short, and otherwise the program jumps.
 
-    **Raises:** `UnsupportedPrimitiveError` for more than two branches, unless the index is known.
+    **Raises:** `UnsupportedPrimitiveError` for more than two branches, unless the index is known,
+    and if the branches return large arrays in different cells of memory and the result of one
+    cannot be copied to the cells of the other.
     """
     branches = equation.params["branches"]
     ops = lower.ops

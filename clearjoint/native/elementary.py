@@ -1,8 +1,9 @@
 """Elementary functions as arithmetic operations of a program that becomes machine code.
 
-The operations apply to vectors of lanes or tangents (derivatives by parameters) as to scalars,
-whereas the C library would be called for each element. They are the same for vectors of any length,
-so that the bits of a result do not depend on the length.
+The operations apply to scalars and to vectors alike, whereas the C library would be called for each
+element of a vector. The elements belong to lanes (runs that the program computes at once) or are
+tangents (derivatives by parameters). The operations are the same for vectors of any length, so that
+the bits of a result do not depend on the length.
 
 Sines and cosines are computed by a reduction of the angle with fused multiply-adds (Cody and Waite)
 and by the polynomials of Sun's fdlibm; exponentials, logarithms, powers and hyperbolic tangents by
@@ -22,14 +23,16 @@ from collections.abc import Callable, Sequence
 from .operations import Symbol
 
 LARGEST_ANGLE = 1e8
-"""Largest argument of sines and cosines, rad. The reduction of larger ones would lose digits."""
+"""Largest absolute value of the argument of sines and cosines, rad. The reduction of larger ones
+would lose digits."""
 LARGEST_EXPONENT = 700.0
-"""Largest argument of exponentials, and for powers the largest product of the exponent and the
-logarithm of the base. The results, from 1e-304 to 1e304, are normal numbers."""
+"""Largest absolute value of the argument of exponentials and, for powers, of the product of the
+exponent and the logarithm of the base. The results, from 1e-304 to 1e304, are normal numbers."""
 LEAST_NORMAL, LARGEST_NUMBER = 2.2250738585072014e-308, 1.7976931348623157e308
 """Range of the arguments of logarithms and of the bases of powers."""
 _LN_2 = (0.6931471805598903, 5.497923018708371e-14)
-"""High and low part of log(2); integer multiples of the high part are exact."""
+"""High and low part of log(2). The product of the high part and the exponent of a double is exact,
+since the high part ends in zero bits."""
 _TWO_THIRDS = (2.0 / 3.0, 3.700743415417188e-17)
 """High and low part of 2/3."""
 _LOGARITHM = tuple(2.0 / k for k in range(5, 29, 2))

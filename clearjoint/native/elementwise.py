@@ -44,7 +44,8 @@ def apply(ops: Operations, name: str, *values: Value, parameter: object = None) 
 
 
 def _direct(name: str) -> Rule:
-    """Return the rule that adds the operation `name`, whose result has the kind of its argument."""
+    """Return the rule that adds the operation `name`, whose result has the kind of its first
+    argument."""
     return lambda a, *others: a.emit(name, *others)
 
 
@@ -115,12 +116,14 @@ def _divide(a: Symbol, b: Symbol) -> Symbol:
 def _whole_division(
     name: str, a: Symbol, b: Symbol, by_zero: Symbol, by_minus_one: Symbol
 ) -> Symbol:
-    """Return the quotient or remainder of integers, or the given result if the divisor is 0 or -1.
+    """Return the quotient or remainder of integers, or a given result if the divisor is 0 or -1.
 
     LLVM leaves divisions by zero undefined, and that of the least integer by -1, whose quotient is
-    out of range. In these cases the operation divides by one, and its result is not used.
+    out of range. For the divisors 0 and -1 the operation therefore divides by one, and its result
+    is not used.
 
-    **Arguments:** `name`: the operation, "divide_whole" or "remainder_whole".
+    **Arguments:** `name`: the operation, "divide_whole" or "remainder_whole"; `by_zero`,
+    `by_minus_one`: results for the divisors 0 and -1.
     """
     is_zero, is_minus_one = b.compare("eq", 0), b.compare("eq", -1)
     quotient = a.emit(name, (is_zero | is_minus_one).select(b.like(1), b))

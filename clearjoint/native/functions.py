@@ -47,8 +47,8 @@ class NativeProgram:
     parameters), by default found from the jaxpr, so that arrays of this length are computed as
     vectors of the processor; `stopwatch`: measures the stages of compilation.
 
-    **Raises:** `UnsupportedPrimitiveError` for a primitive, or a use of one, without a rule, and if
-    LLVM rejects the program.
+    **Raises:** `UnsupportedPrimitiveError` for a primitive, or a use of one, without a rule, for an
+    unsupported dtype such as float32, and if LLVM rejects the program.
     """
 
     def __init__(
@@ -81,7 +81,10 @@ class NativeProgram:
         self._large = {k: r for k, r in enumerate(self.inputs) if r is not None and k not in small}
 
     def memory(self, leaves: Sequence[ArrayLike]) -> Memory:
-        """Return new memory with the arguments `leaves` of the jaxpr."""
+        """Return new memory that contains the program's constants and its arguments.
+
+        **Arguments:** `leaves`: an array for each argument of the jaxpr, also for unused ones.
+        """
         memory = self.code.memory()
         by_type = zip((memory.floats, memory.integers), self._small, strict=True)
         for numbers, (arguments, cells) in by_type:
@@ -92,7 +95,10 @@ class NativeProgram:
         return memory
 
     def __call__(self, leaves: Sequence[ArrayLike]) -> list[np.ndarray]:
-        """Return the results of the jaxpr for the arguments `leaves`."""
+        """Return the results of the jaxpr.
+
+        **Arguments:** `leaves`: an array for each argument of the jaxpr, with its shape and dtype.
+        """
         # The results are views of the memory, so each call has its own.
         memory = self.memory(leaves)
         self.code.run(memory)
@@ -105,21 +111,22 @@ def _indices(cells: Iterable[slice]) -> np.ndarray:
 
 
 class BoundFunction:
-    """A native function of some of its arguments, for many calls; the others keep their values.
+    """A native function of some of its arguments, for many calls with the same other arguments.
 
-    It takes and returns rows of numbers (see `Cells`): a row has the numbers of the arrays of one
-    call, one array after the other. Only one thread may call it at a time, because all calls use
-    the same memory.
+    It takes and returns rows of numbers: a row has the numbers of the varied arrays, or of the
+    resulting arrays, of one call, one array after the other. Only one thread may call it at a time,
+    because all calls use the same memory.
 
     - `results`: conversion of the rows that a call returns to PyTrees of results.
 
     **Arguments:** `function`: the native function; `flat`: all of its arguments; `varied`: indices
-    of the arrays among them that the rows of a call replace.
+    in `flat.arrays` of the arrays that differ between calls, whose numbers the rows replace.
     """
 
     def __init__(self, function: "NativeFunction", flat: "FlatArguments", varied: Sequence[int]):
         program, result = function.program(flat)
         outputs = program.outputs
+        # Of an example of a result, `Cells` uses the structure, shapes, dtypes and static leaves.
         self.results = Cells(result([np.zeros(region.shape, region.dtype) for region in outputs]))
         # Arguments that are not varied are written to memory once, here.
         self._code, self._memory = program.code, program.memory(flat.arrays)
@@ -135,8 +142,8 @@ class BoundFunction:
     def __call__(self, rows: np.ndarray) -> np.ndarray:
         """Call the function n times, and return the numbers of its results, (n, results.size).
 
-        **Arguments:** `rows`: (n, cells), for each call the numbers of its varied arguments, one
-        array after the other. Integers and bools are int64 numbers whose bits are stored in the
+        **Arguments:** `rows`: (n, m) float64, for each call the m numbers of its varied arguments,
+        one array after the other. Integers and bools are int64 numbers whose bits are stored in the
         place of a float64, in the results too.
         """
         results, numbers = np.empty((len(rows), len(self._out))), self._memory.floats[:, 0]
@@ -158,8 +165,9 @@ def evaluated(
     **Arguments:** `function`: function of arrays that returns a number; `calls`: the arguments of
     each call, with the same shapes and dtypes in all calls; at least one call.
 
-    **Returns:** the result of each call; ``None`` if the function has a loop or a primitive without
-    a rule.
+    **Returns:** the result of each call; ``None`` if a result cannot be computed in this way. This
+    is so for loops, large arrays, primitives without a rule, and functions such as `exp` that are
+    not computed while a jaxpr is lowered.
     """
     # Shapes and dtypes are those of all calls, so one jaxpr serves them all.
     closed = jax.make_jaxpr(function)(*calls[0])
@@ -169,7 +177,8 @@ def evaluated(
             [out] = lowering.inline(closed, [*map(lowering.constant, arguments)])
         except UnsupportedPrimitiveError:
             return None
-        # A scalar result is the name of a value, whose number is unknown if a loop computes it.
+        # A scalar result is the name of a value. Its number is unknown if only a run of the program
+        # would determine it.
         number = lowering.ops.number(out) if isinstance(out, int) else None
         if number is None:
             return None
@@ -183,8 +192,8 @@ class FlatArguments(NamedTuple):
     - `arguments`: the arguments as given.
     - `leaves`, `structure`: their leaves and structure, as `jax.tree.flatten` returns them.
     - `arrays`: the arrays of NumPy and JAX among the leaves.
-    - `key`: structure, shapes and dtypes of the arrays, and all other leaves. Arguments with equal
-      keys need the same program.
+    - `key`: structure, shapes and dtypes of the arrays, and all other leaves with their types.
+      Arguments with equal keys need the same program.
     """
 
     arguments: tuple[PyTree, ...]
@@ -235,7 +244,8 @@ class NativeFunction:
         return result(program(flat.arrays))
 
     def rows(self, arguments: tuple[PyTree, ...], columns: Sequence[np.ndarray | None]) -> PyTree:
-        """Return the results of n calls, with a leading axis of length n in each array.
+        """Return the results of n calls as one PyTree, with a leading axis of length n in each
+        array.
 
         **Arguments:** `arguments`: those of one call; `columns`: for each leaf of the arguments its
         n values, (n, ...), or ``None`` if it is the same in all calls. At least one array must
@@ -250,9 +260,10 @@ class NativeFunction:
         return bound.results.trees(bound(Cells(examples).rows(values)))
 
     def bound(self, shared: PyTree, *examples: PyTree) -> BoundFunction:
-        """Return the function of all arguments but the first, which is `shared`.
+        """Return the function of all arguments but the first, which keeps its value.
 
-        **Arguments:** `examples`: PyTrees with the structure, shapes and dtypes of the others.
+        **Arguments:** `shared`: the first argument; `examples`: PyTrees with the structure, shapes,
+        dtypes and static leaves of the other arguments. The numbers in their arrays are not used.
         """
         flat, fixed = FlatArguments.of((shared, *examples)), len(FlatArguments.of((shared,)).arrays)
         return BoundFunction(self, flat, range(fixed, len(flat.arrays)))
@@ -273,11 +284,11 @@ class NativeFunction:
         return program
 
     def is_made(self, flat: FlatArguments) -> bool:
-        """Return whether the program for flattened arguments is in memory."""
+        """Return whether this process has made or loaded the program for flattened arguments."""
         return flat.key in self._programs
 
     def load(self, flat: FlatArguments) -> None:
-        """Load the program for flattened arguments from disk, if another process has saved it."""
+        """Load the program for flattened arguments from disk, if it is saved there."""
         program = load(self._function, flat.arguments)
         if program is not None:
             self._programs[flat.key] = cast(tuple[NativeProgram, Result], program)

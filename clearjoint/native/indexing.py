@@ -2,7 +2,8 @@
 
 A rule takes the `Lowering`, which converts a jaxpr to a program of elementary operations, an
 equation of the jaxpr and the equation's arguments. It adds operations to the program and returns
-the equation's results. Arguments and results are `Array`s: a scalar value, a vector of tangents
+the equation's results. A value is an integer that names a number in the program. Arguments and
+results are `Array`s: a scalar value, a vector of tangents, which are derivatives by parameters
 (`Packed`), a NumPy array of values, or an array in memory (`InMemory`), which may be overwritten
 only if it is `owned`.
 
@@ -82,8 +83,8 @@ def read_block(
 ) -> Array:
     """Return a block of an array in memory as an array of the given shape.
 
-    **Arguments:** `first`: row-major index of the block's first element; `offsets`: (n,) offsets of
-    its elements from there.
+    **Arguments:** `first`: row-major index of the block's first element, from which the whole block
+    must be inside of the array; `offsets`: (n,) offsets of its elements from there.
 
     **Raises:** `UnsupportedPrimitiveError` for a large block of elements that are not consecutive.
     """
@@ -172,7 +173,7 @@ def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -
     """Return one block of the array for each row of indices (see `jax.lax.gather`).
 
     In the mode "fill", all elements of a block that lies partly outside of the array become JAX's
-    value for missing elements. In all other modes, the block is moved inside.
+    value for missing elements, such as NaN. In all other modes, the block is moved inside.
 
     **Raises:** `UnsupportedPrimitiveError` for arrays with batching dimensions, and for a large
     result in which the axes of the blocks do not come last.
@@ -190,7 +191,6 @@ def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -
     block_axes = [k for k in range(len(shape)) if k not in numbers.collapsed_slice_dims]
     block = [sizes[axis] for axis in block_axes]
     offsets = _offsets(block, [strides[axis] for axis in block_axes])
-    # In all other modes, a block that lies partly outside of the array is moved inside.
     fills = "FILL" in str(parameters["mode"])
 
     def block_at(starts: list[Value], read: Callable[[Value], list[Value]]) -> list[Value]:
@@ -240,9 +240,11 @@ def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -
 def _block_reader(
     lower: Lowering, array: Array, shape: tuple[int, ...], offsets: np.ndarray
 ) -> Callable[[Value], list[Value]]:
-    """Return a function that returns the elements of a block from the index of its first element.
+    """Return a function that returns the elements of a block, given the row-major index of its
+    first element.
 
-    **Arguments:** `shape`: shape of the array; `offsets`: (n,) offsets of the block's elements.
+    **Arguments:** `shape`: shape of the array; `offsets`: (n,) offsets of the block's elements from
+    the first one.
     """
     memory = array if isinstance(array, InMemory) else None
     small = None if memory is not None else lower.values(array)
@@ -282,11 +284,13 @@ def _scatter(
     updates: Array,
     name: str,
 ) -> list[Array]:
-    """Return a small array in which updates replace elements, or are combined with them.
+    """Return a small array in which updates replace elements, or are combined with them
+    (see `jax.lax.scatter`).
 
     The indices of updates may be computed, so each element is selected from its old value and the
-    update. A window of updates that lies partly outside of the array is dropped, or moved inside in
-    the mode "clip".
+    update. A window is the part of the array that the updates for one row of indices replace. If it
+    lies partly outside of the array, all its updates are dropped; in the mode "clip" it is moved
+    inside instead.
 
     **Arguments:** `name`: primitive that combines an element and an update; "" to replace it.
 

@@ -1,9 +1,9 @@
 """Loops that compute several lanes at once, each in one slot of the processor's vectors.
 
-The memory of a group of lanes has a column for each lane. A loop returns to its host, the Python
-code that called it, as soon as a lane needs the host, for instance to empty a buffer of results.
-The next call continues all lanes from their states in memory. The arithmetic of a lane does not
-depend on other columns.
+A lane is one of several runs that differ only in numbers, as in a sweep. The memory of a group of
+lanes has a column for each lane. A loop returns to its host, the Python code that called it, as
+soon as a lane needs the host, for instance to empty a buffer of results. The next call continues
+all lanes from their states in memory. The arithmetic of a lane does not depend on other columns.
 """
 
 import abc
@@ -27,7 +27,7 @@ from .operations import Operations, Symbol, Value
 WIDTH = 8
 """Number of lanes in a group: as many as a vector of 512 bits holds, or two of 256."""
 LONGEST_RUN = 4096
-"""Number of iterations after which the loop returns at the latest, so that its host can react to an
+"""Number of steps after which the loop returns at the latest, so that its host can react to an
 interrupt and show progress."""
 
 
@@ -40,7 +40,8 @@ class AbstractLaneLoop(abc.ABC):
     - `width`: number of lanes.
     - `own_cells`, `state_cells`: cells of the constant data of a lane and of its state, in both
       cases one array after the other.
-    - `occupied`: cell that is 1 if the column has a lane, else 0.
+    - `occupied`: cell that is 1 if the column has a lane, else 0. A column without a lane is
+      advanced too, but the loop never returns because of it.
     - `status`: regions of the scalars that a loop computes for its host from the state of a lane,
       by name, such as "moves": whether the lane can take a step without the host.
     """
@@ -101,8 +102,8 @@ class LaneLoop(AbstractLaneLoop):
     - `status`: function of the same arguments that returns scalars by name. Among them is "moves",
       whether the lane can take a step without its host.
     - `shared`: data of all lanes.
-    - `own`, `state`: constant data and state of one lane. Of these three PyTrees of arrays, only
-      structures, shapes and dtypes are used.
+    - `own`, `state`: constant data and state of one lane. Of the arrays in these three PyTrees,
+      only shapes and dtypes are used.
 
     **Raises:** `UnsupportedPrimitiveError` for a primitive without a rule for machine code.
     """
@@ -161,7 +162,8 @@ class LaneLoop(AbstractLaneLoop):
         count, *after = loop(lowering, first, holds, iterate, uniform=True)
         assert isinstance(count, int)
 
-        # The next call goes on with these states.
+        # The next call goes on with these states. Arrays that the loop has updated in place are in
+        # their cells already.
         for array, region in zip(after, parts[2], strict=True):
             if not (isinstance(array, InMemory) and array.start == region.start):
                 lowering.write(array, region.start)
@@ -200,7 +202,7 @@ def _traced(
     arrays: tuple[PyTree, PyTree, PyTree],
     static: tuple[PyTree, PyTree, PyTree],
 ) -> tuple[list[str], core.ClosedJaxpr, core.ClosedJaxpr]:
-    """Return the names of the status, and the jaxprs of `step` and `status`.
+    """Return the names of the scalars that `status` returns, and the jaxprs of `step` and `status`.
 
     The arguments of the jaxprs are the leaves of `arrays`, and their results are arrays. Equations
     that the results don't need are removed.

@@ -2,8 +2,11 @@
 
 A product that is used only as a term of one sum is computed together with the sum, by a fused
 multiply-add. This module decides where. If LLVM decided it, the decision would depend on the number
-of lanes, so that the last bits of a lane's results could depend on how many lanes are computed
-together.
+of lanes (runs that the program computes at once), so that the last bits of a lane's results could
+depend on that number.
+
+The kind of a value is "f" (float64), "i" (int64), "w" (int32) or "b" (bool). With the suffix "p" it
+is a vector of tangents, which are derivatives by parameters.
 """
 
 from collections import Counter
@@ -58,7 +61,7 @@ LIBRARY = frozenset(
     "asinh acosh atanh exp exp2 expm1 log log1p pow cbrt "
     "fmod nextafter erf erfc tgamma lgamma".split()
 )
-"""Functions of the C library, which are called for each lane and tangent."""
+"""Functions of the C library, which are called for one lane, or tangent, after the other."""
 
 
 def llvm_text(program: Operations, result: Value | None = None) -> str:
@@ -208,7 +211,7 @@ class _Writer:
     # Text.
 
     def _type(self, kind: str) -> Form:
-        """Return LLVM's type of a kind of values (see `.operations`).
+        """Return LLVM's type of a kind of values.
 
         It is a vector of tangents for a kind with the suffix "p", otherwise a scalar, or a vector
         of lanes if the program has several.
@@ -255,9 +258,9 @@ class _Writer:
 
         Loads, stores, calls and operations whose results only other blocks use keep their order. Of
         the operations that one needs, that with the longest chain of dependent operations before it
-        comes first. LLVM roughly keeps the order in which operations are written. In this one,
-        fewer values occupy registers than in the given one, and a single run takes 0.93 of the
-        time.
+        comes first. LLVM roughly keeps the order in which operations are written. In the returned
+        order fewer values occupy registers than in the given one, and a single run takes 0.93 of
+        the time.
         """
         # Operations that have not been placed and may be moved, by their results, and the lengths
         # of the longest chains that end with them.
@@ -288,7 +291,8 @@ class _Writer:
         return ordered
 
     def _needed(self, entry: Operation) -> list[Value]:
-        """Return the values that an operation uses; for a fused product, those are its factors."""
+        """Return the values that an operation uses, with the factors of a fused product in place
+        of the product."""
         groups = (self._products.get(value, (value,)) for value in entry.arguments)
         return [value for group in groups for value in group]
 
@@ -343,7 +347,7 @@ class _Writer:
         raise NotImplementedError(name)
 
     def _fused_sum(self, entry: Operation, form: Form) -> Word:
-        """Write a sum or difference, together with its product, as a fused multiply-add."""
+        """Write a sum or difference, one of whose terms is a product, as a fused multiply-add."""
         a, b = entry.arguments
         product, other = (a, b) if a in self._products else (b, a)
         given = [self._value(value) for value in (*self._products[product], other)]
@@ -516,7 +520,8 @@ class _Writer:
 
 
 def _mangled(form: Form) -> str:
-    """Return a type as LLVM writes it in names of functions."""
+    """Return the type as LLVM writes it at the end of the names of overloaded intrinsics, such as
+    "v4f64" in "llvm.sqrt.v4f64"."""
     if isinstance(form, ir.VectorType):
         return f"v{form.count}{form.element.intrinsic_name}"
     return form.intrinsic_name

@@ -33,8 +33,8 @@ larger one would cost code and time of compilation, which a loop saves."""
 LONGEST_PACKED = 16
 """Largest number of tangents that are kept as a vector: two vectors of 512 bits."""
 FEWEST_PACKED = 60
-"""Least number of sums and products of arrays of one length for which these are kept as vectors.
-Below it, arrays of this length are probably not tangents."""
+"""Least number of sums and products of arrays of one length for which arrays of this length are
+kept as vectors. If a program has fewer, these arrays are probably not tangents."""
 LONGEST_CHOICE = 24
 """Largest number of equations of a branch that is always computed, its result being selected. A
 longer one costs more than a jump."""
@@ -53,10 +53,11 @@ _UNSIGNED, _LARGEST_UINT32 = np.dtype("uint32"), (1 << 32) - 1
 
 
 class UnsupportedPrimitiveError(NotImplementedError):
-    """Raised for a primitive, or a use of one, for which there is no rule.
+    """Raised for a primitive, or a use of one, for which there is no rule, for arrays of an
+    unsupported type, and for a program that LLVM rejects.
 
-    **Arguments:** `what`: name of the primitive, and what about its use is not supported;
-    `location`: source line of the call, "" while it is not known.
+    **Arguments:** `what`: what is not supported, such as "sort" or "gather of batches"; `location`:
+    source line of the call, "" while it is not known.
     """
 
     def __init__(self, what: str, location: str = ""):
@@ -80,7 +81,7 @@ class InMemory:
 
     - `start`: first cell, in which its first element is.
     - `shape`: shape of the array.
-    - `kind`: kind of its elements, see `.operations`.
+    - `kind`: kind of its elements: "f" (float64), "i" (int64), "w" (int32) or "b" (bool).
     - `owned`: whether its cells may be overwritten, because nothing else reads them.
     """
 
@@ -113,7 +114,8 @@ def aval_of(atom: Atom) -> ShapedArray:
 
 
 def kind_of(array: ShapedArray | Region | np.ndarray) -> str:
-    """Return the kind (see `.operations`) of the elements of an array.
+    """Return the kind of the elements of an array: "f" (float64), "i" (int64, uint32), "w" (int32)
+    or "b" (bool).
 
     **Raises:** `UnsupportedPrimitiveError` for a dtype that is not in `KINDS`, such as float32.
     """
@@ -208,8 +210,8 @@ class Function:
 def repeated_calls(jaxpr: core.Jaxpr) -> dict[int, RepeatedCall]:
     """Return the calls in `jaxpr` of inner jaxprs that may become functions of machine code.
 
-    These have at least `SMALLEST_FUNCTION` equations, are called at least `FEWEST_CALLS` times, and
-    return no array of more than `LARGEST_UNROLLED` elements.
+    Such a jaxpr has at least `SMALLEST_FUNCTION` equations, is called at least `FEWEST_CALLS`
+    times, and returns no array of more than `LARGEST_UNROLLED` elements.
 
     **Returns:** the calls by the id of the equation that makes them. Equations that call the same
     jaxpr share one `RepeatedCall`.
@@ -309,7 +311,8 @@ class Lowering:
         return array.ravel().tolist()
 
     def vector(self, array: Array) -> Value:
-        """Return an array of tangents, or a scalar repeated for each tangent, as a vector."""
+        """Return an array with one element for each tangent, or a scalar repeated for each tangent,
+        as a vector."""
         if isinstance(array, Packed):
             return array.value
         values = self.values(array)
@@ -334,10 +337,7 @@ class Lowering:
         ops.repeat(array.size, visit)
 
     def in_memory(self, array: Array, shape: tuple[int, ...]) -> InMemory:
-        """Return an array of the given shape in memory; write it to new cells if necessary.
-
-        The array must have at least one element.
-        """
+        """Return an array of the given shape in memory; write it to new cells if necessary."""
         if isinstance(array, InMemory):
             return array
         values = self.values(array)
@@ -495,7 +495,7 @@ class Lowering:
         the last equation that reads each variable; `number`: number of this equation.
 
         **Raises:** `UnsupportedPrimitiveError` with the source line of the equation, if there is no
-        rule for it.
+        rule for its primitive or for this use of it.
         """
         arguments: list[Array] = []
         kept: dict[Atom, InMemory] = {}
@@ -534,7 +534,8 @@ class Lowering:
     def _lower(self, equation: Equation, arguments: list[Array]) -> Sequence[Array]:
         """Add an equation to the program by the rule of its primitive, and return its results.
 
-        **Raises:** `UnsupportedPrimitiveError` if there is no such rule.
+        **Raises:** `UnsupportedPrimitiveError` if there is no such rule, or if the rule does not
+        support this use of the primitive.
         """
         name = equation.primitive.name
         if name in RULES:
@@ -603,7 +604,9 @@ class Lowering:
         """Return the function that applies the primitive `name`, which works element by element, to
         values.
 
-        **Arguments:** `aval`: has the dtype of the result; `parameter`: see `apply`.
+        **Arguments:** `aval`: has the dtype of the result; `parameter`: the primitive's parameter
+        that its rule takes as last argument, such as the exponent of "integer_pow", if there is
+        one.
         """
 
         def rule(*values: Value) -> Value:

@@ -187,8 +187,9 @@ def load_or_make(
 
     A loaded program needs neither tracing nor lowering. Nothing is loaded or saved if that is
     switched off (by `keep_programs` in `..compilation.program_store`), if JAX's compilation cache
-    is not in use, or if the function or its arguments contain classes or functions from outside of
-    this package: a change of their code would not be noticed.
+    is not in use, if the package's code has changed since its import, or if the function or its
+    arguments contain classes or functions from outside of this package and those in `NUMERIC`: a
+    change of their code would not be noticed.
 
     **Arguments:** `function`, `arguments`: function of PyTrees, and arguments with the structure,
     shapes, dtypes and static values for which the program is valid; `make`: makes the program,
@@ -197,6 +198,8 @@ def load_or_make(
     kept = load(function, arguments)
     if kept is not None:
         return cast(Program, kept)
+    # The place is determined after the program is made: it is `None` if the package's code was
+    # changed until then.
     program, place = make(), _place(function, arguments)
     if place is not None:
         store, key = place
@@ -240,8 +243,8 @@ def _key(function: Callable[..., PyTree], arguments: tuple[PyTree, ...]) -> str:
     Programs depend on shapes and dtypes of arrays, but not on their numbers.
 
     **Raises:** `NotPlainError` if function or arguments contain code from outside of the package
-    (see `plain_values`), and `ChangedCodeError` if the package's own code has
-    changed since its import.
+    and of those in `NUMERIC`, and `ChangedCodeError` if the package's own code has changed since
+    its import.
     """
     shapes = jax.tree.map(
         lambda leaf: jax.ShapeDtypeStruct(leaf.shape, leaf.dtype) if eqx.is_array(leaf) else leaf,

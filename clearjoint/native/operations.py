@@ -2,8 +2,9 @@
 
 A value is named by an integer and computed once (static single assignment). Its kind is ``f``
 (float64), ``i`` (int64), ``w`` (int32) or ``b`` (bool). With the suffix ``p`` it is a vector of
-tangents of that kind: derivatives of one variable by several parameters. If the program computes
-several lanes, each value is a vector with a number for each lane. A block is a list of entries:
+tangents of that kind: derivatives of one variable by several parameters. A program may compute
+several runs, called lanes, at once; each value is then a vector with a number for each lane. A
+block is a list of entries:
 pure operations, reads and writes of memory, calls of functions, and branches and loops, which
 contain blocks. Memory consists of numbered cells, each of which holds one number for each lane. A
 vector of tangents occupies consecutive cells.
@@ -30,7 +31,8 @@ KINDS = {"float64": "f", "int64": "i", "int32": "w", "bool": "b", "uint32": "i"}
 class Operation:
     """An operation: the value `out` becomes `name` of the values `arguments`.
 
-    Most operations are pure, such as "fadd"; `.llvm_text` lists them. The others are
+    Most operations are pure, such as "fadd": they only compute `out` from the arguments.
+    `.llvm_text` lists them. The others are
 
     - "load", which reads the cell `number`, or `number` + the argument if there is one;
     - "store", which writes the first argument to the cell `number`, or to `number` + the second
@@ -55,9 +57,10 @@ class Branch:
     """Execute the block `yes` if the condition holds, else the block `no`.
 
     The values `outs` become `yes_values` or `no_values`, which the executed block computes. With
-    several lanes, `yes` is executed for all lanes if the condition holds in any of them; operations
-    in the block or after it must select the results of the others. The same holds for the elements
-    of a condition that is a vector of tangents.
+    several lanes, `yes` is executed for all lanes if the condition holds in any lane. Operations in
+    `yes` or after the branch must then select the right results for the lanes in which the
+    condition does not hold. The same applies to the elements of a condition that is a vector of
+    tangents.
     """
 
     condition: Value
@@ -80,11 +83,13 @@ class Branch:
 
 @dataclass
 class Loop:
-    """Execute the block `head`, which computes `condition`, and `body` as long as it holds.
+    """Execute the block `head`, which computes `condition`; while it holds, execute `body` and then
+    `head` again.
 
     The values `carries` start as `first`. Each execution of the body computes `following`, which
     are the carries in the next iteration. With several lanes, the body is executed for all lanes as
-    long as the condition holds in any of them; it must itself keep the carries of the others.
+    long as the condition holds in any lane. The body must then leave the carries of lanes in which
+    the condition does not hold unchanged.
     """
 
     carries: list[Value]
@@ -128,7 +133,8 @@ _FOLDED: dict[str, Callable] = {
     **dict.fromkeys(("int_to_float", "bool_to_float"), float),
     **dict.fromkeys(("bool_to_int", "widen", "narrow"), int),
 }
-"""Operations that are computed here if all arguments are known, rounded as by the processor."""
+"""Operations that are computed while the program is built, instead of being added to it, if all
+arguments are known. The results are rounded as by the processor."""
 _RANGE = {"i": 1 << 63, "w": 1 << 31}
 """By kind, the number above the largest integer."""
 
@@ -136,18 +142,21 @@ _RANGE = {"i": 1 << 63, "w": 1 << 31}
 class Operations:
     """Builds the blocks of a program.
 
-    An operation is not added if its result is known, or if the same operation on the same
-    arguments has been added already in this block or in one that contains it.
+    A pure operation is not added if its result can be computed from known numbers, if its result
+    is one of its operands (x times 1), or if the same operation on the same arguments has been
+    added already in this block or in one that contains it. Loads, stores and calls are always
+    added.
 
     - `kinds`: kind of each value.
     - `constants`: numbers of the values that are known.
     - `cells`: number of cells of memory that the program uses.
     - `block`: the block to which entries are added.
     - `functions`: blocks of the program's functions.
-    - `packed`: number of elements of a vector of tangents, the smallest power of two that is not
-      below `tangents`, since the processor's vectors have such lengths. Elements after the last
-      tangent repeat that of the last tangent.
-    - `packed_length`: number of tangents.
+    - `packed_length`: number of tangents, which is the length of the arrays that are kept
+      ("packed") as vectors of tangents; 0 for none.
+    - `packed`: number of elements of such a vector, and so of the cells that it occupies: the
+      smallest power of two that is not below `packed_length`, since the processor's vectors have
+      such lengths. The additional elements repeat the last tangent. 0 without tangents.
 
     **Arguments:** `width`: number of lanes; `tangents`: number of tangents in a vector of tangents,
     0 for none. A program of several lanes can't have tangents.
@@ -216,14 +225,15 @@ class Operations:
         return self.width == 1 or value in self.constants or value in self._uniform
 
     def mark_uniform(self, value: Value) -> None:
-        """Declare a value to be the same in all lanes, where the operations do not show it, as for
-        the counter of a loop."""
+        """Declare a value to be the same in all lanes if that does not follow from the operations
+        that compute it, as for the counter of a loop."""
         self._uniform.add(value)
 
     def emit(self, name: str, kind: str, *arguments: Value) -> Value:
-        """Add the pure operation `name`, unless it is redundant, and return its result.
+        """Add the pure operation `name`, unless it is redundant (see the class), and return its
+        result.
 
-        **Arguments:** `kind`: kind of the result.
+        **Arguments:** `kind`: kind of the result; `arguments`: at least one value.
         """
         simpler = self._simplified(name, kind, arguments)
         if simpler is not None:
@@ -329,7 +339,11 @@ class Operations:
         )
 
     def _operand_of(self, name: str, value: Value) -> Value | None:
-        """Return x if a value was computed by the operation `name` from x alone, else ``None``."""
+        """Return the argument of the operation that computed a value; ``None`` unless this
+        operation is `name`.
+
+        **Arguments:** `name`: an operation with one argument.
+        """
         definition, arguments = self._definitions.get(value, ("", ()))
         return arguments[0] if definition == name else None
 
@@ -464,9 +478,10 @@ class Operations:
         self.block.append(Operation(None, "call", (), function))
 
     def pass_on(self, value: Value, cell: int | None = None) -> int:
-        """Write a value to a cell from which a function or its caller reads it.
+        """Add the write of a value to a cell from which a function or its caller reads it.
 
-        All lanes write, also within `masked`, because a function computes in all lanes.
+        All lanes write, also within `masked`, because a function computes in all lanes. A vector of
+        tangents is written to this cell and the following ones.
 
         **Returns:** the cell, which is a new one unless given.
         """
@@ -528,6 +543,7 @@ class Operations:
         """
 
         def holds(carries: list[Value]) -> Value:
+            # All lanes have the same index, so they can read and write a cell at once.
             self.mark_uniform(carries[0])
             return self.emit("ilt", "b", carries[0], end)
 

@@ -1,9 +1,10 @@
 """Rules of the primitives that rearrange or combine elements, such as slices and sums.
 
 A rule takes the `Lowering`, which builds the program, an equation of a jaxpr and the equation's
-arguments. It adds operations to the program and returns the equation's results. Arguments and
-results are `Array`s: a scalar value, a vector of tangents (`Packed`), a NumPy array of values, or
-an array in memory (`InMemory`). The latter is called a large array: it has more than
+arguments. It adds operations to the program and returns the equation's results. A value is an
+integer that names a number in the program. Arguments and results are `Array`s: a scalar value, a
+vector of tangents, which are derivatives by parameters (`Packed`), a NumPy array of values, or an
+array in memory (`InMemory`). The latter is called a large array: it has more than
 `LARGEST_UNROLLED` elements and is processed by loops.
 
 A rule that rearranges elements applies the NumPy function of the same name to an array with the
@@ -76,7 +77,7 @@ def _slice(lower: Lowering, equation: Equation, array: Array) -> list[Array]:
     rows = zip(parameters["start_indices"], parameters["limit_indices"], steps, strict=True)
     part = tuple(slice(*row) for row in rows)
     if isinstance(array, Packed) and aval_of(equation.outvars[0]).shape == (1,):
-        # One element of a vector, without those of all other tangents.
+        # A single element. `take` would also extract the elements of all other tangents.
         return [lower.array([lower.ops.element(array.value, part[0].start)], (1,))]
     return _rearranged(lower, equation, array, lambda indices, _: [indices[part]])
 
@@ -124,7 +125,7 @@ def _pad(lower: Lowering, equation: Equation, array: Array, padding: Array) -> l
     """Return the array with the scalar `padding` around and between its elements.
 
     For each axis, the parameter `padding_config` gives the numbers of paddings before, after and
-    between the elements; the first two may be negative.
+    between the elements. The first two may be negative, which removes elements.
 
     **Raises:** `UnsupportedPrimitiveError` for a large result.
     """
@@ -162,7 +163,7 @@ def _nonempty(equation: Equation) -> ShapedArray:
 
 
 def _reduce(lower: Lowering, equation: Equation, array: Array, name: str) -> list[Array]:
-    """Return the array in which the elements along some axes are combined to one.
+    """Return the array in which the elements along some axes are combined into one.
 
     **Arguments:** `name`: primitive that combines two elements.
 
@@ -213,6 +214,8 @@ def _cumulate_memory(
     end = ops.constant("i", array.size)
 
     def holds(carries: list[Value]) -> Value:
+        # The index is the same in all lanes (runs that the program computes at once), so that all
+        # lanes read and write the same cell with one instruction.
         ops.mark_uniform(carries[0])
         return ops.emit("ilt", "b", carries[0], end)
 
