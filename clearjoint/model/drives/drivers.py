@@ -344,8 +344,8 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
 
 
 ROUNDING = 0.02
-"""Fraction of the torque limit of a `Motor` by which the torque without limit may differ from the
-limit, on both sides, where a smooth transition replaces the kink."""
+"""Distance from the torque limit of a `Motor`, as a fraction of the limit, within which a parabola
+replaces the kink of the limited torque."""
 SI = "give it in SI units"
 
 
@@ -405,7 +405,7 @@ class Motor(AbstractDriveAboutAxis, AbstractDriveTorque):
         if self.torque_limit is None:
             return torque
         # The excess over the limit is subtracted, and the shortfall below minus the limit is added.
-        # Smooth ramps keep each of them at zero within the limits.
+        # Ramps make both zero within the limits, and are smooth so that the torque has no kinks.
         width = ROUNDING * self.torque_limit
         excess, shortfall = torque - self.torque_limit, -torque - self.torque_limit
         return torque - ramp(excess, width) + ramp(shortfall, width)
