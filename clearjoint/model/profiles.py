@@ -309,7 +309,8 @@ def closest_approach(
     **Arguments:**
 
     - `x`, `y`: position of the journal's centre in the bearing's cross-section, m in its frame.
-    - `clearance`: m, between the circles from which the profiles deviate.
+    - `clearance`: radius of the bearing's circle less that of the journal's, m. The profiles are
+      deviations from these circles.
     - `bearing`, `journal`: the profiles; ``None`` for a circle.
     - `axes`: the journal's x and y axes in the bearing's frame.
     """
@@ -419,10 +420,10 @@ def require_room(
     """Check that a journal in the centre of its bearing doesn't touch the wall, however the two are
     rotated relative to each other.
 
-    **Arguments:** `clearance`: m, between the circles; `bearing`, `journal`: the profiles, or
-    ``None``.
+    **Arguments:** `clearance`: radius of the bearing's circle less that of the journal's, m;
+    `bearing`, `journal`: the profiles, or ``None`` for a circle.
 
-    **Raises:** `ValueError` that names the clearance that the profiles need.
+    **Raises:** `ValueError`, with the clearance that the profiles need, if they may touch.
     """
     if bearing is None and journal is None:
         return
@@ -444,7 +445,8 @@ def caution_two_contacts(
     derivative by the angle is h''. A clearance or a profile that JAX traces is not checked. The
     arguments are those of `require_room`.
 
-    **Warns:** `UnusualValueWarning` that names the clearance that the profiles need.
+    **Warns:** `UnusualValueWarning`, with the clearance that the profiles need, if the condition
+    for the radii of curvature is not met.
     """
     if bearing is None and journal is None:
         return

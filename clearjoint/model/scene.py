@@ -33,7 +33,8 @@ class Scene(AbstractReadable):
     """A mechanism: bodies, joints, forces and gravity.
 
     A scene is a PyTree. Runs of scenes that differ only in their numbers use the same compiled
-    program.
+    program, provided that the same components of vectors and matrices are exactly 0 or 1: a program
+    contains these as constants.
 
     **Arguments:**
 
@@ -111,7 +112,7 @@ class Scene(AbstractReadable):
             caution_above("gravity", size, "m/s^2", STRONGEST_GRAVITY, "give it in m/s^2")
 
     def _caution_together(self) -> None:
-        """Warn of bodies that nothing connects to the others.
+        """Warn of bodies on which nothing acts, and of drives whose axis no joint holds.
 
         `AbstractReadable` calls it when a scene has been made.
 

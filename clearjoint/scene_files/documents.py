@@ -213,7 +213,7 @@ tomllib's time grows with the square of the key's length."""
 
 
 JSON_END = re.compile(r'"(?:[^"\\]|\\.)*"|\}')
-"""A string of a JSON text, in which braces are letters, or the end of an object."""
+"""The end of an object in a JSON text, or a string, whose braces do not end an object."""
 
 
 def suffix_of(path: Path) -> str:

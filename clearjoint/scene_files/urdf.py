@@ -257,7 +257,8 @@ def _checked(name: str, given: Play, hinges: list[str], location: FileLocation) 
     if kind is Backlash:
         known[BACKLASH] = expected["play"]
     for argument in given:
-        if argument not in known:  # then a backlash might have been meant
+        if argument not in known:
+            # The message lists the backlash too, because it may have been meant.
             known |= {BACKLASH: Expectation()}
             remedy = nearest(argument, known, "leave it out")
             location.at(name).refuse(argument, f"one of the arguments {listed(known)}", remedy)

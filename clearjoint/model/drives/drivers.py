@@ -1,6 +1,7 @@
 """Drivers between two bodies: prescribed rotations and translations, torques and motors.
 
-Drivers of a rotation do not hold the axis: add a revolute joint, ideal or with clearance.
+Drivers of a rotation do not hold the axis: add a revolute joint, ideal or with clearance. A row is
+a scalar quantity, such as an angle or the error of a constraint equation, with its derivatives.
 """
 
 import abc
@@ -374,7 +375,7 @@ class Motor(AbstractDriveAboutAxis, AbstractDriveTorque):
     - `first`, `second`: names of the bodies.
     - `axis`: of rotation, (3,) in the first body's axes, any length.
     - `target`: desired angle in rad: a number, or a function as for `PrescribedAngle`. It may also
-      jump, as a `PiecewiseConstant` does; its rate does not include the jump.
+      be a `PiecewiseConstant`, whose rate counts as zero.
     - `proportional`, `derivative`: gains, N m/rad and N m s/rad, not negative.
     - `torque_limit`: N m, positive; ``None``, the default, for no limit.
     - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second

@@ -64,7 +64,8 @@ class AbstractFunctionOfTime(AbstractConverting):
 class PlainFunction(AbstractFunctionOfTime):
     """A Python function of the time in s, which becomes part of the compiled program.
 
-    A Python function that is passed to a drive or load is converted to this class.
+    A Python function that is passed to a drive or load is converted to this class. It can't declare
+    breakpoints: subclass `AbstractFunctionOfTime` for a function with jumps or kinks.
     """
 
     function: Callable[[jax.Array], PyTree] = eqx.field(static=True)

@@ -3,7 +3,8 @@
 A row is one scalar constraint equation Phi = 0 with its derivatives. Its Jacobian holds the
 derivatives of the rate of Phi by the velocities and spins of the bodies, and its bias is the second
 time derivative of Phi if all accelerations are zero. A rate is a time derivative, and a spin is an
-angular velocity in body axes.
+angular velocity in body axes. In a row that describes a quantity, such as an angle, the quantity
+takes the place of Phi.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -209,8 +210,9 @@ def relative_angle_row(
     """Return the angle of the second body relative to the first about a common axis, as a row.
 
     The row's value is in rad within (-pi, pi], right-handed about the first body's axis. It is zero
-    if the bodies' frames differ by the shortest rotation that makes the two axes parallel. The axes
-    may be parallel with opposite directions, whichever needs the shorter rotation.
+    if the bodies' frames differ by the shortest rotation that makes the two axes parallel. An axis
+    and its opposite count as the same: the second axis is reversed if its scalar product with the
+    first, each in its body's axes, is negative.
 
     **Arguments:**
 

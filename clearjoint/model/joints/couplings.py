@@ -111,7 +111,8 @@ class GearJoint(AbstractConstraint):
 
         The error is angle_first + angle_second teeth_second/teeth_first - offset; for an internal
         gear the second term is subtracted. Whole multiples of 2 pi/teeth_first, the angle between
-        two teeth of the first gear, are left out, so that the error is at most half this angle.
+        two teeth of the first gear, are left out, so that the size of the error is at most half
+        this angle.
         """
 
         def angle(gear: str, axis: Vector, orientation: EulerParameters) -> Row:
