@@ -45,7 +45,7 @@ Number = PyTree
 
 
 def _require_one(mass: Number, density: Number) -> None:
-    """Check that exactly one of mass and density is not ``None``."""
+    """Raise a ``ValueError`` unless exactly one of mass and density is not ``None``."""
     given = {"mass": mass, "density": density}
     named = [name for name, value in given.items() if value is not None]
     remedy = "pass mass= in kg, or density= in kg/m^3, such as clearjoint.densities.STEEL"
@@ -55,7 +55,8 @@ def _require_one(mass: Number, density: Number) -> None:
 def _mass(mass: Number, density: Number, volume: Number) -> Number:
     """Return the mass, kg, if it is given, otherwise the density, kg/m^3, times the volume, m^3.
 
-    An unusual density gives a warning.
+    **Raises:** `ValueError` unless exactly one of mass and density is given, and it is positive.
+    **Warns:** `UnusualValueWarning` for a density outside 10 to 25e3 kg/m^3.
     """
     _require_one(mass, density)
     if mass is not None:
@@ -67,7 +68,10 @@ def _mass(mass: Number, density: Number, volume: Number) -> Number:
 
 
 def _inner(inner_diameter: Number, diameter: Number) -> Number:
-    """Return the diameter of a hole, m, zero for none, after a check against the outer diameter."""
+    """Return the diameter of a hole, m, zero for none.
+
+    **Raises:** `ValueError` if it is negative, or not smaller than the outer `diameter`, m.
+    """
     inner = as_number(inner_diameter)
     require_positive("inner_diameter", inner, "give it in m", zero=True)
     expected = "less than the diameter, {1} m"
@@ -77,8 +81,12 @@ def _inner(inner_diameter: Number, diameter: Number) -> Number:
 
 
 def _number(argument: str, value: Number, unit: str) -> Number:
-    """Return a value as an array, (), after a check that it is one positive number. `argument` and
-    `unit` are its name and unit in the error message."""
+    """Return a value as an array, ().
+
+    `argument` and `unit` are its name and unit in the error message.
+
+    **Raises:** `ValueError` unless the value is one positive number.
+    """
     number = as_number(value)
     require_positive(argument, number, f"give it in {unit}")
     return number
@@ -107,6 +115,9 @@ def _require_inertia(argument: str, value: ArrayLike) -> None:
     """Check principal moments, (3,), or an inertia matrix, (3, 3), kg m^2. `argument` is the name
     of the value in error messages.
 
+    Of a value that JAX traces, only the shape is checked in general, because its numbers are
+    unknown.
+
     **Raises:** `ValueError` for another shape, a number that is not finite, or an inertia that no
     rigid body has: a matrix that is not symmetric, a principal moment that is not positive, or one
     that exceeds the sum of the other two.
@@ -118,8 +129,9 @@ def _require_inertia(argument: str, value: ArrayLike) -> None:
     if (known := checkable(value)) is None:
         return
     (inertia,) = known
-    # NumPy, or JAX for traced values. The tests of the symmetry and of the largest moment allow for
-    # the rounding of given numbers.
+    # The value is an array of NumPy, or of JAX if it is traced and its conditions are collected for
+    # a compiled program. The tests of the symmetry and of the largest moment allow for the rounding
+    # of given numbers.
     xp, moments = inertia.__array_namespace__(), inertia
     if inertia.ndim == 2:
         symmetric = abs(inertia - inertia.T).max() <= 1e-9 * abs(inertia).max()
@@ -145,8 +157,9 @@ class Body(AbstractReadable):
     - `inertia`: kg m^2, about the centre of mass: three principal moments (the body frame is then
       the principal frame) or a symmetric positive definite (3, 3) matrix in the body frame.
 
-    **Raises:** `ValueError` if a value is impossible for a rigid body; in particular each principal
-    moment is at most the sum of the other two.
+    **Raises:** `ValueError` if the mass or a principal moment is not positive, a principal moment
+    exceeds the sum of the other two, the matrix is not symmetric, a shape is wrong, or a number is
+    not finite.
     **Warns:** `UnusualValueWarning` if a homogeneous box with this mass and inertia has a density
     outside 0.01 to 1e6 kg/m^3, since a unit is probably wrong.
 
@@ -396,10 +409,10 @@ class State(AbstractReadable):
     To start a motion, `bodies` alone is enough.
 
     - `bodies`: `BodyState` of each body by name, without the ground.
-    - `entry_speeds[joint][contact]`: entry speed of the current contact, m/s, by name of the joint
-      and label of the contact; zero without contact, and 1e9, which makes the damping negligible,
-      if the contact began before the start of the run. Empty for scenes whose laws don't use entry
-      speeds.
+    - `entry_speeds[joint][contact]`: entry speed of the current contact, its penetration rate at
+      the onset, m/s, by name of the joint and label of the contact; zero without contact, and 1e9,
+      which makes the damping negligible, if the contact began before the start of the run. Empty
+      for scenes whose laws don't use entry speeds.
     - `work`: energies since the start, J, by name: "normal damping", "friction", "film" and
       "stabilisation", positive if taken from the motion, and "supplied", positive if drives and
       loads supplied it; empty unless the run keeps this energy ledger.
@@ -494,8 +507,8 @@ class Motion:
     - `rotation`: matrix that transforms components in body axes to global axes.
     - `velocity`: of the centre of mass, m/s in global axes.
     - `spin`: angular velocity, rad/s in body axes.
-    - `anchor`: optional point of the body from which positions and velocities of other points are
-      computed, with smaller rounding errors near the anchor.
+    - `anchor`: optional point of the body, from which `point_from` and `velocity_at` compute the
+      positions and velocities of other points, with smaller rounding errors near the anchor.
 
     >>> motion = testing.moving((0, 0, 1), (1, 0, 0, 0), (2, 0, 0), (0, 0, 3))
     >>> motion.velocity_at(extend.Vector(0.5, 0.0, 0.0))  # v + w x r
@@ -514,6 +527,8 @@ class Motion:
 
     def point_from(self, origin: Vector, local: Vector) -> Vector:
         """Return the vector from a fixed point to a point of the body, m in global axes.
+
+        Near the `anchor` it has smaller rounding errors than a difference of positions.
 
         **Arguments:** `origin`: fixed point, m in global axes. `local`: point of the body, m in
         body axes.

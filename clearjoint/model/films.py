@@ -2,7 +2,8 @@
 
 The pressure in a film depends on the spins of journal and bearing only through half their sum (O.
 Reynolds 1886). Film laws therefore receive the rate of the journal's position as seen in axes that
-rotate with this mean speed, and need neither the separate spins nor the motion of the bearing.
+rotate with this mean speed. For the force they need neither the separate spins nor the motion of
+the bearing. The drag, the moment of the film on the journal, depends on the relative spin too.
 """
 
 import abc
@@ -176,16 +177,17 @@ class PinkusSternlichtFilm(AbstractFilm):
     """Film of an infinitely long bearing with squeeze; use it only to reproduce published results.
 
     With the eccentricity ratio e, its rate e', and w, the sum of the spins of journal and bearing
-    minus twice the rate of the offset's angle, let k^2 = (1 - e^2) ((w/(2 e'))^2 + 1/e^2). For
-    e' > 0 the radial and tangential forces are
+    minus twice the rate of the offset's angle, let k^2 = (1 - e^2) ((w/(2 e'))^2 + 1/e^2). The
+    radial force on the journal is positive along the offset, and the tangential force is positive a
+    quarter revolution ahead of it about the axis. For e' > 0 they are
 
         -6 e' (4 k e^2 + (2 + e^2) pi) (k + 3)/((2 + e^2) (1 - e^2)^1.5 (k + 3/2)),
         6 pi e w (k + 3)/((2 + e^2) (1 - e^2)^0.5 (k + 3/2)).
 
     They are multiplied by mu L R^3/c^2, with the viscosity mu, length L, bearing radius R and
     clearance c. For e' < 0, k replaces k + 3, and the radial force begins with 6 e' (4 k e^2 -
-    (2 + e^2) pi) instead. The cited papers print its leading sign wrongly; the force would jump at
-    e' = 0.
+    (2 + e^2) pi) instead. The cited papers print the leading sign of the latter wrongly: with their
+    sign, the force would jump at e' = 0.
 
     The formula is approximate: its error is 1 to 23 % for moderate squeeze and 34 % where squeeze
     dominates. An infinitely long bearing carries far more than a short one.
@@ -236,8 +238,9 @@ NARROWEST, WIDEST = 0.125, 1.0
 """Range of the width-to-diameter ratio for which the coefficients of `ButenschoenFilm` were
 fitted."""
 NEARLY_CENTRED = 1e-3
-"""Eccentricity ratio below which the vector along the line of centres becomes shorter than a unit
-vector, down to zero for a centred journal, whose line of centres has no direction."""
+"""Eccentricity ratio at which the vector along the line of centres has the length 0.71. The length
+is nearly 1 at much larger ratios, and falls to zero for a centred journal, whose line of centres
+has no direction."""
 LOAD = (
     (1.1642, -1.9456, 7.1161, -10.1073, 5.0141),
     (-1.000026, -0.023634, -0.4215, -0.038817, -0.090551),
@@ -273,7 +276,7 @@ class ButenschoenFilm(AbstractFilm):
 
     The two solutions are added, which is an approximation; for simultaneous rotation and squeeze in
     a short bearing use `CaponeFilm`. A centred journal has no line of centres, so the load along
-    this line falls smoothly to zero below an eccentricity ratio of 0.001.
+    this line falls smoothly to zero at eccentricity ratios of about 0.001 and less.
 
     **Arguments:** `viscosity`: mu, Pa s.
 
@@ -314,7 +317,10 @@ class ButenschoenFilm(AbstractFilm):
         return (rotation * tangential + centres * (radial + squeeze)) * -scale
 
     def limits(self, bearing_radius: Scalar, length: Scalar) -> tuple[Limit, ...]:
-        """Return the valid range of width over diameter, from the radius and the length, m."""
+        """Return the width-to-diameter ratio of the film with its valid range, as one `Limit`.
+
+        **Arguments:** `bearing_radius`, `length`: of the bearing and the film, m.
+        """
         width = length / (2.0 * bearing_radius)
         name = type(self).__name__
         return (Limit(name, "width over diameter", "", width, NARROWEST, WIDEST),)
@@ -328,7 +334,7 @@ def load_slope(width: Scalar, ratio: Scalar) -> Scalar:
     is finite for a centred journal. `width` is the width-to-diameter ratio B/D, `ratio` the
     eccentricity ratio.
     """
-    numerator, shift = (polynomial(fit, width) for fit in LOAD)
+    numerator, shift = (polynomial(fit, width) for fit in LOAD)  # a1 and a2
     square = ratio * ratio
     # The closed form for a short bearing, which the fit corrects for a finite width.
     short = jnp.sqrt(math.pi**2 * (1.0 - square) + 16.0 * square) / (2.0 * (1.0 - square) ** 2)
@@ -340,6 +346,7 @@ def attitude(width: Scalar, ratio: Scalar) -> Scalar:
 
     `width` is the width-to-diameter ratio B/D, `ratio` the eccentricity ratio.
     """
+    # This is the angle for an infinitely long bearing, which the fit corrects for a finite width.
     short = jnp.arctan2(math.pi * jnp.sqrt(1.0 - ratio * ratio), 2.0 * ratio)
     return short * polynomial([polynomial(fit, width) for fit in ATTITUDE], ratio)
 
@@ -350,8 +357,9 @@ def squeeze_load(width: Scalar, ratio: Scalar) -> Scalar:
     `width` is the width-to-diameter ratio B/D. `ratio` is the eccentricity ratio, with a negative
     sign if the eccentricity decreases.
     """
-    numerator, shift = (polynomial(fit, width) for fit in SQUEEZE)
+    numerator, shift = (polynomial(fit, width) for fit in SQUEEZE)  # a8 and a9
     square = ratio * ratio
+    # The closed form for a short bearing, which the fit corrects for a finite width.
     arc = 0.5 * math.pi - 0.5 * jnp.arccos(ratio)
     short = arc * (1.0 + 2.0 * square) + 1.5 * ratio * jnp.sqrt(1.0 - square)
     short = 4.0 * width * width * short * (1.0 - square) ** -2.5

@@ -95,10 +95,10 @@ class TorsionalSpring(AbstractDriveAboutAxis, AbstractDriveTorque):
 
     - `first`, `second`: names of the bodies.
     - `axis`: of rotation, (3,) in the first body's axes, any length.
-    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
-      body's frame to the first body's frame at angle zero; parallel frames by default.
     - `stiffness`: N m/rad. `damping`: N m s/rad, zero by default. Neither is negative.
     - `rest_angle`: angle of the unloaded spring, rad; zero by default.
+    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
+      body's frame to the first body's frame at angle zero; parallel frames by default.
 
     **Raises:** `ValueError` if a value is outside its range, the axis or orientation is invalid, or
     the bodies are the same.
@@ -191,10 +191,10 @@ class AppliedLoad(AbstractForce):
         return {self.body: motion.wrench(force, self.point) + motion.torque(torque)}
 
     def breakpoints(self) -> PyTree:
-        """Return the times, s, at which components that are tables jump or have kinks; those of
-        Python functions are unknown.
+        """Return the times, s, at which components that are functions of time jump or have kinks,
+        so that integration steps end there.
 
-        Integration steps end there.
+        Python functions can't declare such times: theirs are missing.
         """
         return breakpoints_of(self.force, self.torque)
 
@@ -211,7 +211,7 @@ def _require_none_negative(argument: str, value: ArrayLike) -> None:
 
 
 class _Strain(NamedTuple):
-    """Deformation of a bushing, with components along its axes.
+    """Deformation of a bushing and its rate, with components along the bushing's axes.
 
     - `point_in_first`: the first body's material point at the place of the second body's point, m
       in the first body's axes.
@@ -251,7 +251,8 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
       (3,). They and the damping are zero by default.
     - `orientation_first`, `orientation_second`: (4,) Euler parameters, scalar first, that transform
       components along the bushing's axes to each body's frame; these axes are the body's by
-      default. In the relaxed bushing, the axes that the two bodies define are parallel.
+      default. In the relaxed bushing, the axes that the two bodies define are parallel, and the two
+      points coincide.
 
     **Raises:** `ValueError` if a number is negative, a point or orientation is invalid, or the
     bodies are the same.
@@ -276,13 +277,13 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
     orientation_second: Quadruple = quantity("1", check=require_euler_parameters, default=PARALLEL)
 
     def _strain(self, motions: Motions) -> _Strain:
-        """Return the deformation of the bushing in a motion of its bodies."""
+        """Return the deformation of the bushing and its rate in a motion of its bodies."""
         first, second = motions[self.first], motions[self.second]
         axes = first.rotation @ rotation_matrix(self.orientation_first)
         frame = second.rotation @ rotation_matrix(self.orientation_second)
         apart = second.point(self.point_second) - first.point(self.point_first)
-        # The relative velocity is measured from this point, so that a common rotation does not
-        # count as deformation.
+        # The relative velocity is that of two material points at the same place, so that a common
+        # rotation of both bodies does not count as deformation.
         point_in_first = self.point_first + first.components(apart)
         velocity = second.velocity_at(self.point_second) - first.velocity_at(point_in_first)
         spin = second.direction(second.spin) - first.direction(first.spin)

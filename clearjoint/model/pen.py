@@ -1,8 +1,8 @@
 """Drawing interface: an element describes its appearance with the methods of a pen.
 
-An element draws itself in its method `draw(pen)`. The pen determines the style and the size of
-symbols, so that the same `draw` serves all kinds of figures. User-defined elements use the same
-methods.
+Elements are the joints, forces and drivers of a scene. An element draws itself in its method
+`draw(pen)`. The pen determines the style and the size of symbols, so that the same `draw` serves
+all kinds of figures. User-defined elements use the same methods.
 """
 
 import abc
@@ -97,7 +97,8 @@ class AbstractPen(abc.ABC):
 
     @abc.abstractmethod
     def plane(self, plane: Marker, point: Marker) -> None:
-        """Draw a plane perpendicular to the axis of the marker `plane`, and a `point` in it."""
+        """Draw the plane through the marker `plane`, perpendicular to its axis, and a `point` in
+        this plane."""
 
     @abc.abstractmethod
     def rod(self, first: Marker, second: Marker) -> None:
@@ -160,7 +161,10 @@ class AbstractPen(abc.ABC):
 
     @abc.abstractmethod
     def roller(self, centre: Marker, *, radius: Single) -> None:
-        """Draw a cylinder with a `radius`, m, and its axis perpendicular to the plane of motion."""
+        """Draw a cylinder with a `radius`, m, and its axis along the line of sight.
+
+        For a planar mechanism this is perpendicular to the plane of motion.
+        """
 
     @abc.abstractmethod
     def gear(self, centre: Marker, *, radius: Single, teeth: Single, phase: Single) -> None:

@@ -6,7 +6,8 @@ with the support function p_J, displaced from the centre of a bearing with p_B b
 inside the bearing if e.u + p_J(u) <= p_B(u) for every u. The largest value of the left side minus
 the right side is the penetration, and the u where it occurs is the normal of the contact. The
 radius measured along u differs from p(u) by about s^2/(2 R) only, with the slope s of the deviation
-and the radius R: 5e-10 m for 3 um per rad and R = 10 mm.
+and the radius R: 5e-10 m for 3 um per rad and R = 10 mm. Deviations of the radius are therefore
+used as deviations of p(u).
 """
 
 import abc
@@ -25,18 +26,19 @@ from ..math.smoothing import polar_angle
 from ..math.vectors import Scalar, library
 
 NEWTON_STEPS = 4
-"""Number of Newton steps from the best of the evenly spaced angles to the closest approach.
+"""Number of Newton steps in the search for the angle at which journal and wall come closest.
 
-With eight angles a wave the search starts at most a sixteenth of a wave from it. Each step roughly
-squares this error, so that four steps reach rounding accuracy.
+The search starts at the best of evenly spaced angles, eight to a wave, which is at most a sixteenth
+of a wave from the result. Each step roughly squares this error, so that four steps reach rounding
+accuracy.
 """
 FEWEST_ANGLES = 16
 """Smallest number of evenly spaced angles at which `closest_approach` begins to search: that for
 two waves around the circumference."""
 MOST_ANGLES = 48
-"""Largest number of these angles. The compiler of native code (`clearjoint.native`) turns an array
-of up to this length into separate numbers; a longer one is kept in memory and processed by slower
-loops."""
+"""Largest number of evenly spaced angles at which `closest_approach` begins to search. The compiler
+of native code (`clearjoint.native`) turns an array of up to this length into separate numbers; a
+longer one is kept in memory and processed by slower loops."""
 ANGLES_PER_WAVE = 8
 """Number of evenly spaced angles for each wave of the highest harmonic, at which to search for the
 closest approach. From within a sixteenth of a wave, Newton's method converges to the maximum."""
@@ -100,8 +102,8 @@ class AbstractProfile(AbstractConverting):
         """Return how many evenly spaced angles resolve the waves of the profile.
 
         The search for the closest approach of journal and wall begins at the best of them. It uses
-        at most 48 angles: of waves above the sixth harmonic, it may find a maximum that is not the
-        largest.
+        at least 16 and at most 48 angles: of waves above the sixth harmonic, it may find a maximum
+        that is not the largest.
         """
 
 
@@ -307,11 +309,12 @@ def closest_approach(
     **Arguments:**
 
     - `x`, `y`: position of the journal's centre in the bearing's cross-section, m in its frame.
-    - `clearance`: m, between the circles from which the profiles deviate.
+    - `clearance`: radius of the bearing's circle less that of the journal's, m. The profiles are
+      deviations from these circles.
     - `bearing`, `journal`: the profiles; ``None`` for a circle.
     - `axes`: the journal's x and y axes in the bearing's frame.
     """
-    # The direction is found without derivatives; only the last Newton step has some.
+    # JAX does not differentiate the search, except for its last Newton step.
     shapes = x, y, bearing, journal, axes
     constant = jax.lax.stop_gradient(shapes)
     counts = [profile.angles() for profile in (bearing, journal) if profile is not None]
@@ -417,10 +420,10 @@ def require_room(
     """Check that a journal in the centre of its bearing doesn't touch the wall, however the two are
     rotated relative to each other.
 
-    **Arguments:** `clearance`: m, between the circles; `bearing`, `journal`: the profiles, or
-    ``None``.
+    **Arguments:** `clearance`: radius of the bearing's circle less that of the journal's, m;
+    `bearing`, `journal`: the profiles, or ``None`` for a circle.
 
-    **Raises:** `ValueError` that names the clearance that the profiles need.
+    **Raises:** `ValueError`, with the clearance that the profiles need, if they may touch.
     """
     if bearing is None and journal is None:
         return
@@ -442,7 +445,8 @@ def caution_two_contacts(
     derivative by the angle is h''. A clearance or a profile that JAX traces is not checked. The
     arguments are those of `require_room`.
 
-    **Warns:** `UnusualValueWarning` that names the clearance that the profiles need.
+    **Warns:** `UnusualValueWarning`, with the clearance that the profiles need, if the condition
+    for the radii of curvature is not met.
     """
     if bearing is None and journal is None:
         return

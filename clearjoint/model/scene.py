@@ -33,7 +33,8 @@ class Scene(AbstractReadable):
     """A mechanism: bodies, joints, forces and gravity.
 
     A scene is a PyTree. Runs of scenes that differ only in their numbers use the same compiled
-    program.
+    program, provided that the same components of vectors and matrices are exactly 0 or 1: a program
+    contains these as constants.
 
     **Arguments:**
 
@@ -45,9 +46,9 @@ class Scene(AbstractReadable):
     **Raises:** `ValueError` if there is no body, a body is named "ground", a name is empty or no
     string, an element has the wrong class or names an unknown body, a joint and a force have the
     same name, or the gravity is not three finite numbers.
-    **Warns:** `LooseBodyWarning` if nothing acts on a body of a scene with joints, or no joint
-    holds the axis of a drive; `UnusualValueWarning` if a point is far from its body's centre of
-    mass, or gravity is large.
+    **Warns:** `LooseBodyWarning` if no joint and no force acts on a body of a scene with joints, or
+    no chain of joints connects the two bodies of a drive; `UnusualValueWarning` if a point is
+    farther than 100 radii of gyration from its body's centre of mass, or gravity exceeds 1e3 m/s^2.
 
     >>> scene = cj.Scene(
     ...     bodies={"arm": cj.Body(mass=1.0, inertia=(1e-3, 0.1, 0.1))},
@@ -76,9 +77,14 @@ class Scene(AbstractReadable):
         self.gravity = gravity
 
     def _check_together(self) -> None:
-        """Raise the errors, and issue the warnings about numbers, that the class docstring lists.
+        """Check the bodies, the elements and their names, and warn of unusual numbers.
 
-        `AbstractReadable` calls it when a scene has been made, and runs repeat it.
+        `AbstractReadable` calls it when a scene has been made. Runs repeat it, without warnings.
+
+        **Raises:** `ValueError` if there is no body, a body is named "ground", an element has the
+        wrong class or names an unknown body, or a joint and a force have the same name.
+        **Warns:** `UnusualValueWarning` if a point is far from its body's centre of mass, or
+        gravity is large.
         """
         remedy = "pass {name: Body(...)}"
         require(len(self.bodies) > 0, "bodies", {}, "a dictionary with at least one body", remedy)
@@ -106,9 +112,12 @@ class Scene(AbstractReadable):
             caution_above("gravity", size, "m/s^2", STRONGEST_GRAVITY, "give it in m/s^2")
 
     def _caution_together(self) -> None:
-        """Issue the warnings about loose bodies that the class docstring lists.
+        """Warn of bodies on which nothing acts, and of drives whose axis no joint holds.
 
         `AbstractReadable` calls it when a scene has been made.
+
+        **Warns:** `LooseBodyWarning` if no joint and no force acts on a body of a scene with
+        joints, or if no chain of joints connects the two bodies of a drive.
         """
         elements = (*self.joints.values(), *self.forces.values())
         connected = {body for element in elements for body in element.body_names()}
@@ -161,6 +170,8 @@ def _check_names(argument: str, element: AbstractElement, bodies: Mapping[str, B
     """Check that the scene has all bodies whose names an element contains.
 
     **Arguments:** `argument`: name of the element in the error message; `bodies`: of the scene.
+
+    **Raises:** `ValueError` for a body that is neither in the scene nor the ground.
     """
     known = {GROUND, *bodies}
     for name in element.body_names():
@@ -176,9 +187,11 @@ def _check_names(argument: str, element: AbstractElement, bodies: Mapping[str, B
 def _check_distances(argument: str, element: AbstractElement, bodies: Mapping[str, Body]) -> None:
     """Warn of points of an element far from their body's centre of mass, whose unit may be wrong.
 
-    Points with traced numbers are not checked.
+    Points of the ground, and points and bodies with traced numbers, are not checked.
 
     **Arguments:** `argument`: name of the element in the warning; `bodies`: of the scene.
+
+    **Warns:** `UnusualValueWarning` if the distance exceeds 100 radii of gyration of the body.
     """
     for name, body, point in element.attachments():
         # A point of the ground may be anywhere.

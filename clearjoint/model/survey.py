@@ -18,8 +18,8 @@ class SurveyingPen(AbstractPen):
     """Collects the markers of elements, instead of drawing them.
 
     A marker is a point of a body with an optional axis. `survey` passes the pen to the method
-    `draw` of each element. The result serves to arrange the bodies of a scene and to choose the
-    sizes and the viewing direction of a figure.
+    `draw` of each element, a joint or a force. The result serves to arrange the bodies of a scene
+    and to choose the sizes and the viewing direction of a figure.
 
     - `markers`: all markers.
     - `joined`: pairs of markers on the two bodies of a joint. To make a first guess of a state,
@@ -51,8 +51,8 @@ class SurveyingPen(AbstractPen):
     def block(self, *drawn: object, **named: object) -> None:
         """Add the centre without its axis.
 
-        The other axes are mostly axes of rotation and show from where to view a planar mechanism,
-        but that of a block lies in the plane of motion.
+        Axes of most symbols are axes of rotation and show from where to view a planar mechanism,
+        but the axis of a block lies in the plane of motion.
         """
         self.mark(*map(_without_axis, (*drawn, *named.values())))
 

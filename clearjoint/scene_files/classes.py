@@ -208,7 +208,8 @@ def _with_unit(expected: Expectation, metadata: Mapping) -> Expectation:
     """
     if "unit" not in metadata:
         return expected
-    # An argument without annotation allows anything; with a unit it allows numbers only.
+    # An argument without annotation allows anything; with a unit it allows numbers only. The
+    # declared shape is that of the whole value, so that entries of a list get the unit only.
     shape = getattr(metadata.get("declared"), "shape", None)
     return replace(
         expected,

@@ -1,6 +1,8 @@
 """Text of TOML and JSON files, and names of the locations in them for error messages.
 
-The limits on sizes and depths stop files that would exhaust time or memory.
+A table is a TOML table or a JSON object. A location is given by the keys of tables and indices of
+lists that lead to it; a written path is their text, such as "joints.pin.clearance". The limits on
+sizes and depths stop files that would exhaust time or memory.
 """
 
 import json
@@ -24,8 +26,7 @@ from ..fields.checks import require
 Keys: TypeAlias = tuple[str | int, ...]
 """Keys of tables and indices of lists that lead to a location."""
 KEY = re.compile(r"""\[?(?:'([^']*)'|"([^"]*)"|([^.\[\]'"]+))\]?\.?""")
-"""One key of a written path, without or with quotation marks, which may be in brackets. A written
-path names a location by a text such as "joints.pin.clearance"."""
+"""One key or index of a written path, with or without quotation marks, in brackets or not."""
 SHORT = reprlib.Repr()
 """Makes the texts of values in error messages, without the middle of long texts and the end of long
 lists."""
@@ -34,20 +35,21 @@ SHORT.maxstring = SHORT.maxother = 60
 
 
 def split(text: str) -> tuple[str, ...]:
-    """Return the keys and indices of a written path: ("joints", "crank pin", "clearance") for
-    "joints.crank pin.clearance".
+    """Return the keys and indices of a written path: ("joints", "crank pin", "axis", "0") for
+    "joints.crank pin.axis[0]".
 
-    Keys that contain dots are in quotation marks. Keys and indices may also be in brackets, as in
-    "joints['crank pin'].clearance", the form that `clearjoint.parameters` returns. Characters that
-    don't belong to a path, such as a second dot in a row, are skipped.
+    All are returned as texts, also the indices. Keys that contain dots are in quotation marks. Keys
+    and indices may also be in brackets, as in "joints['crank pin'].clearance", the form that
+    `clearjoint.parameters` returns. Characters that don't belong to a path, such as a second dot in
+    a row, are skipped.
     """
     return tuple("".join(groups) for groups in KEY.findall(text))
 
 
 def keys_of(text: str) -> tuple[str, ...]:
-    """Return the keys and indices of a written path, see `split`.
+    """Return the keys and indices of a written path, as `split` does.
 
-    **Raises:** `ValueError` for a text that is not a path.
+    **Raises:** `ValueError` for an empty text, and for one with characters that `split` would skip.
     """
     expected = "names with dots between, such as joints.pin.clearance"
     remedy = "put names that contain dots into quotation marks"
@@ -67,10 +69,12 @@ def written(keys: Keys) -> str:
 
 
 def existing(content: object, keys: Sequence[str | int]) -> Keys:
-    """Return the first of the given keys, up to the last one that exists in nested tables and
-    lists: the part of a path that can be followed. Indices of lists are returned as integers.
+    """Return the beginning of a path, up to the first key or index that the tables and lists lack.
 
-    **Arguments:** `content`: the tables; `keys`: keys of tables and indices of lists.
+    Indices of lists may be given as texts; they are returned as integers.
+
+    **Arguments:** `content`: nested tables and lists; `keys`: the path, keys of tables and indices
+    of lists.
     """
     found: list[str | int] = []
     for key in keys:
@@ -101,8 +105,10 @@ class Source:
     def where(self, keys: Keys) -> str:
         """Return the text that a message adds to the path of the file for the value at `keys`.
 
-        This is ", line 12" for the statement that sets the value or the closest table around it,
-        " with --set …" for a value that the command line sets, and empty if neither is known.
+        This is " with --set …" for a value that the command line sets. Otherwise it is, for
+        example, ", line 12", the line of the statement that sets the value or the closest table
+        around it. It is empty if the line is unknown: in JSON, in TOML of more than 100 000
+        characters, and if no key of the path is in the file.
         """
         for depth in range(1, len(keys) + 1):
             if keys[:depth] in self.changes:
@@ -130,11 +136,13 @@ class Source:
             return 0, {}
 
         # tomllib reports no positions. The statement ends where the beginning of the file, if
-        # parsed alone, has the key for the first time.
+        # parsed alone, has the key for the first time. Every longer beginning has it too, so that
+        # bisection finds the line.
         end = bisect_left(
             range(len(lines)), True, key=lambda n: existing(valid_lines(n)[1], keys) == keys
         )
-        # A statement of several lines begins after the valid text before it.
+        # A statement of several lines begins after the valid text before it, and after empty lines
+        # and comments.
         first = valid_lines(end - 1)[0]
         while not lines[first].strip() or lines[first].lstrip().startswith("#"):
             first += 1
@@ -205,7 +213,7 @@ tomllib's time grows with the square of the key's length."""
 
 
 JSON_END = re.compile(r'"(?:[^"\\]|\\.)*"|\}')
-"""A string of a JSON text, in which braces are letters, or the end of an object."""
+"""The end of an object in a JSON text, or a string, whose braces do not end an object."""
 
 
 def suffix_of(path: Path) -> str:
@@ -222,7 +230,7 @@ def read_document(path: Path) -> tuple[Document, FileLocation]:
     """Read a TOML or JSON file; return its tables and their location, for error messages.
 
     **Raises:** `ValueError` for a suffix other than .toml and .json, for bytes that are not UTF-8,
-    for a file of more than 200 MB, and as `parse`.
+    for a file of more than 200 MB, and as `parse`; `OSError` for a file that can't be read.
     """
     suffix, location = suffix_of(path), FileLocation(str(path))
     content = read_bytes(path, 200_000_000)
@@ -238,7 +246,8 @@ def read_document(path: Path) -> tuple[Document, FileLocation]:
 def read_bytes(path: Path, most: int) -> bytes:
     """Return the content of a file.
 
-    **Raises:** `ValueError` for a file of more than `most` bytes.
+    **Raises:** `ValueError` for a file of more than `most` bytes; `OSError` for a file that can't
+    be read.
     """
     size = path.stat().st_size
     if size > most:
@@ -260,7 +269,7 @@ def parse(text: str, suffix: str, file: str) -> Document:
             content = _parsed_json(text)
         else:
             content = {} if is_deep else tomllib.loads(text)
-        is_deep = is_deep or _depth(content) > DEEPEST + 1  # the file itself is a table
+        is_deep = is_deep or _depth(content) > DEEPEST + 1  # 1 for the file, which is a table
     except RecursionError:  # of a parser or of `_depth`
         content, is_deep = {}, True
     except ValueError as error:
@@ -276,7 +285,8 @@ def parse(text: str, suffix: str, file: str) -> Document:
 
 
 def _depth(content: object) -> int:
-    """Return the number of nested tables and lists, zero for another value."""
+    """Return how deeply tables and lists are nested: 1 for a table or list that contains no other,
+    zero for another value."""
     if not isinstance(content, dict | list):
         return 0
     entries = content.values() if isinstance(content, dict) else content

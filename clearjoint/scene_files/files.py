@@ -1,4 +1,7 @@
-"""Save and load scenes and states."""
+"""Save scenes and states to TOML and JSON files, and load them.
+
+A table of a file contains the arguments with which a class makes an object.
+"""
 
 import json
 import math
@@ -57,8 +60,11 @@ class Writer:
 
     def table(self, instance: PyTree, location: FileLocation) -> dict[str, object]:
         """Return the table of an object: the arguments with which its constructor makes the object
-        again. Arguments whose default and value are None or empty are left out, and those with a
-        default that the object does not store in a field of the same name.
+        again.
+
+        The values are those of the object's fields with the names of the arguments. Left out are
+        arguments whose value and default are both ``None``, empty dictionaries whose default is
+        empty or ``None``, and arguments that have a default but no field.
 
         **Arguments:** `location`: location of the table in the file.
 
@@ -111,7 +117,7 @@ class Writer:
             # Rows of an array have the unit of the whole array.
             inner = expected.item or expected
             return [self._value(item, inner, location.at(k)) for k, item in enumerate(value)]
-        # The table need not name the class that the reader takes for this argument by default.
+        # The table need not name its class if the argument allows only objects of this class.
         if is_dataclass(value) and not isinstance(value, type):
             kind = {} if expected.classes == (type(value),) else {KIND: class_name(type(value))}
             return kind | self.table(value, location)
@@ -164,7 +170,7 @@ def save(scene: Scene, state: State, path: FilePath, *, schema: bool = False) ->
     **Raises:** `ValueError` for another suffix, for a state that lacks bodies of the scene or has
     others, and for a value that a file can't hold: a function, NaN, a number that JAX traces, or an
     object that its class does not make again from its fields. The message names the location of the
-    value.
+    value. `OSError` if the file can't be written.
 
     >>> cj.save(*cj.mechanisms.double_pendulum(), "pendulum.toml")
     >>> scene, state = cj.load("pendulum.toml")
@@ -225,8 +231,8 @@ def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
     ``{axis = [0, 0, 1], angle = "30 deg"}`` may replace the Euler parameters of an orientation.
     Numbers are in SI units, or texts with another unit that pint reads. "none" is ``None``. Bodies
     without a state start at rest; their positions and orientations are found by following the
-    joints from the ground, and `assemble` then closes loops. In a scene of more than 50 bodies,
-    each body needs a state.
+    joints from the ground, and `assemble` then closes loops. It may also move the bodies whose
+    states the file has. In a scene of more than 50 bodies, each body needs a state.
 
     User-defined classes are passed in `classes`: a file never imports or runs code. `quantity`
     declares the units of their fields. The file above needs
@@ -260,7 +266,7 @@ def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
     **Raises:** `ValueError` for another suffix, for a file of more than 200 MB, for `classes` that
     are no collection of classes, and for content that does not describe a scene. The message about
     the content names the location in the file, the value found there, the expected values and a
-    remedy.
+    remedy. `OSError` for a file that can't be read.
     """
     makers((), classes)  # raises an error for wrong classes
     document, location = read_document(Path(path))
@@ -342,8 +348,9 @@ def scene_of_document(
 def _completed(scene: Scene, state: State, location: FileLocation) -> State:
     """Return `state`, or an assembled state if it lacks bodies of the scene.
 
-    The missing states are found along the joints. The whole is the first guess of `assemble`, which
-    moves all bodies, also those whose states the file has, to the nearest state that fits.
+    The missing states are found along the joints. Together with the given ones they are the first
+    guess of `assemble`, which may move all bodies, also those whose states the file has, to a state
+    nearby that satisfies the joints.
 
     **Raises:** `ValueError` if the joints do not determine the missing states, or if a scene of
     more than `MOST_ASSEMBLED` bodies lacks a state.

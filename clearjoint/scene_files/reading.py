@@ -1,7 +1,8 @@
 """Make objects from the tables of a file, whose entries are the arguments of constructors.
 
 A table such as ``{kind = "Log"}`` names its class under "kind". If an argument can only be an
-object of one class, its table need not name the class.
+object of one class, its table need not name the class. The options of an argument are a fixed set
+of texts, each of which stands for a value.
 """
 
 import math
@@ -74,7 +75,7 @@ class Reader:
         **Raises:** `ValueError` if the content is not as expected.
         """
         value = self._item(content, expected, location)
-        # A tuple may have objects as entries; other tuples are rows of numbers.
+        # A tuple of objects stays a tuple; other tuples are rows of numbers and become arrays.
         rows = value if isinstance(value, tuple) else ()
         is_number = isinstance(value, int | float | tuple) and not any(map(is_dataclass, rows))
         if not expected.is_array or not is_number:
@@ -162,7 +163,8 @@ class Reader:
         - `location`: location of the table.
         - `other_keys`: further keys that the table in the file may have, for messages.
 
-        **Raises:** `ValueError` for unknown and missing arguments, and for wrong values.
+        **Raises:** `ValueError` for unknown and missing arguments, and for values that are not as
+        expected or that the class refuses.
         """
         known = arguments(make)
         given = {}  # arguments as Python values
@@ -174,8 +176,9 @@ class Reader:
                 remedy = nearest(name, keys, "leave it out")
                 location.at(name).refuse(item, f"one of the keys {listed(keys)}", remedy)
             given[name] = self.value(item, known[name], location.at(name))
-        # A reduction is a result that is updated at every step, such as the peak of a quantity. Its
-        # unit may be omitted: it is that of its quantity.
+        # Classes with the arguments `quantity` and `unit` are reductions: results that are updated
+        # at every step, such as the peak of a quantity. The unit may be omitted: it is then that of
+        # the quantity.
         unit = getattr(given.get("quantity"), "unit", None)
         is_required = "unit" in known and known["unit"].default is REQUIRED
         if is_required and "unit" not in given and unit is not None:
@@ -196,7 +199,8 @@ class Reader:
             named = re.match(r"Argument `([^`]+)`", str(error))
             keys = existing(content, split(named[1] if named else ""))
             raise ValueError(f"{location.at(*keys)}: {error}") from error
-        # Not every constructor checks the classes of its arguments.
+        # Not every constructor checks the classes of its arguments. Where objects are allowed,
+        # ``None``, numbers or options may be allowed too; these are no objects of the classes.
         for name, item in given.items():
             families, stored = known[name].classes, getattr(made, name, None)
             is_number = bool(known[name].shapes) and isinstance(stored, np.ndarray | tuple)

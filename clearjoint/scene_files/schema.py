@@ -1,7 +1,8 @@
 """Make the JSON Schema of scene files, with which editors complete and check them.
 
 A table of a file contains the arguments of a class, so that the schema follows from the classes.
-Each class has a definition, to which the schemas of arguments refer by its name.
+Each class has a definition, its part of the schema, to which the schemas of arguments refer by the
+name of the class.
 """
 
 from dataclasses import dataclass, field, replace
@@ -55,8 +56,9 @@ class Catalogue:
     """Collects the schemas of all classes to which the schema of a file refers.
 
     - `classes`: user-defined classes that files may name, besides those of the package.
-    - `definitions`: schemas by the name of the class in files. The schema of a class is added when
-      another schema first refers to it.
+    - `definitions`: schemas of classes and of static methods that return objects, by their names in
+      files; also that of numbers, under `ROWS`. The schema of a class is added when another schema
+      first refers to it.
     """
 
     classes: Classes
@@ -87,7 +89,8 @@ class Catalogue:
         """Return the schema of the values that an argument may have according to `expected`."""
         if expected.allows_anything:
             return {}
-        # Where texts are allowed, "none" is one of them; numbers and objects may be texts anyway.
+        # The schemas of texts, of single numbers (which may be texts with a unit) and of objects
+        # admit the text "none" already.
         is_open = expected.is_text or expected.classes or () in expected.shapes
         if expected.allows_none and not is_open:
             return {"anyOf": [self._value(replace(expected, allows_none=False)), {"const": ABSENT}]}
@@ -101,7 +104,7 @@ class Catalogue:
         if expected.item is not None:
             row = _list_of(self._value(expected.item))
             return {"anyOf": [{"type": "string"}, row]} if expected.is_text else row
-        # Such an argument may also allow a number, or the text "none".
+        # `NUMBER` admits any text: an argument with classes may also allow a number, or "none".
         if expected.classes:
             return {"anyOf": [*self._references(expected.classes), NUMBER]}
         if expected.is_text:
@@ -122,9 +125,9 @@ class Catalogue:
                 self.definitions[known[-1]] = {}  # the definition may refer to itself
                 properties = {KIND: {"enum": sorted(known)}} | self.properties(make)
                 needed = [] if make is implied else [KIND]
-                # A reduction is a result that is updated at every step, such as the peak of a
-                # quantity, and has arguments of these names. Its unit may be omitted: it is that of
-                # its quantity.
+                # Classes with the arguments `quantity` and `unit` are reductions: results that are
+                # updated at every step, such as the peak of a quantity. The unit may be omitted,
+                # since the reader then takes that of the quantity.
                 omitted = "unit" if "quantity" in properties else None
                 given = {name: one for name, one in arguments(make).items() if name != omitted}
                 needed += [name for name, one in given.items() if one.default is REQUIRED]

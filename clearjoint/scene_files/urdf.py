@@ -1,5 +1,6 @@
 """Load robots from URDF files, with play in given joints. The package yourdfpy parses the files.
 
+Play is either a radial clearance of a joint or a backlash, a free angle of rotation.
 A link of URDF has a frame, and a joint of URDF gives the frame of its child link relative to the
 frame of its parent link. The frame of a body is parallel to the frame of its link, and its origin
 is the centre of mass.
@@ -48,7 +49,7 @@ OF_JOINTS = {
 OF_LINKS = {"visuals": "visual shapes", "collisions": "collision shapes"}
 """Contents of joints and of links that a scene lacks: names in messages, by yourdfpy's names."""
 HINGES = "revolute", "continuous"
-"""Types of joints with one axis of rotation, which may have play."""
+"""Types of URDF joints that rotate about one axis. Only these may have play."""
 BACKLASH = "backlash"
 """Name, in `play`, of the angle of a backlash, rad. The class `Backlash` calls it `play`."""
 GIVEN_BY_THE_FILE = {
@@ -256,7 +257,8 @@ def _checked(name: str, given: Play, hinges: list[str], location: FileLocation) 
     if kind is Backlash:
         known[BACKLASH] = expected["play"]
     for argument in given:
-        if argument not in known:  # then a backlash might have been meant
+        if argument not in known:
+            # The message lists the backlash too, because it may have been meant.
             known |= {BACKLASH: Expectation()}
             remedy = nearest(argument, known, "leave it out")
             location.at(name).refuse(argument, f"one of the arguments {listed(known)}", remedy)
@@ -318,6 +320,8 @@ class Frame(NamedTuple):
 
 def _frames(robot: "yourdfpy.Robot", location: FileLocation) -> dict[str, Frame]:
     """Return the frame of each link by name, found by following the joints from the root.
+
+    The root is the only link that is no joint's child; it is the ground.
 
     **Raises:** `ValueError` for repeated names, joints that don't form a tree, and links without
     mass that move relative to their parent.
@@ -391,7 +395,8 @@ def _joint(
 
     **Returns:** the joint; ``None`` for a floating joint, and if both links belong to one body.
 
-    **Raises:** `ValueError` for a type without counterpart, and for invalid numbers.
+    **Raises:** `ValueError` for a type of joint that a scene doesn't have, and for an invalid
+    origin, axis or argument of `play`.
     """
     parent, child = frames[joint.parent], frames[joint.child]
     if parent.body == child.body or joint.type == "floating":

@@ -1,6 +1,7 @@
 """Drivers between two bodies: prescribed rotations and translations, torques and motors.
 
-Drivers of a rotation do not hold the axis: add a revolute joint, ideal or with clearance.
+Drivers of a rotation do not hold the axis: add a revolute joint, ideal or with clearance. A row is
+a scalar quantity, such as an angle or the error of a constraint equation, with its derivatives.
 """
 
 import abc
@@ -43,6 +44,8 @@ from .functions_of_time import (
 
 class AbstractDrive(AbstractPair):
     """Base class of elements that act on the angle of a second body about an axis of a first.
+
+    They either prescribe the angle or apply a torque.
 
     - `axis`: (3,) in the first body's axes, any length.
     - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
@@ -228,12 +231,12 @@ class DriveTorque(AbstractDriveAboutAxis, AbstractDriveTorque):
 
     - `first`, `second`: names of the bodies.
     - `axis`: of rotation, (3,) in the first body's axes, any length.
-    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
-      body's frame to the first body's frame at angle zero; parallel frames by default.
     - `torque`: N m, positive towards larger angles: a number, or a function of time such as
       `PiecewiseConstant`, `PiecewiseLinear`, `Spline`, `Polynomial`, a user-defined
       `AbstractFunctionOfTime`, or a Python function that JAX can trace. A Python function is part
       of the compiled program and can't be saved in a scene file.
+    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
+      body's frame to the first body's frame at angle zero; parallel frames by default.
 
     **Raises:** `ValueError` if the torque is neither a number nor a function, or another value is
     invalid.
@@ -272,12 +275,12 @@ class PrescribedAngle(AbstractDriveAboutAxis, AbstractRotationDriver):
 
     - `first`, `second`: names of the bodies.
     - `axis`: of rotation, (3,) in the first body's axes, any length.
-    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
-      body's frame to the first body's frame at angle zero; parallel frames by default.
     - `function`: the angle in rad as a function of time in s: a `Spline` or `PiecewiseLinear`
       table, a `Polynomial`, a user-defined `AbstractFunctionOfTime`, or a Python function that JAX
       can differentiate twice; or a number for a constant angle. A Python function is part of the
       compiled program, has no parameters to vary or fit, and can't be saved in a scene file.
+    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
+      body's frame to the first body's frame at angle zero; parallel frames by default.
 
     **Raises:** `ValueError` if `function` is neither a number nor a continuous function of time, or
     another value is invalid.
@@ -342,8 +345,8 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
 
 
 ROUNDING = 0.02
-"""Half of the range of torques over which `Motor` changes smoothly to its torque limit, as a
-fraction of the limit."""
+"""Distance from the torque limit of a `Motor`, as a fraction of the limit, within which a parabola
+replaces the kink of the limited torque."""
 SI = "give it in SI units"
 
 
@@ -371,11 +374,12 @@ class Motor(AbstractDriveAboutAxis, AbstractDriveTorque):
 
     - `first`, `second`: names of the bodies.
     - `axis`: of rotation, (3,) in the first body's axes, any length.
-    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
-      body's frame to the first body's frame at angle zero; parallel frames by default.
-    - `target`: desired angle in rad: a number, or a function as for `PrescribedAngle`.
+    - `target`: desired angle in rad: a number, or a function as for `PrescribedAngle`. It may also
+      be a `PiecewiseConstant`, whose rate counts as zero.
     - `proportional`, `derivative`: gains, N m/rad and N m s/rad, not negative.
     - `torque_limit`: N m, positive; ``None``, the default, for no limit.
+    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
+      body's frame to the first body's frame at angle zero; parallel frames by default.
 
     **Raises:** `ValueError` if the bodies are the same, a value is outside its range, or the target
     is neither a number nor a function of time.
@@ -401,11 +405,12 @@ class Motor(AbstractDriveAboutAxis, AbstractDriveTorque):
         torque = self.proportional * error + self.derivative * (target_speed - speed)
         if self.torque_limit is None:
             return torque
-        # Smooth ramps of the excess over the limit in either direction, which is taken off.
+        # The excess over the limit is subtracted, and the shortfall below minus the limit is added.
+        # Ramps make both zero within the limits, and are smooth so that the torque has no kinks.
         width = ROUNDING * self.torque_limit
         excess, shortfall = torque - self.torque_limit, -torque - self.torque_limit
         return torque - ramp(excess, width) + ramp(shortfall, width)
 
     def breakpoints(self) -> PyTree:
-        """Return the breakpoints of the target, s."""
+        """Return the breakpoints of the target, the times of its jumps and kinks, s."""
         return breakpoints_of(self.target)

@@ -1,4 +1,8 @@
-"""Functions of time for drives and loads, and declarations of the fields that hold them."""
+"""Functions of time for drives and loads, and declarations of the fields that hold them.
+
+A table is a function of time given by values at a row of times. Breakpoints are the times of the
+jumps and kinks of a function.
+"""
 
 import abc
 from collections.abc import Callable
@@ -19,7 +23,7 @@ from ...math.vectors import Scalar, Vector
 
 
 class AbstractFunctionOfTime(AbstractConverting):
-    """Base class of functions of time that JAX can differentiate twice.
+    """Base class of functions of time that JAX can differentiate twice between their breakpoints.
 
     The argument is the time in s. The value is in the SI unit of the angle, distance, torque or
     force that the function prescribes. The class attribute `jumps`, false by default, states
@@ -50,7 +54,9 @@ class AbstractFunctionOfTime(AbstractConverting):
     def breakpoints(self) -> PyTree:
         """Return the times in s of the function's kinks and jumps; an empty tuple by default.
 
-        The result may be a number, an array, or a tuple of them. Integration steps end there.
+        The result may be a number, an array, or a tuple of them. Integration steps end at these
+        times. Runs with derivatives raise an error for a function that compares, rounds or clips
+        the time, unless its class defines this method.
         """
         return ()
 
@@ -58,7 +64,8 @@ class AbstractFunctionOfTime(AbstractConverting):
 class PlainFunction(AbstractFunctionOfTime):
     """A Python function of the time in s, which becomes part of the compiled program.
 
-    A Python function that is passed to a drive or load is converted to it.
+    A Python function that is passed to a drive or load is converted to this class. It can't declare
+    breakpoints: subclass `AbstractFunctionOfTime` for a function with jumps or kinks.
     """
 
     function: Callable[[jax.Array], PyTree] = eqx.field(static=True)
@@ -147,7 +154,8 @@ class Spline(AbstractTable):
     def through(times: ArrayLike, values: ArrayLike) -> "Spline":
         """Return the natural cubic spline through a table, from SciPy's `CubicSpline`.
 
-        Its second derivative is continuous, and zero at both ends.
+        Its second derivative is continuous, and zero at both ends. The numbers must be known, not
+        traced by JAX.
 
         **Arguments:** `times`, `values`: as for `Spline`.
 
@@ -174,8 +182,8 @@ class Spline(AbstractTable):
     def breakpoints(self) -> PyTree:
         """Return an empty tuple, since integration steps need not end at the times of the table.
 
-        Runs with derivatives raise an error for a function that searches a table, unless its class
-        defines this method.
+        The class defines the method all the same, because runs with derivatives raise an error for
+        a function that searches a table and inherits it.
         """
         return ()
 
@@ -408,10 +416,11 @@ def _shape(value: PyTree) -> tuple[int, ...]:
 
 
 def breakpoints_of(*given: PyTree) -> PyTree:
-    """Return the breakpoints of all functions of time in the given fields, s, as a tuple.
+    """Return the breakpoints of all functions of time in the given fields, s.
 
-    Breakpoints are the times of jumps and kinks. Constants have none, and those of Python functions
-    are unknown.
+    Breakpoints are the times of jumps and kinks. The result is a tuple with one entry for each
+    function of time, as its method `breakpoints` returns it. Constants have no entry, and the entry
+    of a Python function is empty, because its breakpoints are unknown.
     """
     parts = [p for field in given for p in (field if isinstance(field, tuple) else (field,))]
     return tuple(p.breakpoints() for p in parts if isinstance(p, AbstractFunctionOfTime))

@@ -1,5 +1,9 @@
 """Interfaces of the elements of a scene: constraints, forces and contact joints.
 
+An element is anything, except gravity, that acts on bodies: a joint, a force or a driver, which
+prescribes a motion. A row is one scalar constraint equation with its derivatives. A wrench is a
+force at a body's centre of mass together with a moment.
+
 User-defined elements subclass `AbstractConstraint`, `AbstractForce` or `AbstractContactJoint`; no
 registration is needed. In the methods that compute forces and constraints, vectors are `Vector`s of
 three scalars, not arrays, and so are the element's fields with three numbers.
@@ -46,7 +50,7 @@ name of the body, and the point's position from the centre of mass, (3,) m in bo
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One scalar constraint equation Phi = 0 in a configuration.
+    """One scalar constraint equation Phi = 0, evaluated for given positions and velocities.
 
     - `value`: Phi, in m, rad, or without unit.
     - `jacobian`: derivatives of the rate of Phi by the velocities, as a `Wrench` for each body by
@@ -55,7 +59,7 @@ class Row:
       reaction on a body is this wrench times the row's Lagrange multiplier.
     - `bias`: second time derivative of Phi if all linear and angular accelerations are zero.
     - `time_rate`: rate of Phi with all bodies at rest. It is zero unless Phi depends on time, as
-      for a driver, which then supplies the power -multiplier time_rate in W.
+      for a driver, which then supplies the power -(multiplier * `time_rate`), W.
 
     >>> pull = extend.Wrench(extend.UNIT_X, extend.ZERO)
     >>> row = extend.Row(value=1e-3, jacobian={"ball": pull}, bias=0.0)  # x of the ball
@@ -88,8 +92,10 @@ class AbstractElement(AbstractConverting):
 
         Integration steps end at breakpoints, so that each step uses the function on one side only,
         and derivatives by parameters include the effect of the jump. A jump at an undeclared time
-        costs many short steps, and `sensitivities`, which computes these derivatives, raises an
-        error for it.
+        costs many short steps. `sensitivities`, which computes these derivatives, raises an error
+        for a class that inherits this method and compares, rounds or clips a number that depends on
+        time. If its elements are smooth all the same, the class must define the method and return
+        an empty tuple.
         """
         return ()
 
@@ -196,7 +202,7 @@ class AbstractForce(AbstractElement):
         """Return the wrench on each body by name, at time `t` in s.
 
         A wrench is a force at the centre of mass, N in global axes, and a moment, N m in body axes.
-        One on the ground is ignored. `motions` contains the motion of each body by name.
+        A wrench on the ground is ignored. `motions` contains the motion of each body by name.
         """
 
     def stored_energy(self, motions: Motions, t: Scalar) -> Scalar:
@@ -260,8 +266,9 @@ class Contact:
     def points_of_force(self, has_friction: bool) -> tuple[Vector, Vector]:
         """Return the points where the force acts on the first and the second body.
 
-        Each is in m, from the centre of mass, in its body's axes. Without friction, points on the
-        normal force's line of action are preferred.
+        Each is in m, from the centre of mass, in its body's axes. The points are `line_first` and
+        `line_second` if `has_friction` is false and both are given, otherwise `arm_first` and
+        `arm_second`.
         """
         if has_friction or self.line_first is None or self.line_second is None:
             return self.arm_first, self.arm_second
@@ -311,7 +318,10 @@ class AbstractContactJoint(AbstractElement):
 
     @abc.abstractmethod
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Return the geometry of each contact by label, from the motion of each body by name."""
+        """Return the geometry of each contact, from the motion of each body by name.
+
+        The labels are those of `laws`.
+        """
 
     @abc.abstractmethod
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
@@ -321,7 +331,8 @@ class AbstractContactJoint(AbstractElement):
         For faces with a `face_radius`, its component along the normal, times this radius, acts as a
         moment about the normal.
 
-        **Arguments:** `name`: label of the contact. `contact`: its geometry. `normal_force`: N.
+        **Arguments:** `name`: label of the contact. `contact`: its geometry. `normal_force`: N,
+        positive if the surfaces push each other apart.
         """
 
     def bristle_laws(self) -> dict[str, AbstractBristleFriction]:
@@ -359,7 +370,8 @@ class AbstractContactJoint(AbstractElement):
         """Return the quantities on which the validity of a contact's law depends, each with its
         value at the penetration `depth` and its valid range; an empty tuple by default.
 
-        A run that records impacts warns of penetrations outside their range.
+        After a run that has recorded impacts, a warning is issued if the largest penetration of a
+        contact is outside the range of its law.
 
         **Arguments:** `name`: label of the contact. `depth`: penetration, m.
         """
@@ -387,8 +399,8 @@ class AbstractContactJoint(AbstractElement):
         """Return the ideal joint that holds the second body where it rests under a load.
 
         `assemble`, which corrects initial states, uses it for the joints in its argument `resting`.
-        Return ``None``, the default, if there is no position of rest. Unlike in most methods,
-        vectors are arrays here, (3,).
+        Return ``None``, the default, if there is no position of rest: `assemble` then raises an
+        error. Unlike in most methods, vectors are arrays here, (3,).
 
         **Arguments:** `load`: (3,) N, force of the second body on the first, in the first body's
         axes.
@@ -401,8 +413,8 @@ class AbstractContactJoint(AbstractElement):
 
         The result consists of the name of the moving body, the joint's point on this body, m in its
         axes, and the joint's point on the ground, m in global axes. Where the position of the body
-        is an integration variable, the vector between the two points replaces it. As a difference
-        of large coordinates, this small vector would lose digits.
+        is an integration variable, the small vector from the ground's point to the body's point
+        replaces it. As a difference of large coordinates, this vector would lose digits.
         """
         return None
 

@@ -2,7 +2,9 @@
 
 A row is one scalar constraint equation Phi = 0 with its derivatives. Its Jacobian holds the
 derivatives of the rate of Phi by the velocities and spins of the bodies, and its bias is the second
-time derivative of Phi if all accelerations are zero.
+time derivative of Phi if all accelerations are zero. A rate is a time derivative, and a spin is an
+angular velocity in body axes. In a row that describes a quantity, such as an angle, the quantity
+takes the place of Phi.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -37,7 +39,8 @@ Pair = tuple[str, str]
 def _along(motion: Motion, local: Vector, direction: Vector) -> tuple[Wrench, Scalar]:
     """Return the Jacobian and the bias of the coordinate of a body's point along a fixed direction.
 
-    The bias is the centripetal acceleration along the direction, m/s^2.
+    The bias is the centripetal acceleration of the point relative to the centre of mass, m/s^2
+    along the direction.
 
     **Arguments:** `local`: the point, m in body axes; `direction`: a unit vector in global axes.
     """
@@ -139,8 +142,9 @@ def point_in_plane(
     arm = first.components(second.point(local) - first.position)
     along, bias_second = _along(second, local, normal)
     # `arm` has components in the axes of the first body, in which the plane is at rest, and
-    # `relative` is their rate. These axes rotate, so that the second derivative lacks the
-    # centripetal and Coriolis terms of their spin.
+    # `relative` is their rate. These axes rotate. The second derivative of `arm` is therefore the
+    # acceleration of the point minus the centripetal and Coriolis terms, of which `bias_first` is
+    # the component along the normal.
     velocity = first.components(second.velocity_at(local) - first.velocity)
     relative = velocity - first.spin.cross(arm)
     spin = first.spin
@@ -205,8 +209,10 @@ def relative_angle_row(
 ) -> Row:
     """Return the angle of the second body relative to the first about a common axis, as a row.
 
-    The row's value is in rad within (-pi, pi]. It is zero if the bodies' frames differ by the
-    shortest rotation that makes the two axes parallel.
+    The row's value is in rad within (-pi, pi], right-handed about the first body's axis. It is zero
+    if the bodies' frames differ by the shortest rotation that makes the two axes parallel. An axis
+    and its opposite count as the same: the second axis is reversed if its scalar product with the
+    first, each in its body's axes, is negative.
 
     **Arguments:**
 
@@ -343,8 +349,9 @@ def distance_row(components: Iterable[Row], length: Scalar, motions: Motions) ->
 
     The row's value is (x^2 + y^2 + ... - length^2)/(2 length), m.
 
-    **Arguments:** `components`: rows whose values x, y, ... are the vector's components, m.
-    `length`: required length, m, positive. `motions`: motion of each body by name.
+    **Arguments:** `components`: rows whose values x, y, ... are the vector's components, m; they
+    must not depend on time. `length`: required length, m, positive. `motions`: motion of each body
+    by name.
     """
     # The squared length is differentiable everywhere. Dividing by 2 length gives a row in m, whose
     # derivative along the vector is 1, so that the multiplier is the force in N.
@@ -361,11 +368,13 @@ def distance_row(components: Iterable[Row], length: Scalar, motions: Motions) ->
 
 
 def row_following(row: Row, function: Callable[[Scalar], Scalar], t: Scalar) -> Row:
-    """Return a row less a prescribed function of time, so that its value follows the function.
+    """Return the row that makes a quantity follow a prescribed function of time.
 
-    **Arguments:** `row`: of the quantity to prescribe, such as an angle; `function`: the
-    quantity in the row's unit, from the time in s; JAX must be able to differentiate it twice.
-    `t`: s.
+    The value of the returned row is the value of `row` minus the function at the time `t`.
+
+    **Arguments:** `row`: a row whose value is the quantity to prescribe, such as an angle.
+    `function`: the prescribed value, in the row's unit, as a function of the time in s; JAX must be
+    able to differentiate it twice. `t`: s.
     """
 
     def rate(t: Scalar) -> Scalar:

@@ -1,6 +1,7 @@
 """Ideal joints that couple two rotations, or a rotation and a translation.
 
-They are a mesh of gears, a screw, and a universal joint.
+They are a mesh of gears, a screw, and a universal joint. For joint coordinates, a motion subspace
+describes the motion that a joint allows one body, the child, relative to the other, the parent.
 """
 
 import math
@@ -106,10 +107,12 @@ class GearJoint(AbstractConstraint):
         return self.carrier, self.first, self.second
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the row "mesh": the error of the first gear's angle, rad modulo a tooth.
+        """Return the row "mesh": the error of the first gear's angle, rad.
 
-        The error is the first angle plus the second angle times the ratio of the teeth (minus it
-        for an internal gear), less the offset.
+        The error is angle_first + angle_second teeth_second/teeth_first - offset; for an internal
+        gear the second term is subtracted. Whole multiples of 2 pi/teeth_first, the angle between
+        two teeth of the first gear, are left out, so that the size of the error is at most half
+        this angle.
         """
 
         def angle(gear: str, axis: Vector, orientation: EulerParameters) -> Row:
@@ -121,6 +124,8 @@ class GearJoint(AbstractConstraint):
         # External gears rotate in opposite senses: their angles, times their teeth, add up to zero.
         ratio = self.teeth_second / self.teeth_first
         mesh = plus_multiple(first, second, -ratio if self.internal else ratio)
+        # The angles are known only up to whole revolutions. One of either gear changes the error by
+        # a whole number of teeth.
         tooth = 2.0 * math.pi / self.teeth_first
         return {"mesh": replace(mesh, value=wrapped(mesh.value - self.offset, tooth))}
 
@@ -129,7 +134,8 @@ class ScrewMotion(AbstractTurning):
     """Rotation by an angle about an axis, with a proportional advance along the axis.
 
     It is the motion that a `ScrewJoint` allows a child body relative to its parent body. The
-    position is the angle, rad; its rate is the only speed.
+    position is the angle, rad; its rate is the only speed. The angle counts all revolutions,
+    because the advance depends on it.
 
     - `point_parent`, `point_child`: points of the joint, m in each body's axes.
     - `axis`: unit vector in the child's axes.
@@ -223,7 +229,7 @@ class ScrewJoint(AbstractAxisJoint):
     def _thread(self, motions: Motions) -> Row:
         """Return the row of the advance along the axis less the lead times the angle over 2 pi, m.
 
-        Its value is taken modulo the lead.
+        Whole multiples of the lead are left out of its value, whose size is at most half the lead.
         """
         advance = self._in_plane(motions, unit(self.axis_first))
         angle, factor = self.relative_angle(motions), self.lead * (-0.5 / math.pi)
@@ -269,14 +275,16 @@ class UniversalMotion(AbstractMotionAtPoints):
         """Return the Euler parameters that transform components in the child's axes to the parent's
         if both angles are zero.
 
-        The child's arm then has the direction of the first transverse axis of the parent's arm.
+        The child's arm then has the direction of the first of the `transverse_axes` of the parent's
+        arm, two unit vectors across it.
         """
         return aligning(transverse_axes(self.arm_parent)[0], self.arm_child)
 
     def _about_child(self, reference: EulerParameters) -> Hinge:
         """Return the subspace of the child's rotation about its arm.
 
-        `reference` is the child's orientation in the parent when the second angle is zero.
+        `reference` is the orientation at which the second angle is zero, as Euler parameters that
+        transform components in the child's axes to the parent's.
         """
         return Hinge(self.point_parent, self.point_child, self.arm_child, reference)
 
@@ -303,6 +311,8 @@ class UniversalMotion(AbstractMotionAtPoints):
         first = polar_angle(arm.dot(quarter), arm.dot(start))
         reference = composed(rotation_about(self.arm_parent, first), self._reference())
         second = self._about_child(reference).encode(relative)
+        # The relative spin is the sum of the rates times the arms. These are perpendicular, so that
+        # a scalar product with an arm gives its rate.
         along, _ = self._parents_arm(second.position)
         rate = relative.twist.angular.dot(along)
         return JointState((first, second.position), (rate, *second.speeds))

@@ -1,5 +1,9 @@
 """Ideal joints that hold points, lines or planes of two bodies together, and a massless rod.
 
+A joint is defined by its rows: scalar constraint equations Phi = 0, whose values Phi the methods
+`rows` describe. In joint coordinates, a motion subspace replaces the rows. It describes the motion
+that the joint allows one body, the child, relative to the other, the parent.
+
 Equation numbers are those of P. Flores, J. Ambrosio, J. C. P. Claro, H. M. Lankarani, Spatial
 revolute joints with clearances for dynamic analysis of multi-body systems, 2006.
 """
@@ -38,7 +42,8 @@ T = TypeVar("T")
 class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
     """Base class of ideal joints between a point of one body and a point of another.
 
-    Its private methods return the constraint rows of which the joints are composed.
+    Its private methods return the constraint rows of which the joints are composed, and order
+    values as the motion subspaces need them.
     """
 
     def _ordered(self, parent: str, of_first: T, of_second: T) -> tuple[T, T]:
@@ -87,12 +92,13 @@ class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
         }
 
     def _same_orientation(self, motions: Motions, orientation: EulerParameters) -> dict[str, Row]:
-        """Return the rows "rotation x", "rotation y" and "rotation z", which keep a frame that is
-        fixed to the second body parallel to the first body's frame.
+        """Return the rows "rotation x", "rotation y" and "rotation z", which keep the orientation
+        of the second body relative to the first.
 
-        Each value is the scalar product of one axis of the first body's frame and another axis of
-        the fixed frame. `orientation` transforms components in the second body's axes to the fixed
-        frame.
+        `orientation` are Euler parameters that transform components in the second body's axes to a
+        frame that moves with this body, and that the rows keep parallel to the first body's frame.
+        The value of "rotation x" is the scalar product of the first body's y axis and this frame's
+        z axis; the others follow by cyclic permutation.
         """
         relative = rotation_matrix(orientation)
         # Parallel frames have y perpendicular to z, z to x, and x to y. A small rotation about x
@@ -193,7 +199,11 @@ class RevoluteJoint(AbstractAxisJoint):
         return self._coincidence(motions) | self._tilts(motions)
 
     def motion_subspace(self, parent: str) -> Hinge:
-        """Return the subspace of rotation about the axis."""
+        """Return the subspace of rotation about the axis.
+
+        In it the two axes have the same direction. A state with opposite axes satisfies the rows
+        too, but can only be simulated in `AbsoluteCoordinates`.
+        """
         in_parent, in_child = self._ordered(parent, unit(self.axis_first), unit(self.axis_second))
         return Hinge(*self._points(parent), in_child, aligning(in_parent, in_child))
 
@@ -453,8 +463,8 @@ class PlanarMotion(AbstractTurning):
       zero.
 
     The distances are along the two transverse axes of `normal_parent`, unit vectors across it that
-    are fixed to the parent. Along axes of the child, the directions of motion would be constant,
-    but the distances would oscillate as the child rotates.
+    are fixed to the parent. Distances along axes of the child would oscillate as the child rotates,
+    although the directions of motion would then be constant in the child's axes.
     """
 
     normal_parent: Vector
@@ -551,7 +561,11 @@ class PlanarJoint(AbstractAxisJoint):
         return self._height(motions, self.axis_first) | self._tilts(motions)
 
     def motion_subspace(self, parent: str) -> PlanarMotion:
-        """Return the subspace of two distances in the plane and an angle about its normal."""
+        """Return the subspace of two distances in the plane and an angle about its normal.
+
+        In it the two normals have the same direction. A state with opposite normals satisfies the
+        rows too, but can only be simulated in `AbsoluteCoordinates`.
+        """
         in_parent, in_child = self._ordered(parent, unit(self.axis_first), unit(self.axis_second))
         return PlanarMotion(
             *self._points(parent), in_child, aligning(in_parent, in_child), in_parent
