@@ -33,11 +33,11 @@ class AbsoluteCoordinates(AbstractCoordinates):
     constraints.
 
     The variables are a `BodyState` for each body, by name. Its position is the centre of mass, m,
-    in global coordinates. A body with a clearance joint to the ground has an `Anchor`: a point of
-    the body, the journal's centre, and a fixed point near it, the bearing's centre. Its position
-    variable is the vector, m, from the fixed point to the body's point. Computed as a difference of
-    two positions of the order of metres, this vector would lose digits, and impacts amplify such
-    errors.
+    in global coordinates. A body with a clearance joint to the ground may have an `Anchor`: a point
+    of the body, such as the journal's centre, and a fixed point near it, such as the bearing's
+    centre. The position variable of such a body is the vector, m, from the fixed point to the
+    body's point. Computed as a difference of two positions of the order of metres, this vector
+    would lose digits, and impacts amplify such errors.
 
     >>> cj.Settings(coordinates=cj.AbsoluteCoordinates()).coordinates
     AbsoluteCoordinates()
@@ -81,8 +81,8 @@ class AbsoluteCoordinates(AbstractCoordinates):
         return AbsoluteMechanics(scene, variables, self.motions(scene, variables))
 
     def without_drift(self, scene: Scene, variables: Bodies) -> Bodies:
-        """Return the variables with Euler parameters whose norm is corrected to 1 if it has drifted
-        (see `kept_unit`)."""
+        """Return the variables with Euler parameters scaled to unit norm if their squared norm
+        differs from one by more than 1e-6, and otherwise unchanged."""
         return {
             name: replace(body, orientation=kept_unit(body.orientation))
             for name, body in variables.items()

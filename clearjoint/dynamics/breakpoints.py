@@ -101,10 +101,11 @@ def since_breakpoints(
     """Return, for each element with breakpoints, whether a step ends at a breakpoint, and the time
     in s from the breakpoint to the end of the step.
 
-    The returned time is zero except for rounding, and exactly zero if the step ends at none. It
-    serves for derivatives: it has derivatives by the parameters on which the breakpoint depends. If
-    several breakpoints are in the step, such as equal ones in a table, it is the mean of the times
-    since each of them.
+    Callers end steps at breakpoints, so that a breakpoint after the start and not after the end of
+    a step is at its end. The returned time is then zero except for rounding; it is exactly zero if
+    the step ends at no breakpoint. It serves for derivatives: it has derivatives by the parameters
+    on which the breakpoint depends. If several breakpoints are at the end of the step, such as
+    equal ones in a table, it is the mean of the times since each of them.
 
     **Arguments:** `start`, `t`: start and end of the step, s, on the clock of the system.
 
@@ -167,6 +168,8 @@ def drivers_are_smooth(
     names = [(name, label) for name, family in at_times[0].items() for label in family]
     for name, label in names:
         beyond, first, last, *others = (rows[name][label] for rows in at_times)
+        # With all bodies at rest, `time_rate` and `bias` are the first and the second time
+        # derivative of the driver's value.
         rates, seconds = zip(*((row.time_rate, row.bias) for row in others), strict=True)
         value = beyond.value - first.value - integral(rates)
         # Angles are known up to whole revolutions.

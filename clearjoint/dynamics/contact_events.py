@@ -175,7 +175,8 @@ def begins_at_start(gaps: ContactGaps) -> jax.Array:
 
 def too_deep(scene: Scene, gaps: ContactGaps) -> jax.Array:
     """Return whether any contact is deeper than the geometry of its joint allows: deeper than the
-    limit, m, that the joint's method `deepest` returns for it. A run ends where this happens.
+    limit, m, that the joint's method `deepest` returns for it. A run ends where this happens. The
+    depth is measured from the onset of the contact's force.
 
     A contact for which `deepest` has no entry is never too deep.
     """

@@ -31,7 +31,8 @@ Bristles: TypeAlias = ByLabel[Vector]
 first body; zero while the contact is open. Rates of deflections, m/s, have the same form."""
 NO_BRISTLES: Bristles = {}
 INSIDE = 1e-300
-"""Smallest distance from the wall, m, of the depth that `depth_at_wall` returns."""
+"""Distance past the onset, m, of the depth that `depth_at_wall` returns if the law's force begins
+where the surfaces touch."""
 
 
 @jax.tree_util.register_dataclass
@@ -74,9 +75,10 @@ def contact_forces(
       If `closed` is ``None``, the present penetration rate replaces an entry speed of zero.
     - `closed`: whether each contact has a force, whatever its depth (see `contact_force`); if
       ``None``, the contacts that penetrate have one.
-    - `bristles`: deflections, m, of the contacts with bristle laws.
+    - `bristles`: deflections, m, of the contacts with bristle laws, in the axes of the joint's
+      first body.
 
-    **Raises:** `ValueError` if `bristles` lacks such a contact.
+    **Raises:** `ValueError` if `bristles` lacks a contact with a bristle law.
     """
     forces: ByLabel[LoadedContact] = {}
     for name, joint in scene.contact_joints().items():
@@ -149,9 +151,11 @@ def contact_force(
 
     If `closed` is given and the slope of the force jumps at the wall, the force of a closed contact
     is continued past the wall as an odd function: outside, it pulls by as much as it pushes at the
-    same depth inside. The reason is that a step ends where the contact does, so that stages of the
-    step lie on both sides of the wall. If the force had a kink between them, the error estimate of
-    the derivatives would reject every step.
+    same depth inside. For a law whose force also jumps there, from zero to F, the force outside
+    differs from F by as much as the force inside, in the opposite direction. The reason for the
+    continuation is that a step ends where the contact does, so that stages of the step lie on both
+    sides of the wall. If the force had a kink between them, the error estimate of the derivatives
+    would reject every step.
 
     **Arguments:**
 

@@ -74,8 +74,8 @@ def applied_wrenches(
 
     Gravity is not included, because the coordinates add it as an acceleration.
 
-    **Arguments:** `forces`: forces of all contacts, by joint and contact label; `t`: the scene's
-    time, s.
+    **Arguments:** `forces`: forces of the contacts, by joint and contact label; contacts of a joint
+    without an entry exert none; `t`: the scene's time, s.
     """
     wrenches = dict.fromkeys(scene.bodies, NO_WRENCH)
 
