@@ -4,7 +4,8 @@ All ideal joints are constraints, as in P. Flores et al., Spatial revolute joint
 for dynamic analysis of multi-body systems, 2006, whose equation numbers are cited. The spin of a
 body is its angular velocity in body axes, rad/s. The speeds are velocities and spins of all bodies,
 and their rates are the time derivatives; arguments and results of the type `Speeds` are lists with
-six numbers for each body.
+six numbers for each body. A wrench is the force and the moment on a body, and a row is one scalar
+constraint equation.
 """
 
 from dataclasses import replace

@@ -91,7 +91,7 @@ def assemble(
     - `resting`: names of clearance joints whose journals are put in contact with the wall, on the
       side to which gravity and the scene's forces press them while all bodies are at rest.
 
-    **Returns:** the assembled state, with the entry speeds, work and bristles of the guess.
+    **Returns:** the assembled state, with the `entry_speeds`, `work` and `bristles` of the guess.
 
     **Raises:** `ValueError`
 
@@ -254,6 +254,7 @@ def _require_something_moves(variables: MotionVariables, coordinates: AbstractCo
     require(moves, "coordinates", kind, "such that a degree of freedom is left", remedy)
 
 
+# NumPy computes this function if it can, since a compilation takes longer than a single call.
 @HostFirst
 def round_trip(
     scene: Scene, state: State, formulation: Formulation
@@ -295,6 +296,7 @@ def _require_satisfied(
     require(bool(np.abs(residual) <= tolerance), "state", residual, expected, remedy)
 
 
+# This function is compiled to native code or, if that is not possible, by XLA without a warning.
 @partial(Native, warns=False)
 def _corrected(
     projection: Callable[[System, MotionVariables, Scalar], MotionVariables],

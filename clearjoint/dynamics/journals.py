@@ -215,6 +215,7 @@ def _numbers(by_name: Mapping[str, Scalar]) -> dict[str, float]:
     return {name: float(number) for name, number in by_name.items()}
 
 
+# NumPy computes this function if it can, since a compilation takes longer than a single call.
 @HostFirst
 def contact_depths(scene: Scene, bodies: dict[str, BodyState]) -> ByLabel[Scalar]:
     """Return the penetration of each contact, m, by joint and contact label.
@@ -229,6 +230,7 @@ def contact_depths(scene: Scene, bodies: dict[str, BodyState]) -> ByLabel[Scalar
     }
 
 
+# This function is compiled to native code or, if that is not possible, by XLA without a warning.
 @partial(Native, warns=False)
 def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, jax.Array]:
     """Return the load on each constraint of a scene, N, by name of joint, while all bodies are at
