@@ -3,6 +3,7 @@
 An element declares its breakpoints, in s, by its method `breakpoints`. In a step that ends at a
 breakpoint, the element is evaluated just before the breakpoint, and in a step that starts there,
 just after it. Therefore it does not matter whether the element compares time with < or <=.
+Breakpoints must be finite.
 
 A `System` is a scene with a formulation of its equations of motion. It has its own clock, which is
 zero at its `origin`, a time of the scene. Times named t are in s on this clock; breakpoints are

@@ -8,6 +8,9 @@ open, that is, without a force. If a contact begins in a step, at a time tau bef
 its bristles have been dragged for the time tau, and get the deflection slip velocity times tau.
 Steps end at onsets, so tau is zero except for rounding; but the derivative of tau is not zero, and
 derivatives of the motion need it.
+
+Values by joint and contact label are nested dictionaries, ``values[joint][contact]``; in the code,
+`family` is the inner dictionary of one joint.
 """
 
 import jax

@@ -3,7 +3,8 @@
 A contact is closed if it has a force. Slip velocities are computed only for joints with friction. A
 friction law with bristles (surfaces that deflect against each other, which models sticking) depends
 on the bristles' deflections, which are integrated with the motion. The rates of the deflections
-follow from the same slip velocity as the force, so both are computed here.
+follow from the same slip velocity as the force, so both are computed here. Values by joint and
+contact label are nested dictionaries, ``values[joint][contact]``.
 """
 
 from collections.abc import Callable, Iterator, Mapping

@@ -2,7 +2,9 @@
 
 The ledger consists of powers, W, which a run integrates to energies, J. Terms that a scene cannot
 have, such as friction without friction laws, are not computed, and are absent from the returned
-dictionaries and from the compiled program. A row is one scalar constraint equation.
+dictionaries and from the compiled program. A row is one scalar constraint equation. Values by joint
+and label (of a contact or row) are nested dictionaries, ``values[joint][label]``; in the code,
+`family` is the inner dictionary of one joint.
 """
 
 from ..math.vectors import Scalar, add, is_zero

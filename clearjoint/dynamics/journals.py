@@ -2,7 +2,8 @@
 run.
 
 Ideal joints that replace clearance joints hold journals in a position while an initial state is
-assembled.
+assembled. Values by joint and contact label are nested dictionaries, ``values[joint][contact]``; in
+the code, `family` is the inner dictionary of one joint.
 """
 
 from collections.abc import Collection, Iterable, Mapping

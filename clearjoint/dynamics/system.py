@@ -1,7 +1,8 @@
 """Evaluation of a scene's equations of motion at an instant, in chosen coordinates.
 
 Each compiled program makes one `System` at its beginning, from which steps, outputs and reports
-compute motions, forces and rates.
+compute motions, forces and rates. Values by joint and label (of a contact or constraint) are nested
+dictionaries, ``values[joint][label]``; in the code, `family` is the inner dictionary of one joint.
 """
 
 import functools
