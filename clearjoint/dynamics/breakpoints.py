@@ -2,8 +2,9 @@
 
 An element declares its breakpoints, in s, by its method `breakpoints`. In a step that ends at a
 breakpoint, the element is evaluated just before the breakpoint, and in a step that starts there,
-just after it. Therefore it does not matter whether the element compares time with < or <=.
-Breakpoints must be finite.
+just after it. Therefore it does not matter whether the element compares time with < or <=. The only
+exception is a breakpoint at time zero, where the spacing of the evaluated times from the
+breakpoint, a few rounding errors, is zero. Breakpoints must be finite.
 
 A `System` is a scene with a formulation of its equations of motion. It has its own clock, which is
 zero at its `origin`, a time of the scene. Times named t are in s on this clock; breakpoints are
@@ -194,7 +195,8 @@ def _is_after(at: Scalar, t: Scalar) -> jax.Array:
 
 
 def _rounding(at: Scalar) -> jax.Array:
-    """Return the largest difference, s, at which a time counts as equal to a breakpoint `at`."""
+    """Return the largest difference, s, at which a time counts as equal to a breakpoint `at`; zero
+    for a breakpoint at time zero."""
     return ROUNDINGS * jnp.finfo(jnp.result_type(float)).eps * jnp.abs(at)
 
 

@@ -44,7 +44,7 @@ class LoadedContact:
     - `contact`: geometry.
     - `normal_force`: N, including damping, positive if it pushes the bodies apart.
     - `elastic_force`: N, the part of the normal force without damping.
-    - `friction`: force on the second body, N, in global axes; ``None`` without friction.
+    - `friction`: tangential force on the second body, N, in global axes; ``None`` without friction.
     - `bristle_rate`: rate of the bristles' deflection, m/s, in the axes of the first body; ``None``
       without bristles.
     - `friction_moment`: on the second body about the normal, N m; ``None`` except for two flat

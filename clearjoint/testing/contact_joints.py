@@ -51,7 +51,8 @@ def check_contact_joint(
     The check demands that
 
     - the joint's methods `laws` and `contacts` name the same contacts;
-    - normals are unit vectors, and the rate of each gap is the time derivative of its penetration;
+    - normals are unit vectors, or zero without contact, and the rate of each gap is the time
+      derivative of its penetration;
     - the forces on both bodies are equal and opposite on one line, or equal and opposite couples;
     - the power of the normal force agrees with the penetration rate, and the power of the elastic
       force with the rate of the stored energy;
