@@ -3,8 +3,8 @@
 An element declares its breakpoints, in s, by its method `breakpoints`. In a step that ends at a
 breakpoint, the element is evaluated just before the breakpoint, and in a step that starts there,
 just after it. Therefore it does not matter whether the element compares time with < or <=. The only
-exception is a breakpoint at time zero, where the spacing of the evaluated times from the
-breakpoint, a few rounding errors, is zero. Breakpoints must be finite.
+exception is a breakpoint at time zero: "just before" and "just after" mean by a few rounding errors
+of the breakpoint, which are zero there. Breakpoints must be finite.
 
 A `System` is a scene with a formulation of its equations of motion. It has its own clock, which is
 zero at its `origin`, a time of the scene. Times named t are in s on this clock; breakpoints are

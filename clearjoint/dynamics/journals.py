@@ -37,7 +37,8 @@ FAR_OUTSIDE = 1e-2
 a warning is issued. Contacts in motion are usually far less deep."""
 HOLD_IT = "Give the joint axial=EndPlay(...) or FixedAxially(), or hold the bodies by other joints."
 Depths: TypeAlias = ByLabel[float]
-"""Penetration of each contact's surfaces, m, by joint and contact label; negative without contact."""
+"""Penetration of the surfaces of each contact, m, by joint and contact label; negative without
+contact."""
 
 
 def depths(scene: Scene, state: State) -> Depths:
