@@ -1,4 +1,4 @@
-"""Types of what simulations, sweeps, fits and design functions return."""
+"""Classes of the results that simulations, fits and other functions of the package return."""
 
 from .identification.fit import Fit as Fit
 from .identification.largest import LargestFeasible as LargestFeasible

@@ -23,9 +23,9 @@ XLA_FLAGS = (
 `jax.vmap` or `jax.grad` on CPUs.
 
 XLA's CPU compiler then compiles the loop of a run to one function, instead of a kernel for each
-fusion of operations: an attempt of the double pendulum took 1.3 instead of 82 µs under `jax.jit`,
-and the program compiled in 2.4 instead of 58 s. The threshold, in bytes, makes the loop count as
-small; multi-output fusion avoids computing shared terms repeatedly; the other options
+fusion of operations: an attempted time step of the double pendulum took 1.3 instead of 82 µs under
+`jax.jit`, and the program compiled in 2.4 instead of 58 s. The threshold, in bytes, makes the loop
+count as small; multi-output fusion avoids computing shared terms repeatedly; the other options
 shorten compilation. XLA reads the variable when JAX first computes something; `configure` sets it,
 and must be called before that. These options cannot be passed to `jax.jit`. Calls of `simulate`,
 `sweep` and `sensitivities` outside of transformations do not need them.
@@ -86,10 +86,11 @@ def configure(threads: int | None = None, cache: str | os.PathLike | None = None
 
     **Arguments:**
 
-    - `threads`: number of threads that share the lanes of sweeps. Default: one for each core that
+    - `threads`: number of threads that share the runs of a sweep. Default: one for each core that
       the process may use, or for each accelerator.
-    - `cache`: folder of compiled programs. Default: the environment variable ``CLEARJOINT_CACHE``,
-      or ``clearjoint`` in the user's cache folder.
+    - `cache`: folder of compiled programs; a path with "://", as of a cloud storage, is passed on
+      to JAX as it is. Default: the environment variable ``CLEARJOINT_CACHE``, or ``clearjoint`` in
+      the user's cache folder.
 
     **Raises:** `ValueError` if `threads` is not a positive whole number, if `cache` is a file or
     leads through one, or if ``CLEARJOINT_KEEP_PROGRAMS`` is neither 0 nor 1.
@@ -152,8 +153,9 @@ def _usable(cache: str) -> str | None:
 
 
 def threads_of_sweeps() -> int:
-    """Return the number of threads that share the lanes of sweeps: that set by `configure` or, if
-    none was set, the number of cores that the process may use, or of accelerators."""
+    """Return the number of threads that share the runs of a sweep: that set by `configure` or
+    `adopt` or, if none was set, the number of cores that the process may use, or of
+    accelerators."""
     if _threads is not None:
         return _threads
     if jax.default_backend() != "cpu":

@@ -4,7 +4,8 @@ All ideal joints are constraints, as in P. Flores et al., Spatial revolute joint
 for dynamic analysis of multi-body systems, 2006, whose equation numbers are cited. The spin of a
 body is its angular velocity in body axes, rad/s. The speeds are velocities and spins of all bodies,
 and their rates are the time derivatives; arguments and results of the type `Speeds` are lists with
-six numbers for each body.
+six numbers for each body. A wrench is the force and the moment on a body, and a row is one scalar
+constraint equation.
 """
 
 from dataclasses import replace
@@ -33,11 +34,11 @@ class AbsoluteCoordinates(AbstractCoordinates):
     constraints.
 
     The variables are a `BodyState` for each body, by name. Its position is the centre of mass, m,
-    in global coordinates. A body with a clearance joint to the ground has an `Anchor`: a point of
-    the body, the journal's centre, and a fixed point near it, the bearing's centre. Its position
-    variable is the vector, m, from the fixed point to the body's point. Computed as a difference of
-    two positions of the order of metres, this vector would lose digits, and impacts amplify such
-    errors.
+    in global coordinates. A body with a clearance joint to the ground may have an `Anchor`: a point
+    of the body, such as the journal's centre, and a fixed point near it, such as the bearing's
+    centre. The position variable of such a body is the vector, m, from the fixed point to the
+    body's point. Computed as a difference of two positions of the order of metres, this vector
+    would lose digits, and impacts amplify such errors.
 
     >>> cj.Settings(coordinates=cj.AbsoluteCoordinates()).coordinates
     AbsoluteCoordinates()
@@ -81,8 +82,8 @@ class AbsoluteCoordinates(AbstractCoordinates):
         return AbsoluteMechanics(scene, variables, self.motions(scene, variables))
 
     def without_drift(self, scene: Scene, variables: Bodies) -> Bodies:
-        """Return the variables with Euler parameters whose norm is corrected to 1 if it has drifted
-        (see `kept_unit`)."""
+        """Return the variables with Euler parameters scaled to unit norm if their squared norm
+        differs from one by more than 1e-6, and otherwise unchanged."""
         return {
             name: replace(body, orientation=kept_unit(body.orientation))
             for name, body in variables.items()

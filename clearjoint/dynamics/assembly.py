@@ -75,12 +75,14 @@ def check_names(scene: Scene, state: State) -> None:
 def assemble(
     scene: Scene, state: State, t: Scalar = 0.0, *, resting: Collection[str] = ()
 ) -> State:
-    """Find the state nearest to a guess that satisfies the constraints, with each journal in its
-    bearing.
+    """Find a state near a guess that satisfies the constraints, with each journal in its bearing.
 
-    "Nearest" is meant in the metric of the mass matrix. A journal inside its bearing is not moved
-    by its clearance joint. A journal that penetrates the wall by more than a micrometre is put into
-    the centre of the bearing, and gets the velocity that an ideal joint would give it.
+    The state is found by Newton steps. Each step is the smallest correction, in the metric of the
+    mass matrix, that satisfies the linearised constraints, so that the result is approximately the
+    nearest state. A journal inside its bearing is not moved by its clearance joint. A journal that
+    penetrates the wall by more than a micrometre is put into the centre of the bearing, and gets
+    the velocity that an ideal joint would give it. A user-defined joint without a centred position
+    (its method `centred_joint` returns ``None``) is left as it is.
 
     **Arguments:**
 
@@ -89,7 +91,7 @@ def assemble(
     - `resting`: names of clearance joints whose journals are put in contact with the wall, on the
       side to which gravity and the scene's forces press them while all bodies are at rest.
 
-    **Returns:** the assembled state, with the entry speeds, work and bristles of the guess.
+    **Returns:** the assembled state, with the `entry_speeds`, `work` and `bristles` of the guess.
 
     **Raises:** `ValueError`
 
@@ -97,7 +99,7 @@ def assemble(
       if a number of the state is not finite, or Euler parameters are far from unit norm;
     - if no state near the guess satisfies the constraints; the message names the worst constraint;
     - if `resting` is a single string;
-    - if a name in `resting` is not that of a clearance joint;
+    - if a name in `resting` is not that of a clearance joint with a centred position;
     - if a journal in `resting` has no load across its axis.
 
     >>> scene, guess = cj.mechanisms.slider_crank(clearance=None)
@@ -143,8 +145,11 @@ def _in_bearings(
 
 
 def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
-    """Return the state nearest to `state` that satisfies the constraints at time t, s, found by
-    Newton steps.
+    """Return a state near `state` that satisfies the constraints at time t, s.
+
+    It is found by Newton steps, each of which is the smallest correction, in the metric of the mass
+    matrix, that satisfies the linearised constraints. The result is therefore only approximately
+    the nearest state. Entry speeds, work and bristles are unchanged.
 
     **Raises:** `ValueError` that names the worst constraint if the iteration does not converge.
     """
@@ -249,6 +254,7 @@ def _require_something_moves(variables: MotionVariables, coordinates: AbstractCo
     require(moves, "coordinates", kind, "such that a degree of freedom is left", remedy)
 
 
+# NumPy computes this function if it can, since a compilation takes longer than a single call.
 @HostFirst
 def round_trip(
     scene: Scene, state: State, formulation: Formulation
@@ -290,6 +296,7 @@ def _require_satisfied(
     require(bool(np.abs(residual) <= tolerance), "state", residual, expected, remedy)
 
 
+# This function is compiled to native code or, if that is not possible, by XLA without a warning.
 @partial(Native, warns=False)
 def _corrected(
     projection: Callable[[System, MotionVariables, Scalar], MotionVariables],

@@ -2,7 +2,9 @@
 
 An element declares its breakpoints, in s, by its method `breakpoints`. In a step that ends at a
 breakpoint, the element is evaluated just before the breakpoint, and in a step that starts there,
-just after it. Therefore it does not matter whether the element compares time with < or <=.
+just after it. Therefore it does not matter whether the element compares time with < or <=. The only
+exception is a breakpoint at time zero: "just before" and "just after" mean by a few rounding errors
+of the breakpoint, which are zero there. Breakpoints must be finite.
 
 A `System` is a scene with a formulation of its equations of motion. It has its own clock, which is
 zero at its `origin`, a time of the scene. Times named t are in s on this clock; breakpoints are
@@ -101,10 +103,11 @@ def since_breakpoints(
     """Return, for each element with breakpoints, whether a step ends at a breakpoint, and the time
     in s from the breakpoint to the end of the step.
 
-    The returned time is zero except for rounding, and exactly zero if the step ends at none. It
-    serves for derivatives: it has derivatives by the parameters on which the breakpoint depends. If
-    several breakpoints are in the step, such as equal ones in a table, it is the mean of the times
-    since each of them.
+    Callers end steps at breakpoints, so that a breakpoint after the start and not after the end of
+    a step is at its end. The returned time is then zero except for rounding; it is exactly zero if
+    the step ends at no breakpoint. It serves for derivatives: it has derivatives by the parameters
+    on which the breakpoint depends. If several breakpoints are at the end of the step, such as
+    equal ones in a table, it is the mean of the times since each of them.
 
     **Arguments:** `start`, `t`: start and end of the step, s, on the clock of the system.
 
@@ -167,6 +170,8 @@ def drivers_are_smooth(
     names = [(name, label) for name, family in at_times[0].items() for label in family]
     for name, label in names:
         beyond, first, last, *others = (rows[name][label] for rows in at_times)
+        # With all bodies at rest, `time_rate` and `bias` are the first and the second time
+        # derivative of the driver's value.
         rates, seconds = zip(*((row.time_rate, row.bias) for row in others), strict=True)
         value = beyond.value - first.value - integral(rates)
         # Angles are known up to whole revolutions.
@@ -190,7 +195,8 @@ def _is_after(at: Scalar, t: Scalar) -> jax.Array:
 
 
 def _rounding(at: Scalar) -> jax.Array:
-    """Return the largest difference, s, at which a time counts as equal to a breakpoint `at`."""
+    """Return the largest difference, s, at which a time counts as equal to a breakpoint `at`; zero
+    for a breakpoint at time zero."""
     return ROUNDINGS * jnp.finfo(jnp.result_type(float)).eps * jnp.abs(at)
 
 

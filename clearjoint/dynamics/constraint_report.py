@@ -125,8 +125,9 @@ def start_rows(
     """Return the constraint rows in an initial state at time t, s. Scene and state have vectors as
     arrays (3,).
 
-    Rows are stacked in the order of their names, because whether a row depends on the rows before
-    it depends on the order. A dictionary would lose this order, since JAX sorts its keys.
+    The rows of the arrays are in the order of the tuples of names. This order determines which of
+    several dependent rows count as redundant: those that depend on rows before them. A dictionary
+    would lose the order, since JAX sorts its keys.
     """
     scene, bodies = unpack(scene), unpack(state.bodies)
     absolute = AbsoluteCoordinates()
@@ -162,6 +163,7 @@ def _by_name(rows: ByLabel[Row]) -> dict[str, Row]:
     return {f"{joint}: {label}": row for joint, by in rows.items() for label, row in by.items()}
 
 
+# The first evaluates many scenes in compiled native code, the second one scene, by NumPy if it can.
 _start_rows = NativeFunction(start_rows)
 _start_rows_by_numpy = HostFirst(start_rows)
 
@@ -169,8 +171,8 @@ _start_rows_by_numpy = HostFirst(start_rows)
 def start_rows_of_lanes(
     scene: Scene, varied: PyTree, states: State, t: Scalar, coordinates: AbstractCoordinates
 ) -> StartRows:
-    """Return the result of `start_rows` for the N runs of a sweep, with an additional first axis of
-    length N in each array.
+    """Return the result of `start_rows` for the N runs (lanes) of a sweep, with an additional first
+    axis of length N in each array.
 
     The names of the rows are the same for all runs.
 

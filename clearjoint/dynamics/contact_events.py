@@ -5,6 +5,9 @@ open otherwise. Its entry speed is its penetration rate at the onset, m/s, on wh
 depend. When a step ends at an onset, it ends slightly after it; there, the entry speed is computed
 by one Newton step back to zero penetration. So the entry speed and its derivatives are those at the
 onset. `clearjoint.simulation.step.landing` adjusts the length of the step.
+
+Values by joint and contact label are nested dictionaries, ``values[joint][contact]``; in the code,
+`family` is the inner dictionary of one joint.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -175,7 +178,8 @@ def begins_at_start(gaps: ContactGaps) -> jax.Array:
 
 def too_deep(scene: Scene, gaps: ContactGaps) -> jax.Array:
     """Return whether any contact is deeper than the geometry of its joint allows: deeper than the
-    limit, m, that the joint's method `deepest` returns for it. A run ends where this happens.
+    limit, m, that the joint's method `deepest` returns for it. A run ends where this happens. The
+    depth is measured from the onset of the contact's force.
 
     A contact for which `deepest` has no entry is never too deep.
     """

@@ -3,7 +3,8 @@
 A contact is closed if it has a force. Slip velocities are computed only for joints with friction. A
 friction law with bristles (surfaces that deflect against each other, which models sticking) depends
 on the bristles' deflections, which are integrated with the motion. The rates of the deflections
-follow from the same slip velocity as the force, so both are computed here.
+follow from the same slip velocity as the force, so both are computed here. Values by joint and
+contact label are nested dictionaries, ``values[joint][contact]``.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -31,7 +32,8 @@ Bristles: TypeAlias = ByLabel[Vector]
 first body; zero while the contact is open. Rates of deflections, m/s, have the same form."""
 NO_BRISTLES: Bristles = {}
 INSIDE = 1e-300
-"""Smallest distance from the wall, m, of the depth that `depth_at_wall` returns."""
+"""Distance past the onset, m, of the depth that `depth_at_wall` returns if the law's force begins
+where the surfaces touch."""
 
 
 @jax.tree_util.register_dataclass
@@ -42,7 +44,7 @@ class LoadedContact:
     - `contact`: geometry.
     - `normal_force`: N, including damping, positive if it pushes the bodies apart.
     - `elastic_force`: N, the part of the normal force without damping.
-    - `friction`: force on the second body, N, in global axes; ``None`` without friction.
+    - `friction`: tangential force on the second body, N, in global axes; ``None`` without friction.
     - `bristle_rate`: rate of the bristles' deflection, m/s, in the axes of the first body; ``None``
       without bristles.
     - `friction_moment`: on the second body about the normal, N m; ``None`` except for two flat
@@ -74,9 +76,10 @@ def contact_forces(
       If `closed` is ``None``, the present penetration rate replaces an entry speed of zero.
     - `closed`: whether each contact has a force, whatever its depth (see `contact_force`); if
       ``None``, the contacts that penetrate have one.
-    - `bristles`: deflections, m, of the contacts with bristle laws.
+    - `bristles`: deflections, m, of the contacts with bristle laws, in the axes of the joint's
+      first body.
 
-    **Raises:** `ValueError` if `bristles` lacks such a contact.
+    **Raises:** `ValueError` if `bristles` lacks a contact with a bristle law.
     """
     forces: ByLabel[LoadedContact] = {}
     for name, joint in scene.contact_joints().items():
@@ -149,9 +152,11 @@ def contact_force(
 
     If `closed` is given and the slope of the force jumps at the wall, the force of a closed contact
     is continued past the wall as an odd function: outside, it pulls by as much as it pushes at the
-    same depth inside. The reason is that a step ends where the contact does, so that stages of the
-    step lie on both sides of the wall. If the force had a kink between them, the error estimate of
-    the derivatives would reject every step.
+    same depth inside. For a law whose force also jumps there, from zero to F, the force outside
+    differs from F by as much as the force inside, in the opposite direction. The reason for the
+    continuation is that a step ends where the contact does, so that stages of the step lie on both
+    sides of the wall. If the force had a kink between them, the error estimate of the derivatives
+    would reject every step.
 
     **Arguments:**
 

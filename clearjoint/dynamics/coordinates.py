@@ -66,8 +66,8 @@ class AbstractMechanics(abc.ABC):
 
     @abc.abstractmethod
     def free_rates(self, wrenches: Wrenches) -> Speeds:
-        """Return the rates of the speeds under given wrenches, by name of body, and gravity,
-        without constraints.
+        """Return the rates of the speeds under given wrenches, one for each body, by its name, and
+        gravity, without constraints.
 
         Coordinates of bodies that all fall freely may leave gravity out of these rates, and add it
         in `accelerations` and `variable_rates`.
@@ -105,7 +105,8 @@ class AbstractMechanics(abc.ABC):
     def variable_rates(self, rates: Speeds) -> MotionVariables:
         """Return the time derivatives of the variables for given rates of the speeds.
 
-        They have the structure of the variables, with its time derivative in place of each one.
+        The result has the structure of the variables, with each variable replaced by its time
+        derivative.
         """
 
     @abc.abstractmethod
@@ -168,9 +169,9 @@ class AbstractCoordinates(eqx.Module):
     def without_drift(self, scene: Scene, variables: MotionVariables) -> MotionVariables:
         """Return normalised variables of the same motion.
 
-        Euler parameters get unit norm, and angles are moved to between -2 pi and 2 pi. The method
-        is called at the end of each step; variables that are normalised already are returned
-        unchanged to the bit.
+        Euler parameters whose squared norm differs from one by more than 1e-6 are scaled to unit
+        norm, and angles are moved to between -2 pi and 2 pi. The method is called at the end of
+        each step; variables that need no correction are returned unchanged to the bit.
         """
 
     @abc.abstractmethod

@@ -2,7 +2,9 @@
 
 The ledger consists of powers, W, which a run integrates to energies, J. Terms that a scene cannot
 have, such as friction without friction laws, are not computed, and are absent from the returned
-dictionaries and from the compiled program.
+dictionaries and from the compiled program. A row is one scalar constraint equation. Values by joint
+and label (of a contact or row) are nested dictionaries, ``values[joint][label]``; in the code,
+`family` is the inner dictionary of one joint.
 """
 
 from ..math.vectors import Scalar, add, is_zero
@@ -34,10 +36,12 @@ def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scal
             # The elastic part of the normal force is conservative, so only the rest dissipates.
             book("normal damping", (force.normal_force - force.elastic_force) * rate)
             if force.friction is not None and force.contact.slip is not None:
+                # Friction is tangential. The slip of flat faces also has a component along the
+                # normal, which this product leaves out; its power is that of the moment below.
                 book("friction", -force.friction.dot(force.contact.slip))
                 if force.friction_moment is not None and force.contact.face_radius is not None:
-                    # The slip of flat faces has a component along the normal: their relative spin
-                    # about it times the face radius.
+                    # The component of the slip along the normal is the relative spin of the faces
+                    # about the normal, times the face radius.
                     along = force.contact.slip.dot(force.contact.normal)
                     book("friction", -force.friction_moment * along / force.contact.face_radius)
     for joint in scene.contact_joints().values():
@@ -48,8 +52,11 @@ def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scal
     for name, family in dynamics.rows.items():
         for label, row in family.items():
             multiplier = dynamics.multipliers[name][label]
-            # The power of the reactions has two parts. The driver supplies the part that belongs to
-            # the prescribed rate (`time_rate`). The rest is due to drift and stabilisation.
+            # The rate of a row's value, `row_rate`, is the row's Jacobian times the velocities and
+            # spins, plus `time_rate`, its rate with all bodies at rest. The power of the reactions
+            # on the bodies is therefore multiplier (row_rate - time_rate). The first term is zero
+            # unless the constraint drifts or the stabilisation corrects it. The driver supplies the
+            # second term.
             book("stabilisation", -multiplier * row_rate(row, dynamics.motions))
             if not is_zero(row.time_rate):
                 book("supplied", -multiplier * row.time_rate)

@@ -6,7 +6,8 @@ of multi-body systems, 2006.
 All that a scene lacks is left out while JAX traces: without constraints the compiled program has no
 multipliers, without friction no slip, without a ledger no powers. A row is one scalar constraint
 equation with its Jacobian. The speeds are those of the chosen coordinates, and their rates are the
-time derivatives.
+time derivatives. Values by joint and label (of a contact or row) are nested dictionaries,
+``values[joint][label]``; in the code, `family` is the inner dictionary of one joint.
 """
 
 from collections.abc import Iterable
@@ -74,8 +75,8 @@ def applied_wrenches(
 
     Gravity is not included, because the coordinates add it as an acceleration.
 
-    **Arguments:** `forces`: forces of all contacts, by joint and contact label; `t`: the scene's
-    time, s.
+    **Arguments:** `forces`: forces of the contacts, by joint and contact label; contacts of a joint
+    without an entry exert none; `t`: the scene's time, s.
     """
     wrenches = dict.fromkeys(scene.bodies, NO_WRENCH)
 

@@ -2,7 +2,8 @@
 run.
 
 Ideal joints that replace clearance joints hold journals in a position while an initial state is
-assembled.
+assembled. Values by joint and contact label are nested dictionaries, ``values[joint][contact]``; in
+the code, `family` is the inner dictionary of one joint.
 """
 
 from collections.abc import Collection, Iterable, Mapping
@@ -36,7 +37,8 @@ FAR_OUTSIDE = 1e-2
 a warning is issued. Contacts in motion are usually far less deep."""
 HOLD_IT = "Give the joint axial=EndPlay(...) or FixedAxially(), or hold the bodies by other joints."
 Depths: TypeAlias = ByLabel[float]
-"""Penetration of each contact, m, by joint and contact label; negative without contact."""
+"""Penetration of the surfaces of each contact, m, by joint and contact label; negative without
+contact."""
 
 
 def depths(scene: Scene, state: State) -> Depths:
@@ -215,6 +217,7 @@ def _numbers(by_name: Mapping[str, Scalar]) -> dict[str, float]:
     return {name: float(number) for name, number in by_name.items()}
 
 
+# NumPy computes this function if it can, since a compilation takes longer than a single call.
 @HostFirst
 def contact_depths(scene: Scene, bodies: dict[str, BodyState]) -> ByLabel[Scalar]:
     """Return the penetration of each contact, m, by joint and contact label.
@@ -229,6 +232,7 @@ def contact_depths(scene: Scene, bodies: dict[str, BodyState]) -> ByLabel[Scalar
     }
 
 
+# This function is compiled to native code or, if that is not possible, by XLA without a warning.
 @partial(Native, warns=False)
 def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, jax.Array]:
     """Return the load on each constraint of a scene, N, by name of joint, while all bodies are at

@@ -1,7 +1,8 @@
 """Evaluation of a scene's equations of motion at an instant, in chosen coordinates.
 
 Each compiled program makes one `System` at its beginning, from which steps, outputs and reports
-compute motions, forces and rates.
+compute motions, forces and rates. Values by joint and label (of a contact or constraint) are nested
+dictionaries, ``values[joint][label]``; in the code, `family` is the inner dictionary of one joint.
 """
 
 import functools
@@ -33,8 +34,9 @@ from .formulation import Formulation
 from .multipliers import response, row_rate, row_weights
 
 FARTHEST = 1e-3
-"""Largest violation of a constraint, m or rad, at which a run continues. With the default
-stabilisation and tolerances, the violations are about a thousandth of this value."""
+"""Largest violation of a constraint, m or rad, at which a run continues; a smaller clearance takes
+its place. With the default stabilisation and tolerances, the violations are about a thousandth of
+this value."""
 
 
 class System(eqx.Module):
@@ -49,8 +51,8 @@ class System(eqx.Module):
 
     In all methods, `variables` are those of the formulation's coordinates, t is in s since
     `origin`, `entry_speeds` are penetration rates at the onsets of the present contacts, m/s, by
-    joint and contact label, and joints and bodies are identified by name. A row is one scalar
-    constraint equation.
+    joint and contact label (zero for an open contact), and joints and bodies are identified by
+    name. A row is one scalar constraint equation.
 
     >>> scene, state = extend.unpack(cj.mechanisms.double_pendulum())
     >>> system = extend.System(scene, extend.Formulation())
@@ -85,8 +87,9 @@ class System(eqx.Module):
         return self.formulation.coordinates.decode(self.scene, variables)
 
     def without_drift(self, variables: MotionVariables) -> MotionVariables:
-        """Return variables of the same motion with Euler parameters of unit norm and angles
-        between -2 pi and 2 pi; see `AbstractCoordinates.without_drift`."""
+        """Return normalised variables of the same motion: Euler parameters are scaled to unit norm
+        if their squared norm differs from one by more than 1e-6, and angles are moved to between
+        -2 pi and 2 pi."""
         return self.formulation.coordinates.without_drift(self.scene, variables)
 
     def with_speeds(self, variables: MotionVariables, others: MotionVariables) -> MotionVariables:
@@ -98,8 +101,9 @@ class System(eqx.Module):
         return self.formulation.coordinates.motions(self.scene, variables)
 
     def mechanics(self, variables: MotionVariables) -> AbstractMechanics:
-        """Return kinematics and mass matrix of the scene for given variables. The result solves the
-        equations of motion for any wrenches on the bodies, but computes none itself."""
+        """Return kinematics and mass matrix of the scene for given variables. The result includes
+        gravity, but no other forces: it solves the equations of motion for wrenches (force and
+        moment on each body) that the caller computes."""
         return self.formulation.coordinates.mechanics(self.scene, variables)
 
     def rows(self, motions: Motions, t: Scalar) -> ByLabel[Row]:
@@ -121,6 +125,8 @@ class System(eqx.Module):
 
         **Arguments:**
 
+        - `entry_speeds`: as in the class. If a contact with a force has an entry speed of zero, its
+          present penetration rate is used or, if `closed` is given, its force is elastic.
         - `closed`: whether each contact has a force, by joint and contact label; if ``None``, the
           contacts that penetrate have one.
         - `bristles`: deflection of the bristles of each contact with a bristle friction law, m, in
@@ -156,6 +162,7 @@ class System(eqx.Module):
         ]
         change, multipliers = self._response(mechanics, flattened(rows), targets, rates)
         rates = [add(a, b) for a, b in zip(rates, change, strict=True)]
+        # `each_label` calls the function in the order of `flattened`, which is that of the list.
         values = iter(multipliers)
         by_label = each_label(lambda name, label: next(values), rows)
         return Dynamics(mechanics, forces, rows, rates, by_label)
@@ -306,8 +313,8 @@ class System(eqx.Module):
 
     def constraints_violated(self, variables: MotionVariables, t: Scalar) -> Condition | None:
         """Return whether any constraint is violated by more than `FARTHEST`, or by more than the
-        smallest clearance of a journal if that is less, or is NaN; ``None`` if there are no
-        constraints."""
+        smallest radial clearance of a contact if that is less. A constraint whose value is NaN
+        counts as violated. The result is ``None`` if there are no constraints."""
         if not self.is_constrained(variables, t):
             return None
         motions = self.motions(variables)

@@ -24,8 +24,9 @@ def cached_by_numbers(function: Callable[Arguments, Result]) -> Callable[Argumen
     """Return a function of PyTrees that caches its results.
 
     A result is used again for arguments of the same classes, with the same static fields and the
-    same numbers. The function must have no side effects, and callers must not change its results.
-    Neither errors nor results for traced numbers are cached.
+    same numbers. Leaves other than arrays must be hashable. The function must have no side effects,
+    and callers must not change its results. Neither errors nor results for traced numbers are
+    cached.
     """
     results: OrderedDict[Hashable, Result] = OrderedDict()
 
@@ -51,7 +52,7 @@ def content(leaf: PyTree) -> Hashable:
     """Return a hashable key for a leaf of a PyTree.
 
     It consists of the type, shape, dtype and bytes of an array, or of the type and value of any
-    other object.
+    other object, which must be hashable.
     """
     if isinstance(leaf, np.ndarray | np.generic | jax.Array):
         array = np.asarray(leaf)

@@ -34,7 +34,8 @@ from .types import ArrayLike
 
 T = TypeVar("T")
 LONGEST = 400
-"""Largest number of characters of a value in an error message."""
+"""Largest number of characters of a value in an error message, and largest number of entries of an
+array or list whose entries are shown there."""
 Path: TypeAlias = tuple[str | int, ...]
 """Path to a part of a PyTree: names of fields, and keys or indices of containers."""
 EPSILON = float(np.finfo(float).eps)
@@ -46,13 +47,15 @@ _CONDITIONS: ContextVar[list[jax.Array] | None] = ContextVar("conditions", defau
 
 
 def as_number(value: object, argument: str = "value", unit: str = "1") -> np.ndarray | jax.Array:
-    """Return a value as a float64 NumPy array, or as a JAX array if it is one or contains traced
-    numbers.
+    """Return a value as a float64 NumPy array.
+
+    A JAX array is returned unchanged. A list or tuple that contains traced numbers is returned as a
+    JAX array.
 
     **Arguments:** `value`: a number, an array, or nested lists of numbers. `argument`, `unit`: name
     and unit of the value in the error message.
 
-    **Raises:** `ValueError` if the value does not consist of numbers.
+    **Raises:** `ValueError` if the value does not consist of numbers; texts and bools are none.
     """
     if isinstance(value, jax.Array):
         return value

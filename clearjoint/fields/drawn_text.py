@@ -5,7 +5,7 @@ from textwrap import fill
 LONGEST_NAME = 40
 """Largest number of characters of a name in a figure; a longer name is shortened."""
 WIDEST_LABEL = 44
-"""Largest number of characters of an axis's label on one line."""
+"""Number of characters above which an axis's label is broken into several lines."""
 
 
 def literal(text: str) -> str:
@@ -33,8 +33,8 @@ def shown(name: str, longest: int = LONGEST_NAME) -> str:
 def broken(label: str) -> str:
     """Return the label of an axis, broken into lines of about equal length if it is longer than
     `WIDEST_LABEL` characters."""
-    # The quotient rounded up. Lines end before a word that doesn't fit: with six characters more
-    # than the average, they nearly always suffice.
+    # The quotient rounded up. Lines end before a word that doesn't fit. With a width of six
+    # characters more than the average, the text nearly always fits into this number of lines.
     lines = -(-len(label) // WIDEST_LABEL)
     if lines <= 1:
         return label

@@ -159,10 +159,10 @@ class AbstractReadable(eqx.Module):
     """Base class of PyTree classes whose fields are checked and whose `repr` is readable.
 
     When an object is made, the value of each field is checked against its declaration, such as
-    ``quantity("m", positive=True)``. A subclass may define two further checks, which run
-    afterwards: `_check_together` for conditions on several fields, and `_caution_together` for
-    warnings about unusual combinations. The `repr` shows numbers and short arrays as they were
-    given.
+    ``quantity("m", positive=True)``, unless it is ``None``. A subclass may define two further
+    checks, which run afterwards: `_check_together` for conditions on several fields, and
+    `_caution_together` for warnings about unusual combinations. The `repr` shows numbers and short
+    arrays as they were given.
     """
 
     def __init_subclass__(cls, **options: object):

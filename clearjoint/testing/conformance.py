@@ -143,7 +143,7 @@ def check_law(
     ensure(forces >= 0.0, "The force is negative somewhere: clamp it at zero.")
     outside = depth < -jnp.asarray(law.onset_offset())
     ensure(jnp.where(outside, forces, 0.0) == 0.0, "There is a force before onset_offset().")
-    # The power, W, of what the force has beyond the elastic one; the scale is for rounding errors.
+    # The power, W, of the force minus the elastic force; the scale is for rounding errors.
     dissipation = (forces - jax.vmap(elastic)(depth)) * rate
     scale = 1e-9 * (1.0 + jnp.abs(forces * rate))
     ensure(dissipation >= -scale, "The law creates energy: (force - elastic_force) rate < 0.")
@@ -155,8 +155,9 @@ def check_law(
     ensure_finite_slopes(force, law, depth=depth, rate=rate, entry_speed=entry)
     forces_at = jax.vmap(force, in_axes=(None, 0, 0, 0))
     _check_differences(forces_at, law)
-    # A contact that exists at the start of a run has no known entry speed, and no damping. It is
-    # represented by a finite speed, so that a damping of about 1e-9 of the force remains.
+    # A contact that exists at the start of a run has no known entry speed, and no damping. A large
+    # but finite speed stands for the unknown one, so that a damping of about 1e-9 of the force
+    # remains.
     if law.uses_entry_speed:
         depth, rate = _grid(DEPTHS, RATES)
         unknown = forces_at(law, depth, rate, jnp.full_like(depth, UNKNOWN_ENTRY_SPEED))

@@ -26,7 +26,8 @@ TOLERANCE = 1e-9
 """Largest accepted error of a relation that holds exactly, relative to one plus the size of its
 terms."""
 STEP = 1e-6
-"""Step of finite differences, relative to the number that is changed."""
+"""Step of finite differences, relative to the largest number in the field of the changed parameter,
+or absolute if these numbers are zero."""
 TOLERANCE_OF_DIFFERENCES = 1e-5
 """Largest accepted relative error of derivatives that are compared with finite differences, far
 above the errors of these."""
@@ -50,7 +51,8 @@ def check_contact_joint(
     The check demands that
 
     - the joint's methods `laws` and `contacts` name the same contacts;
-    - normals are unit vectors, and the rate of each gap is the time derivative of its penetration;
+    - normals are unit vectors, or zero without contact, and the rate of each gap is the time
+      derivative of its penetration;
     - the forces on both bodies are equal and opposite on one line, or equal and opposite couples;
     - the power of the normal force agrees with the penetration rate, and the power of the elastic
       force with the rate of the stored energy;
@@ -128,6 +130,8 @@ def check_contact_joint(
     failures, all_rows, all_slopes = evaluate(*joined)
     ends = np.cumsum([len(part) for part, _ in requests])[:-1]
     for label, single in _rows(_contacts(joint, motions)).items():
+        # The conditions need time derivatives, which only the first request has: it changes the
+        # numbers as the motion does.
         for message, failed in failures[label].items():
             _require(not failed[: len(positions)].any(), label, message)
         same = jnp.allclose(single, all_rows[label][0], rtol=TOLERANCE, atol=1e-12)
@@ -149,14 +153,17 @@ def _check_slopes(
     # In the order of the requests: along the motion, by all numbers at once, by each parameter, and
     # the latter with the parameter increased and decreased.
     _, everything, exact, _, _ = slopes
+    # The derivative if all numbers change at once is not finite if one derivative is not.
     finite = jnp.isfinite(everything).all()
     _require(finite, label, "a derivative of its forces is not finite everywhere")
     _, _, _, larger, smaller = rows
+    # The first of the numbers in `_rows` is the penetration.
     exact, numeric = exact[:, 0], (larger - smaller)[:, 0] / (2.0 * STEP)
     paths = jax.tree_util.tree_leaves_with_path(parameters)
     names = [jax.tree_util.keystr(path).lstrip(".") for path, leaf in paths for _ in leaf.ravel()]
-    # Each parameter changed by its magnitude, so these derivatives are in m. The term of 1e-3 m
-    # allows for the rounding errors of lengths where a derivative is zero.
+    # They are derivatives by the change relative to the magnitude of the parameter's field, and
+    # therefore in m. The term of 1e-3 m allows for the rounding errors of lengths where a
+    # derivative is zero.
     allowed = TOLERANCE_OF_DIFFERENCES * (1e-3 + jnp.abs(exact))
     for name, wrong in zip(names, _differ(exact, numeric, allowed), strict=True):
         message = f"the derivative of its penetration by `{name}` does not agree with differences"

@@ -110,7 +110,7 @@ def _complaints_of_force(force: Force, film: AbstractFilm) -> Iterator[str]:
     moves = (rates != 0.0).any(axis=1)
     if (size[~moves] != 0.0).any():
         yield "There is a force without motion."
-    # Single evaluations are slow: each 50th state.
+    # Single evaluations are slow, so that only each 50th state is tested.
     single = jnp.stack([force_at(film, state) for state in states[::50]])
     if not jnp.allclose(single, forces[::50]):
         yield "The force under vmap differs from a single evaluation."
@@ -140,11 +140,13 @@ def _rotated(rows: jax.Array, angle: float = 1.1) -> jax.Array:
 
 
 def _complaints_of_drag(film: AbstractFilm, *sizes: float) -> Iterator[str]:
-    """Yield a message if the drag torque on the journal is not finite or drives its spin.
+    """Yield a message if the drag torque on the journal is not finite, and one if it drives the
+    journal's spin.
 
     **Arguments:** `sizes`: the bearing's radius, radial clearance and length, m.
     """
-    # All combinations of a spin, rad/s, and an eccentricity ratio; the rate is arbitrary.
+    # All combinations of a spin relative to the bearing, rad/s, and a length of the offset; the
+    # rate of the offset is arbitrary.
     spins, ratios = (jnp.asarray(a.ravel()) for a in np.meshgrid((-100.0, 0.0, 100.0), RATIOS))
     gap = FilmGap(UNIT_Z, Vector(ratios, 0.0, 0.0), Vector(1.0, 2.0, 0.0), spins, *sizes)
     drag = jnp.asarray(film.drag(gap))
@@ -155,8 +157,9 @@ def _complaints_of_drag(film: AbstractFilm, *sizes: float) -> Iterator[str]:
 
 
 def _complaints_of_slopes(force: Force, film: AbstractFilm) -> Iterator[str]:
-    """Yield a message if derivatives of the force by offset, rate or parameters are not finite, or
-    if those by offset and rate differ from central differences."""
+    """Yield a message for each problem of the derivatives of the force: derivatives by offset or
+    rate that are not finite, derivatives by parameters that are not finite, and, once for each of
+    the states in `SMOOTH`, derivatives by offset or rate that differ from central differences."""
     # The smooth states are turned too, since a number that is zero would get a step of zero below.
     states, smooth = _states(), _rotated(jnp.asarray(SMOOTH), 0.3)
     slopes_at, forces_at = _at_all(jax.jacfwd(force, argnums=1)), _at_all(force)

@@ -42,9 +42,10 @@ def check_force(
     - `motions`: motion of each body of the element, from `moving`, by the body's name; include
       "ground" if the element has it. Translating and rotating bodies make the strictest test.
     - `time`: time of evaluation, s, which must not be a breakpoint of the element.
-    - `tolerance`: largest accepted error of the balances of force, moment and energy, relative to
-      the largest force; to the largest moment or, if larger, the largest force times the largest
-      distance of a body from the global origin; and to 1 W plus the powers.
+    - `tolerance`: largest accepted relative error of the balances. The error of the force balance
+      is relative to the largest force; that of the moment balance to the largest moment or, if
+      larger, the largest force times the largest distance of a body from the global origin; and
+      that of the energy balance to 1 W plus the powers of the wrenches and of `supplied_power`.
 
     **Raises:** `AssertionError` that states the first problem.
 
@@ -61,7 +62,8 @@ def check_force(
     ensure(wrenches.keys() <= motions.keys(), "There is a wrench on a body not in body_names().")
     for leaf in jax.tree.leaves(wrenches):
         ensure(jnp.isfinite(leaf), "The force is not finite.")
-    # Without the wrench on each of at least two bodies, a reaction is unknown: no sum to check.
+    # With one body, or without the wrench on one of several bodies, a reaction is unknown, and the
+    # sum cannot be checked.
     if len(motions) > 1 and wrenches.keys() == motions.keys():
         _check_balance(wrenches, motions, tolerance)
     _check_power(force, motions, time, tolerance)
@@ -139,7 +141,8 @@ def _check_derivatives(force: AbstractForce, motions: Mapping[str, Motion], time
 
 def _check_lanes(force: AbstractForce, motions: Mapping[str, Motion], time: float) -> None:
     """Check that `jax.vmap` over two motions gives the same wrenches as single evaluations."""
-    # The second lane differs from the first: the same bodies 0.1 s later.
+    # A lane is one element of the axis over which `jax.vmap` maps. The second lane differs from the
+    # first: the same bodies 0.1 s later.
     lanes = [motions, moved(motions, 0.1)]
     stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *lanes)
     together = jax.vmap(lambda lane: _wrenches(force, lane, time))(stacked)

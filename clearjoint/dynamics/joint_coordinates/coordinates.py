@@ -130,10 +130,10 @@ class JointMechanics(AbstractMechanics):
     def _mass_matrix(self) -> list[list[Scalar]]:
         """Return the lower triangle of the mass matrix, one list for each speed: row i has i + 1
         entries."""
+        matrix: list[list[Scalar]] = [[0.0] * (i + 1) for i in range(self._firsts[-1])]
         # For each link, the inertia of the link and of all bodies that it carries, as far as their
         # joints transmit that inertia. It is complete when the loop, which goes from the leaves to
         # the root, reaches the link.
-        matrix: list[list[Scalar]] = [[0.0] * (i + 1) for i in range(self._firsts[-1])]
         composites: list[Inertia] = [
             inertia(self._scene.bodies[branch.body], link.centre, central)
             for (branch, link), central in zip(self._pairs(), self._central, strict=True)
@@ -339,13 +339,13 @@ class JointCoordinates(AbstractCoordinates):
     relative to the body's `Anchor`, a fixed point near it, if it has one.
 
     These coordinates are the default, because they are faster on every mechanism measured. The
-    table shows the time in µs of one evaluation of the equations of motion, in a native loop of one
-    lane:
+    table shows the time in µs of one evaluation of the equations of motion in native code, for a
+    single run unless a batch of runs is named, and then per run:
 
     | mechanism | joint coordinates | absolute coordinates |
     |---|---|---|
     | double pendulum with clearance | 0.14 | 0.24 |
-    | the same, a lane in a batch of 64 | 0.04 | 0.07 |
+    | the same, in a batch of 64 runs | 0.04 | 0.07 |
     | ideal double pendulum | 0.03 | 0.38 |
     | double four-bar | 0.25 | 50 |
     | Bricard | 0.5 | 45 |
@@ -403,8 +403,9 @@ class JointCoordinates(AbstractCoordinates):
         return JointMechanics(scene, variables, self.motions(scene, variables))
 
     def without_drift(self, scene: Scene, variables: TreeVariables) -> TreeVariables:
-        """Return normalised variables of the same motion, by name of body: Euler parameters of unit
-        norm, and angles between -2 pi and 2 pi."""
+        """Return normalised variables of the same motion, by name of body: Euler parameters are
+        scaled to unit norm if their squared norm differs from one by more than 1e-6, and angles are
+        moved to between -2 pi and 2 pi."""
         return {
             branch.body: branch.without_drift(variables[branch.body]) for branch in _branches(scene)
         }

@@ -195,6 +195,8 @@ class FreeBranch:
     accelerates all bodies of a free tree alike.
 
     The methods are those of `JointedBranch`. The parent is the ground, whose motion they ignore.
+    Their argument `axes` is the rotation matrix from body axes to global ones, since the body is
+    the root.
     """
 
     body: str
@@ -267,8 +269,8 @@ class FreeBranch:
         return replace(state, velocity=velocity, spin=state.spin + Vector(*changes[3:]))
 
     def without_drift(self, state: BodyState) -> BodyState:
-        """Return the state with Euler parameters whose norm is corrected to 1 if it has drifted
-        (see `kept_unit`)."""
+        """Return the state with Euler parameters scaled to unit norm if their squared norm differs
+        from one by more than 1e-6, and otherwise unchanged."""
         return replace(state, orientation=kept_unit(state.orientation))
 
     def with_speeds(self, state: BodyState, other: BodyState) -> BodyState:
@@ -387,8 +389,9 @@ class JointedBranch:
         return JointState(state.position, speeds)
 
     def without_drift(self, state: JointState) -> JointState:
-        """Return the state with the position normalised: angles between -2 pi and 2 pi, so that
-        they don't grow over a long run, and Euler parameters of unit norm."""
+        """Return the state with the position normalised: angles are moved to between -2 pi and
+        2 pi, so that they don't grow over a long run, and Euler parameters are scaled to unit norm
+        if their squared norm differs from one by more than 1e-6."""
         return JointState(self.motion_subspace.without_drift(state.position), state.speeds)
 
     def with_speeds(self, state: JointState, other: JointState) -> JointState:
@@ -404,7 +407,7 @@ def forest(scene: Scene) -> list[list[TreeBranch]]:
 
     Ideal joints that would close a loop belong to no tree; they remain constraints. In each tree, a
     parent comes before its children. The first branch is the root; only its parent is the ground.
-    Bodies that ideal joints connect to the ground come first. Bodies are visited breadth first, so
+    Trees with an ideal joint to the ground come first. Bodies are visited breadth first, so
     that chains are short. Of connected bodies without a joint to the ground, one becomes a free
     root. A body with an `Anchor` is preferred as root, since the anchor preserves digits of its
     position. The trees depend on the types and names of joints and bodies, but on no numbers.
