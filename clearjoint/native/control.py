@@ -67,9 +67,11 @@ def _cond(lower: Lowering, equation: Equation, condition: Array, *arguments: Arr
     in_memory = any(aval_of(v).size > LARGEST_UNROLLED for v in equation.outvars)
     no_size, yes_size = (count_equations(branch.jaxpr) for branch in branches)
     if not in_memory and max(no_size, yes_size) <= LONGEST_CHOICE:
-        # Short branches: a few operations whose results are not used cost less than a jump.
-        no_results = lower.inline(no, arguments)
-        return _selected(lower, condition, lower.inline(yes, arguments), no_results)
+        # Short branches: a few operations whose results are not used cost less than a jump. Since
+        # both are executed, neither may overwrite an argument.
+        kept = [borrowed(argument) for argument in arguments]
+        no_results = lower.inline(no, kept)
+        return _selected(lower, condition, lower.inline(yes, kept), no_results)
     if ops.width == 1:
         return _branch(lower, condition, yes, no, arguments)
     # In several lanes both branches may be executed, each for the lanes that need it.
@@ -120,9 +122,10 @@ def _if_any(
     **Arguments:** `size`: number of equations of the branch; `in_memory`: whether it returns large
     arrays.
     """
-    # A short branch is computed in any case, since a jump would cost more.
+    # A short branch is computed in any case, since a jump would cost more. It must not overwrite
+    # its arguments in lanes that need the other branch.
     if size <= LONGEST_CHOICE and not in_memory:
-        return lower.inline(branch, arguments)
+        return lower.inline(branch, [borrowed(argument) for argument in arguments])
     results: list[Array] = []
 
     def compute() -> list[Value]:
@@ -257,11 +260,13 @@ def _move_back(lower: Lowering, carries: Sequence[Array], results: Sequence[Arra
     **Arguments:** `carries`: the arrays that the loop carries from one iteration to the next;
     `results`: the results of the body, one for each carry.
     """
-    # Carries may exchange their cells. They are copied to new cells first, so that none is
-    # overwritten before it is read.
-    taken = {old.start for old in carries if isinstance(old, InMemory)}
-    moved = _moved(results, carries)
-    moves = [(lower.copied(new) if new.start in taken else new, old) for new, old in moved]
+    # Carries may exchange their cells or parts of them. They are copied to new cells first, so that
+    # none is overwritten before it is read.
+    taken = [old for old in carries if isinstance(old, InMemory)]
+    moves = [
+        (lower.copied(new) if any(map(new.overlaps, taken)) else new, old)
+        for new, old in _moved(results, carries)
+    ]
     for new, old in moves:
         lower.write(new, old.start)
 

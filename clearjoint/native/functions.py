@@ -20,7 +20,13 @@ from ..compilation.xla import (
 )
 from . import control, indexing, structure
 from .cells import Cells, Memory
-from .lowering import Lowering, UnsupportedPrimitiveError, aval_of, tangents_of
+from .lowering import (
+    LARGEST_UNROLLED,
+    Lowering,
+    UnsupportedPrimitiveError,
+    aval_of,
+    tangents_of,
+)
 from .machine_code import Code, Stopwatch, load, load_or_make
 from .operations import Number, Operations
 
@@ -128,8 +134,14 @@ class BoundFunction:
         outputs = program.outputs
         # Of an example of a result, `Cells` uses the structure, shapes, dtypes and static leaves.
         self.results = Cells(result([np.zeros(region.shape, region.dtype) for region in outputs]))
-        # Arguments that are not varied are written to memory once, here.
+        # Arguments that are not varied are written to memory here, and large ones again before each
+        # call, since a program may overwrite its arguments in memory.
         self._code, self._memory = program.code, program.memory(flat.arrays)
+        self._fixed = [
+            (region, flat.arrays[k])
+            for k, region in enumerate(program.inputs)
+            if region is not None and k not in varied and region.size > LARGEST_UNROLLED
+        ]
         # Cells of the varied arguments that the program uses: in a row, and in memory.
         starts = np.cumsum([0, *(np.size(flat.arrays[k]) for k in varied)]).tolist()
         regions = zip(
@@ -149,6 +161,8 @@ class BoundFunction:
         results, numbers = np.empty((len(rows), len(self._out))), self._memory.floats[:, 0]
         for row, result in zip(rows[:, self._source], results, strict=True):
             numbers[self._target] = row
+            for region, array in self._fixed:
+                self._memory.write(region, array)
             self._code.run(self._memory)
             result[:] = numbers[self._out]
         return results

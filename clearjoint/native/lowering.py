@@ -95,6 +95,10 @@ class InMemory:
         """The number of elements."""
         return math.prod(self.shape)
 
+    def overlaps(self, other: "InMemory") -> bool:
+        """Return whether the array has a cell in common with another one."""
+        return self.start < other.start + other.size and other.start < self.start + self.size
+
 
 Array = Value | Packed | np.ndarray | InMemory
 """A scalar, a vector of tangents, a NumPy array of values, or an array in memory."""
@@ -520,14 +524,15 @@ class Lowering:
         if len(outs) == 1 and isinstance(outs[0], int):
             known[equation.outvars[0]] = outs[0]
             return
-        # A result may be in the same cells as an argument or as another result. Then neither of the
-        # two may be overwritten.
-        starts = Counter(out.start for out in outs if isinstance(out, InMemory))
+        # A result may have cells in common with an argument or with another result, such as a part
+        # of it. Then neither of the two may be overwritten.
+        in_memory = [out for out in outs if isinstance(out, InMemory)]
         for atom, array in kept.items():
-            if array.start in starts:
+            if any(map(array.overlaps, in_memory)):
                 known[atom] = replace(array, owned=False)
         for variable, out in zip(equation.outvars, outs, strict=True):
-            if isinstance(out, InMemory) and starts[out.start] > 1:
+            # Each result in memory overlaps with itself.
+            if isinstance(out, InMemory) and sum(map(out.overlaps, in_memory)) > 1:
                 out = replace(out, owned=False)
             known[variable] = out
 

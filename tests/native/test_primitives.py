@@ -404,6 +404,40 @@ def test_loops_and_branches(x):
         assert_same(NativeFunction(control)(x, 15, rows), expected, ulp=64)
 
 
+def overwritten(x, k, chosen):
+    """Large arrays that are updated in place, and other arrays in the same cells."""
+    one, end = jnp.ones(1), len(x)
+    tail = lax.slice(x, (1,), (end,))
+
+    def exchange(_, carries):
+        whole = lax.concatenate([carries[1], jnp.zeros(1)], 0)
+        return lax.dynamic_update_slice(whole, one, (k,)), lax.slice(carries[0], (1,), (end,))
+
+    exchanged = lax.fori_loop(0, 2, exchange, (x * 2.0, x[1:]))
+    either = lax.cond(
+        chosen, lambda z: z[5], lambda z: lax.dynamic_update_slice(z, one, (k,))[5], x * 3.0
+    )
+    # Nothing reads x after this update, but the tail is read as a result.
+    updated = lax.dynamic_update_slice(x, one, (k,))
+    return {"tail": tail, "updated": updated, "exchanged": exchanged, "either": either}
+
+
+@pytest.mark.parametrize("chosen", [True, False])
+def test_arrays_updated_in_place_leave_their_views_alone(chosen):
+    arguments = RANDOM.uniform(2.0, 3.0, 100), np.asarray(5), np.asarray(chosen)
+    assert_same(NativeFunction(overwritten)(*arguments), jax.jit(overwritten)(*arguments))
+
+
+@pytest.mark.parametrize("size", [60, 300])
+def test_fixed_arguments_of_bound_functions_are_the_same_in_all_calls(size):
+    def moved(table, k):
+        return lax.dynamic_update_slice(table, jnp.zeros(1), (k,)).sum()
+
+    table, ks = np.ones(size), np.arange(5)
+    found = NativeFunction(moved).rows((table, ks[0]), [None, ks])
+    np.testing.assert_array_equal(found, size - 1.0)
+
+
 def test_sines_and_cosines_are_correct_to_a_unit_in_the_last_place():
     x = np.concatenate(
         [
