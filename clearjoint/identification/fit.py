@@ -65,7 +65,7 @@ class Fit(AbstractTabular):
     - `units`: unit of each parameter's value by name.
     - `measurements`: the fitted measurements.
     - `searches`: the result of the search from each start.
-    - `best`: the search with the smallest chi squared, among `searches` and those of `check`.
+    - `best`: the search with the smallest chi squared, among `searches` and ``check.searches``.
     - `screened`: the result of each pass of a `Screening`, which finds starts by runs without
       derivatives; empty without a screening.
     - `horizon`: the `FitHorizon` given to `identify`, the longest record that a fit by a single run
@@ -410,7 +410,8 @@ class Fit(AbstractTabular):
         return [] if self.check is None or self.check.passed else [self._test_report()]
 
     def _problems(self) -> Iterator[str]:
-        """Yield warnings of an unfinished search, other minima, and estimates at a bound."""
+        """Yield warnings of an unfinished search or screening, other minima, and estimates at a
+        bound."""
         if self.ending is not Ending.CONVERGED:
             yield f"Not converged: {self.ending.value}."
         if self.screened and not self.screened[-1].complete:
@@ -600,7 +601,10 @@ def _delays(fit: Fit) -> Iterator[str]:
 
 
 def _outliers(fit: Fit) -> Iterator[str]:
-    """Yield a sentence if few samples, `OUTLIER_SHARE`, contribute most of chi squared."""
+    """Yield a sentence if the largest residuals contribute most of chi squared.
+
+    Their number is the share `OUTLIER_SHARE` of all samples, but at least one.
+    """
     rows = np.concatenate(list(fit.residuals.values())) ** 2
     count = max(int(OUTLIER_SHARE * len(rows)), 1)
     largest = np.sort(rows)[::-1][:count]

@@ -59,7 +59,8 @@ class Ending(Enum):
 class Iteration:
     """One run of a search, as passed to the function `progress` of `identify`.
 
-    - `number`: number of the run, from 0.
+    - `number`: number of the run in its search, from 0; each window of growing windows, and each
+      local search of the test of the covariance, is a search of its own.
     - `accepted`: whether this is the best run so far.
     - `chi_squared`: sum of the squared residuals of this run.
     - `coordinates`: (p,) values of the parameters in this run on their scales, such as logarithms.
@@ -85,7 +86,7 @@ class WindowSearch:
     """Result of a search that uses only the samples up to a time.
 
     - `end_time`: s, end of the window.
-    - `iterations`: all runs of the search.
+    - `iterations`: all runs of the search; empty if the user interrupted the first of them.
     - `ending`: reason why the search ended.
     """
 
@@ -101,7 +102,8 @@ class Search:
     - `start`: (p,) coordinates of the start.
     - `windows`: the successive searches over growing windows of the record.
     - `best`: the run with the smallest misfit in the last window. After an interruption in a
-      shorter window, it is a run over the whole record at the best coordinates of that window.
+      shorter window, or in the first run of a later one, it is a run over the whole record at the
+      best coordinates so far.
     """
 
     start: Float[np.ndarray, " p"]

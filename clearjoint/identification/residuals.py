@@ -62,7 +62,8 @@ class Experiment(eqx.Module):
       512, 4096 and so on, so that records of similar length share a program.
     - `delays`: for each delay among the parameters, its index, and the names of the outputs that it
       delays.
-    - `start_time`, s; `first_step`, s, and `max_steps`: as in `Settings`.
+    - `start_time`: s, start of the runs.
+    - `first_step`: s, length of the first step; `max_steps`: largest number of steps tried.
     """
 
     scheme: Scheme
@@ -78,8 +79,8 @@ class Experiment(eqx.Module):
     def run(self, coordinates: ArrayLike, end_time: Scalar) -> Sampled:
         """Run the scene at coordinates (p,) of the parameters.
 
-        An output with a delay is evaluated at `times` minus this delay. With a negative delay, the
-        run continues for its amount beyond `end_time`.
+        An output with a delay is evaluated at `times` minus this delay. With negative delays, the
+        run ends later than `end_time`, by the absolute value of the most negative one.
 
         **Arguments:** `end_time`: s, time of the last sample to compare.
 
@@ -319,7 +320,7 @@ class Samples(eqx.Module):
     def until(self, times: ArrayLike, end_time: float) -> "Samples":
         """Return a copy in which samples after `end_time`, s, have zero weight.
 
-        **Arguments:** `times`: s, times of the samples, T of them or more.
+        **Arguments:** `times`: (T,) s, times of the samples; further times are not used.
         """
         inside = np.asarray(times)[: self.weights.shape[1]] <= end_time
         return Samples(self.values, np.where(inside, self.weights, 0.0), self.periods)
@@ -374,13 +375,15 @@ def parameter_covariance(jacobian: Float[np.ndarray, "M p"]) -> Float[np.ndarray
 class RunMisfit:
     """Residuals and their Jacobian from one run, for S series at T times, M = S T.
 
-    Residuals and their derivatives are zero where a series has no sample. In the short windows of a
-    growing record, p more rows are those of a prior (argument `grow` of `identify`).
+    Residuals and their derivatives are zero where a series has no sample. In a window of a growing
+    record that is not the last one (argument `grow` of `identify`), a prior adds p more residuals,
+    at the end, and their derivatives; M is then S T + p.
 
     - `coordinates`: (p,) coordinates of the parameters.
     - `residuals`: (M,) in standard deviations of the noise, series after series; `UNREACHED` at
       samples that the run misses.
-    - `jacobian`: (M, p) derivatives of the residuals by the coordinates; zero at these samples.
+    - `jacobian`: (M, p) derivatives of the residuals by the coordinates; zero at samples that the
+      run misses.
     - `predicted`: (S, T) values of the outputs, SI; meaningless at times that the run misses.
     - `result`: `RESULTS` code of the run.
     - `time`: s, end of the run; `attempts`: number of steps tried.

@@ -103,8 +103,9 @@ def start_coordinates(
 
     The rows are the guesses in their order, then the random starts around the first guess.
 
-    **Arguments:** `guess`: a guess, or several; parameters that it lacks, or all without a guess,
-    have their `Parameter.value`, by default the scene's; `starts`: ``None`` for no random starts.
+    **Arguments:** `guess`: a guess, or several; a parameter that a guess lacks, and every parameter
+    for ``None``, starts at its `Parameter.value`, by default the number in the scene or state;
+    `starts`: ``None`` for no random starts.
 
     **Raises:** `ValueError` for a guess that is no dictionary, an empty list of guesses, a guess
     of an unknown parameter, outside its scale, or refused by the scene's elements, and for an

@@ -1,7 +1,8 @@
 """Identifiability of parameters from planned sensors, by Cramér-Rao bounds.
 
-The bounds follow from the sensitivities of the sensors' outputs. The study
-`studies.identifiability` compares them with those of a reference solver.
+The bounds follow from the sensitivities of the sensors' outputs, which are the derivatives of these
+by the parameters' coordinates. The study `studies.identifiability` compares the bounds with those
+of a reference solver.
 """
 
 from collections.abc import Mapping, Sequence
@@ -178,7 +179,7 @@ class Identifiability:
         return self._where(early)
 
     def _where(self, chosen: Bool[np.ndarray, " M"]) -> "Identifiability":
-        """Return the identifiability from those of the M samples for which `chosen` is true."""
+        """Return the identifiability from the samples for which `chosen`, (M,), is true."""
         sensors, times = self.sensors[chosen], self.sample_times[chosen]
         return replace(self, sensors=sensors, sample_times=times, rows=self.rows[chosen])
 

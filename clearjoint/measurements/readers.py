@@ -221,7 +221,8 @@ def _columns_of(path: str | Path, options: dict[str, Any]) -> Callable[[str, str
     names, written = [name for name, _ in headers], []
     if {"header", "names"}.isdisjoint(options) and names:
         # pandas renames repeated columns, so the header is read again as a row of texts, in which a
-        # name that occurs twice can be recognised.
+        # name that occurs twice can be recognised. With the user's options `header` or `names`, the
+        # names are not simply in the first row, so this check is left out.
         written = [_split(header)[0] for header in _read(path, options | _FIRST_LINE).iloc[0]]
     file = f"{str(path)!r}"
 
@@ -372,7 +373,7 @@ def _series(
     remedy = f"pass Channel(..., noise=...) for {name!r}, or noise=... for all"
     require(deviation is not None, "noise", deviation, "a standard deviation", remedy)
     assert deviation is not None
-    # One deviation for each row loses the rows whose samples are dropped.
+    # If there is a deviation for each row, the deviations of dropped samples are left out, too.
     if np.ndim(deviation):
         expected, remedy = f"of shape {valid.shape}", "pass one number, or one for each row"
         require(np.shape(deviation) == valid.shape, "noise", np.shape(deviation), expected, remedy)

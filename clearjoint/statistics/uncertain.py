@@ -92,6 +92,8 @@ class Uncertain:
         """Return the middle of the distribution, and its standard deviation or half width.
 
         Both are in the coordinate of the parameter's scale.
+
+        **Raises:** `ValueError` for a nominal value or bound that the scale doesn't allow.
         """
         if self.between is None:
             size = self.deviation if self.half_width is None else self.half_width
@@ -145,7 +147,7 @@ def unit_cube(dimensions: int, count: int, method: str, seed: int) -> Float[np.n
     """Return points (count, dimensions) that fill the unit cube, by `scipy.stats.qmc`.
 
     **Arguments:** `method`: one of `METHODS`, of which "random" draws independent points; `seed`:
-    of the random numbers that scramble the points, or are the points for "random".
+    of the random numbers, which scramble the points or, for "random", are their coordinates.
 
     **Raises:** `ValueError` for an unknown method, and for a count below 1.
 

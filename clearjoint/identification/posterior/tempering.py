@@ -46,8 +46,8 @@ HALVINGS = 50
 LEAST = 1e-9
 """Smallest step along the record, as a fraction of a sample, so that no step is zero."""
 CLOUD, SHARE = 100, 5
-"""Number of points of the cloud if at least as many are to be drawn; or their number divided by
-`SHARE`, if that is more."""
+"""The cloud has `CLOUD` points, or the number of points to draw divided by `SHARE` if that is more,
+but no more points than are to be drawn."""
 FIRST, GROWTH, MOST, ROUNDS = 2, 3, 10, 5
 """Sizes of the importance sampling: number of runs of the first round relative to the number of
 points to draw; largest number of runs of a round relative to the round before and to the number of
@@ -425,8 +425,8 @@ class Mixture:
         scaled = np.linalg.solve(np.linalg.cholesky(whole), points.T).T
         order = np.argpartition(((scaled[:, None] - scaled) ** 2).sum(axis=2), near - 1, axis=1)
         close = order[:, :near]
-        # Points of weight zero, such as failed runs, have no distribution, but may be all that is
-        # near another point. The small constant then avoids a division by zero.
+        # All points near another one may have weight zero, such as those of failed runs. The small
+        # constant then avoids a division by zero.
         shares = weights[close] + 1e-12 / count
         shares = shares / shares.sum(axis=1, keepdims=True)
         offsets = points[close] - (shares[..., None] * points[close]).sum(axis=1, keepdims=True)
