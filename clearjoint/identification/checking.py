@@ -610,7 +610,7 @@ def _descent(
     """Search for the local minimum near a start, coordinates (p,).
 
     **Arguments:** `near`: Gauss-Newton step, in standard errors, below which the search ends;
-    `steps`: largest number of its runs; the others are as in `check`.
+    `steps`: largest number of runs; the other arguments are as in `check`.
 
     **Raises:** `KeyboardInterrupt` if the user interrupts it.
     """

@@ -117,15 +117,16 @@ def identify(
       which a search ends.
     - `horizon`: result of `clearjoint.fit_horizon`, for a warning if the record is too long for a
       fit by a single run.
-    - `check_runs`: size of the test of the covariance after the search has converged, 50 or more; 0
-      for no test. About twenty runs for each parameter compare chi squared, up to four standard
-      errors around the estimates, with the prediction of the covariance. If they differ, chi
-      squared has several minima close together or is not quadratic. Then `check_runs` runs without
-      derivatives, more rounds of runs near those of lowest chi squared, and local searches explore
-      chi squared. The fit moves to the lowest minimum, and its report begins with this result.
-      Intervals are those of a posterior around this minimum, by at most 75 times `check_runs` runs
-      without derivatives; without a posterior they contain all explored points with a chi squared
-      at most 3.84 above the lowest. See `Fit.check` and `clearjoint.posterior`.
+    - `check_runs`: size of the test of the covariance after the search, 50 or more; 0 for no test.
+      There is none after a search that failed or reached `max_iterations`. About twenty runs for
+      each parameter compare chi squared, up to four standard errors around the estimates, with the
+      prediction of the covariance. If they differ, chi squared has several minima close together or
+      is not quadratic. Then `check_runs` runs without derivatives, more rounds of runs near those
+      of lowest chi squared, and local searches explore chi squared. The fit moves to the lowest
+      minimum, and its report begins with this result. Intervals are those of a posterior around
+      this minimum, by at most 75 times `check_runs` runs without derivatives; without a posterior
+      they contain all explored points with a chi squared at most 3.84 above the lowest. See
+      `Fit.check` and `clearjoint.posterior`.
     - `progress`: whether to show a line with the iterations, or a function that is called with
       each `Iteration`.
 

@@ -150,9 +150,10 @@ class _ClippedDescent(optx.AbstractDescent):
 def decrement(residuals: jax.Array, jacobian: jax.Array) -> jax.Array:
     """Return the length of the Gauss-Newton step in standard deviations of the estimates, ().
 
-    It tells how far a point is from the minimum, relative to the accuracy of the estimates. It is
-    the norm of the projection of the residuals (M,) on the columns of the Jacobian (M, p).
-    Directions that the data don't determine are left out.
+    Residuals must be in standard deviations of the noise. The length tells how far a point is from
+    the minimum, relative to the accuracy of the estimates. It is the norm of the projection of the
+    residuals (M,) on the columns of the Jacobian (M, p). Directions that the data don't determine
+    are left out.
     """
     axes, sizes, _ = jnp.linalg.svd(jacobian, full_matrices=False)
     return jnp.linalg.norm(jnp.where(sizes > UNDETERMINED * sizes[0], residuals @ axes, 0.0))
@@ -180,7 +181,7 @@ def _advance(
 
     - `y`: (p,) best coordinates so far.
     - `arrays`: arrays of the solver's state from the previous step, ``None`` at first.
-    - `model`: residuals and Jacobian at the latest point, which may be worse than `y`.
+    - `model`: latest point, which may be worse than `y`, with residuals and Jacobian there.
     - `limits`: (p,) largest change of each coordinate.
     - `tolerance`: `decrement` below which to end. The search also ends if the next step is very
       short, or after `PATIENCE` rejected steps in succession.
@@ -223,8 +224,8 @@ def search_with_damping(
 ) -> tuple[RunMisfit, tuple[Iteration, ...], Ending]:
     """Minimise the sum of squared residuals from a start, by the method of Levenberg and Marquardt.
 
-    A `KeyboardInterrupt` after the first evaluation ends the search; during the first one there is
-    no result yet, and it is raised.
+    A `KeyboardInterrupt` after the first evaluation ends the search. During the first evaluation it
+    is not caught, because there is no result yet.
 
     **Arguments:**
 

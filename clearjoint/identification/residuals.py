@@ -1,4 +1,4 @@
-"""Residuals, predictions minus measurements, as functions of the parameters' coordinates.
+"""Residuals, (prediction - measurement) / noise, as functions of the parameters' coordinates.
 
 A coordinate is a parameter's value as transformed by the parameter's scale, such as its logarithm.
 
@@ -84,11 +84,11 @@ class Experiment(eqx.Module):
 
         **Arguments:** `end_time`: s, time of the last sample to compare.
 
-        **Returns:** by name of the output, `values` (T,) in SI at the T `times`, and `derivatives`
-        (T, p) by the coordinates, a delay's included. Numbers for times after `end_time` are
-        meaningless. Times may also be missed because the run fails early: without delays, `reached`
-        is false there, and the numbers are meaningless; with delays, `reached` is true throughout,
-        and the values of an output are NaN at the times that it misses.
+        **Returns:** a `Sampled`. By name of the output it has `values` (T,) in SI at the T `times`,
+        and `derivatives` (T, p) by the coordinates, a delay's included. Numbers for times after
+        `end_time` are meaningless. Times may also be missed because the run fails early: without
+        delays, `reached` is false there, and the numbers are meaningless; with delays, `reached` is
+        true throughout, and the values of an output are NaN at the times that it misses.
         """
         if not self.delays:
             return self._sampled(coordinates, self.times, on_device(end_time))
@@ -328,7 +328,9 @@ class Samples(eqx.Module):
     def residuals(self, predicted: jax.Array | np.ndarray) -> Float[jax.Array, "S T"]:
         """Return (prediction - value) / noise, (S, T), for predictions (S, T) in SI.
 
-        A residual is zero where there is no sample, and `UNREACHED` where the prediction is NaN.
+        For a series with a period, the nearest multiple of the period is subtracted from the
+        difference. A residual is zero where there is no sample, and `UNREACHED` where the
+        prediction is NaN.
         """
         difference = predicted - self.values
         # Of all values that differ by whole periods, the nearest counts.
@@ -344,8 +346,8 @@ class Samples(eqx.Module):
 def samples(measurements: Measurements, count: int) -> Samples:
     """Return the samples of all series on the common times of `Measurements.times`.
 
-    **Arguments:** `count`: number T of times, with those that pad `Experiment.times`; there are no
-    samples at these.
+    **Arguments:** `count`: number T of times, at least that of the common times. Further times are
+    padding, as in `Experiment.times`, and have no samples.
     """
     times = measurements.times()
     series = measurements.series.values()
@@ -357,8 +359,9 @@ def samples(measurements: Measurements, count: int) -> Samples:
 
 
 LEAST_SINGULAR_VALUE = 1e-12
-"""Smallest singular value relative to the largest, for columns of unit length. Smaller ones are
-raised to this value, so that the variance of an undetermined direction stays finite."""
+"""Smallest singular value of a Jacobian relative to the largest, with columns scaled to unit
+length. Smaller ones are raised to this value, so that the variance of an undetermined direction
+stays finite."""
 
 
 def parameter_covariance(jacobian: Float[np.ndarray, "M p"]) -> Float[np.ndarray, "p p"]:
@@ -366,7 +369,8 @@ def parameter_covariance(jacobian: Float[np.ndarray, "M p"]) -> Float[np.ndarray
 
     Variances of combinations that the data don't determine are large but finite.
 
-    **Arguments:** `jacobian`: (M, p) derivatives of the residuals by the coordinates.
+    **Arguments:** `jacobian`: (M, p) derivatives by the coordinates of the residuals, which are in
+    standard deviations of the noise.
     """
     return information.covariance(jacobian, LEAST_SINGULAR_VALUE)
 

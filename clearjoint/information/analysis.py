@@ -37,6 +37,8 @@ class Sensor:
     - `noise`: standard deviation of the samples' independent noise, in the channels' SI unit: a
       number, or (N,).
 
+    The attribute `channels` is a tuple, also of one channel, and `noise` is (N,).
+
     **Raises:** `ValueError` for no channels or channels that are not functions, for times that are
     not finite or don't rise, and for noise of another shape or that is not finite and positive.
 
@@ -202,8 +204,8 @@ class Identifiability:
     def deviations(self) -> Float[np.ndarray, " p"]:
         """Standard deviations of the coordinates, (p,), if all parameters are estimated together.
 
-        On a `Log` scale, that of a coordinate is the relative error of the value. It is infinite
-        for a parameter that the data don't determine.
+        On a `Log` scale, the standard deviation of a coordinate is the relative error of the value.
+        It is infinite for a parameter that the data don't determine.
         """
         return information.deviations_together(self.root, self.accuracy)
 
@@ -211,7 +213,7 @@ class Identifiability:
     def deviations_alone(self) -> Float[np.ndarray, " p"]:
         """Standard deviations of the coordinates, (p,), if all other parameters are known.
 
-        That of a parameter without effect on the data is infinite.
+        They are infinite for parameters without effect on the data.
         """
         return information.deviations_alone(self.root)
 

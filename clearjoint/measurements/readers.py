@@ -83,6 +83,7 @@ class _Column:
         remedy = "subtract the first one and divide by one second"
         require(kind not in "mM", self.label, self.values.dtype, "numbers, not dates", remedy)
         if kind in "bO":
+            # These would become 1 and 0 below.
             plain = np.array([not isinstance(value, bool) for value in self.values.tolist()])
             self.require_each(plain, "a number, not a truth value", "write 0 or 1 instead")
         return np.asarray(pd.to_numeric(self.values, errors="coerce"), dtype=float)
@@ -212,8 +213,8 @@ def _columns_of(path: str | Path, options: dict[str, Any]) -> Callable[[str, str
     The function receives the name of the column and, for error messages, the name of the argument
     in which the user has passed it. `options` are those of `pandas.read_csv`.
 
-    **Raises:** `ValueError` for a file that can't be read. The function raises it for a missing or
-    repeated column.
+    **Raises:** `ValueError` for a file that can't be read. The returned function raises it for a
+    missing or repeated column.
     """
     options = {"index_col": False, "skipinitialspace": True, **options}
     table = _read(path, options)

@@ -180,7 +180,8 @@ class Bounded(AbstractScale):
 
     One step of a fit changes the coordinate by 1 at most.
 
-    **Arguments:** `low`, `high`: bounds in the parameter's unit, which values only approach.
+    **Arguments:** `low`, `high`: bounds in the parameter's unit; values lie between them and cannot
+    be equal to one of them.
 
     **Raises:** `ValueError` unless both are single finite numbers and low < high.
 
