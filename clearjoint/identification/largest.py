@@ -433,7 +433,8 @@ class _Search:
         """Return the margins with a row of values added just below the first violation.
 
         The row is between the last value before the first violation and the violation. With
-        `below`, it begins `CLOSE` times their distance lower, or at the smallest value.
+        `below`, it begins `CLOSE` times their distance lower, or at the smallest value. There must
+        be a violation, but not at the smallest value.
         """
         first = first_violation(lanes.margins)
         last, violation = lanes.coordinates[first - 1 : first + 1]

@@ -76,7 +76,7 @@ def half_widths(
 ) -> Float[np.ndarray, " p"]:
     """Return half the width of the box in which random points are drawn, for each parameter.
 
-    The points are starts of a fit, or those of a screening or a posterior.
+    The points are starts of a fit, or points of a screening or a posterior.
 
     **Arguments:** `spread`: half the width, in the coordinates of the scales: one number for all
     parameters, or a dictionary by name, in which missing parameters have zero; `names`: names of

@@ -33,8 +33,8 @@ from ..sweeps.sweep import SweepOptions, sweep
 PARTS = ("velocity", "spin")
 """Fields of a body's initial state that are disturbed; positions are not."""
 RANK_TOLERANCE = 1e-8
-"""Singular values of the constraints' Jacobian below this share of the largest count as zero, as
-those of redundant constraints."""
+"""Singular values of the constraints' Jacobian below this share of the largest count as zero, for
+example those that redundant constraints cause."""
 NEGLIGIBLE = 1e-9
 """Components of a disturbance below this share of its stated size are rounding errors and are set
 to zero, so that velocities which the constraints fix get no axis."""
@@ -241,10 +241,9 @@ def ensemble(
     ``lyapunov_exponent``, 1/s, is the growth rate of a disturbance in the second half of the run,
     on average over the first `exponents` members, and ``lyapunov_exponent_standard_error`` the
     standard error of this average; both are NaN if fewer than two of their runs with derivatives
-    succeed. The disturbance is a tangent: the
-    derivative of the motion by the initial velocity, as by `sensitivities`. Unlike the difference
-    of two runs, it is exact across impacts, needs no size, and does not stop growing when it is as
-    large as the motion.
+    succeed. The disturbance is a tangent: the derivative of the motion by the initial velocity, as
+    by `sensitivities`. Unlike the difference of two runs, it is exact across impacts, needs no
+    size, and does not stop growing when it is as large as the motion.
 
     **Raises:** `ValueError` for unsupported arguments, such as an axis named "member" or
     "quantile", which are dimensions of the result, and for constraints that leave no velocity free.
@@ -436,10 +435,10 @@ def _lyapunov_exponent(
     """Return the largest Lyapunov exponent, 1/s, and its standard error over several starts.
 
     Each start takes one run with a tangent: the derivative of the motion by a perturbation of the
-    initial velocity. Its size is a root mean square displacement of points of the bodies. The
-    exponent of a start is the slope of the logarithm of this size over the second half of the run;
-    in the first half the tangent turns to the direction of fastest growth. Runs that fail before
-    the end are left out. If fewer than two remain, both numbers are NaN.
+    initial velocity. The size of a tangent is the root mean square displacement of points of the
+    bodies. The exponent of a start is the slope of the logarithm of this size over the second half
+    of the run; in the first half the tangent turns to the direction of fastest growth. Runs that
+    fail before the end are left out. If fewer than two remain, both numbers are NaN.
 
     **Arguments:**
 

@@ -33,7 +33,8 @@ class Uncertain:
     **Arguments:**
 
     - `parameter`: a `Parameter`, or a path such as ``lambda scene: scene.joints["pin"].clearance``.
-      Its value in the scene is the nominal value. A path has the scale `Linear()`.
+      Its `value`, by default the number in the scene, is the nominal value. A path has the scale
+      `Linear()`.
     - `deviation`: standard deviation of a normal distribution about the nominal value, in the
       coordinate.
     - `half_width`: half the width of a uniform distribution about the nominal value, in the
@@ -41,10 +42,10 @@ class Uncertain:
     - `between`: the two bounds of a uniform distribution, as values in the parameter's unit. The
       nominal value is then the middle of the bounds' coordinates.
 
-    Exactly one of the last three is given.
+    Exactly one of the last three must be given.
 
-    **Raises:** `ValueError` for none or several of them, for a size that is not positive, for
-    bounds that don't rise, and for a `parameter` that is neither a `Parameter` nor a path.
+    **Raises:** `ValueError` for none or several of these three, for a size that is not positive,
+    for bounds that don't rise, and for a `parameter` that is neither a `Parameter` nor a path.
 
     >>> path = lambda scene: scene.joints["shoulder"].clearance
     >>> cj.Uncertain(path, deviation=5e-6).deviation

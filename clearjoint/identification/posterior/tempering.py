@@ -207,9 +207,12 @@ def along_record(
 ) -> tuple[Float[np.ndarray, "n p"], Float[np.ndarray, " n"], int]:
     """Return weighted points near the posterior of the whole record, by steps along the record.
 
-    **Arguments:** as in `draw`; `number` is that of the points in the cloud.
+    **Arguments:** as in `draw`, but `number` is the number of points in the cloud, and `on_step` is
+    called after each step only.
 
     **Returns:** the points (n, p), their weights (n,) of sum 1, and the number of steps.
+
+    **Raises:** as `draw`.
     """
     from scipy.stats import qmc
 
@@ -249,9 +252,11 @@ def evaluated(target: Target, points: Float[np.ndarray, "n p"], ahead: int) -> C
 
 
 def level_or_infinity(curves: Float[np.ndarray, "n T"], count: float) -> Float[np.ndarray, " n"]:
-    """Return chi squared (n,) over the first `count` times; a fraction counts a part of a sample.
+    """Return chi squared (n,) over the first `count` times.
 
-    It is infinite for a run that misses any of these samples, also one that counts in part.
+    If `count` is not a whole number, its fraction multiplies the rise of chi squared at the next
+    time. The result is infinite for a run that misses a sample at any of these times, also at the
+    last one that counts in part.
 
     **Arguments:** `curves`: (n, T + 1) chi squared over the first 0 to T times.
     """
