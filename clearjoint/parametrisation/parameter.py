@@ -67,8 +67,9 @@ class AbstractScale(abc.ABC):
     def value(self, coordinate: Scalar) -> Scalar:
         """Return the parameter's value at a coordinate.
 
-        JAX must be able to differentiate the function. `clearjoint.posterior`, and fits with a
-        delay on this scale, also pass arrays of coordinates, of which each entry is converted.
+        JAX must be able to differentiate the function. Posteriors, also that of a fit
+        (`Fit.posterior`), and fits with a delay on this scale pass arrays of coordinates, too, of
+        which each entry must be converted.
         """
 
     @abc.abstractmethod
