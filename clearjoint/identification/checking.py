@@ -185,9 +185,10 @@ def tested(
 class Exploration:
     """Points around a minimum, and the minima found by local searches from the lowest points.
 
-    - `points`: (n, p) coordinates; the first row is the minimum of the fit.
+    - `points`: (n, p) coordinates; the first row is the minimum at which the fit's own search
+      ended, before the fit moves to a lower one.
     - `chi_squared`: (n,) at the points.
-    - `minima`: the first minimum, and those at which local searches ended.
+    - `minima`: this minimum, then the points at which local searches ended.
     - `rounds`: number of rounds in which points were drawn.
     - `settled`: whether the last round widened every interval by less than a twentieth and found no
       new minimum, and noise explains the lowest chi squared.
@@ -221,8 +222,8 @@ def intervals(
     """Return lower and upper ends of the 95 % intervals around each of several minima, (k, p) each.
 
     A parameter's interval contains the values for which chi squared, minimised over the other
-    parameters by the minimum's covariance, is at most `RISE` above `lowest`. Minima that are
-    themselves higher are left out, so that k may be smaller than their number, or zero.
+    parameters by the minimum's covariance, is at most `RISE` above `lowest`. Minima whose own chi
+    squared is higher are left out, so that k may be smaller than the number of minima, or zero.
 
     **Arguments:** `minima`: runs at the minima; `lowest`: smallest known chi squared.
     """
@@ -263,8 +264,8 @@ def explore(
     - `descend`: function that searches from a point (p,) and returns a local minimum.
     - `minimum`: the minimum of the fit.
     - `covariances`: matrices (p, p); the first is that of the minimum.
-    - `limits`: (p,) largest distance of points from the minimum of the fit, in coordinates. Points
-      around a lower minimum are limited about that one.
+    - `limits`: (p,) largest distance of points from the minimum of the fit, in coordinates. The
+      points drawn around a lower minimum may be as far from that minimum instead.
     - `number`: number of points in the first round.
     - `rounds`: maximum number of rounds.
     - `likely`: largest chi squared that noise alone explains.
@@ -370,7 +371,8 @@ class LikelihoodCheck:
     - `test`: the rise of chi squared at points some standard errors away, predicted and actual, and
       the time up to which they agree.
     - `exploration`: more points and minima with their chi squared; ``None`` if the test passed.
-    - `searches`: the local searches that found the minima.
+    - `searches`: the local searches that found the minima; if one of these is lower than the fit's
+      by more than 0.5 in chi squared, a last, more accurate search from the lowest follows.
     - `posterior`: a small `Posterior`, of few points, around the lowest minimum, from which the
       fit's intervals come. ``None`` if the test passed, if noise doesn't explain chi squared, if
       more runs would be needed than 75 times the argument `check_runs` of `identify`, if no points
@@ -608,7 +610,7 @@ def _descent(
     """Search for the local minimum near a start, coordinates (p,).
 
     **Arguments:** `near`: Gauss-Newton step, in standard errors, below which the search ends;
-    `steps`: largest number of its runs; the others are as in `check`.
+    `steps`: largest number of runs; the other arguments are as in `check`.
 
     **Raises:** `KeyboardInterrupt` if the user interrupts it.
     """
@@ -629,8 +631,8 @@ def _largest_offsets(
     """Return the largest distance of explored points from the estimates, (p,), in coordinates.
 
     The distance is twice the scale's `max_step`, the largest change of the coordinate in one step
-    of a fit. If that is infinite, it is the larger of the coordinate's absolute value and
-    `FARTHEST` standard deviations of an estimate of that parameter alone.
+    of a fit. If `max_step` is infinite, the distance is the larger of the coordinate's absolute
+    value and `FARTHEST` standard deviations of the estimate if all other parameters were known.
     """
     max_changes = step_limits(parameters)
     norms = np.linalg.norm(best.jacobian, axis=0)

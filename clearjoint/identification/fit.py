@@ -65,7 +65,7 @@ class Fit(AbstractTabular):
     - `units`: unit of each parameter's value by name.
     - `measurements`: the fitted measurements.
     - `searches`: the result of the search from each start.
-    - `best`: the search with the smallest chi squared, among `searches` and those of `check`.
+    - `best`: the search with the smallest chi squared, among `searches` and ``check.searches``.
     - `screened`: the result of each pass of a `Screening`, which finds starts by runs without
       derivatives; empty without a screening.
     - `horizon`: the `FitHorizon` given to `identify`, the longest record that a fit by a single run
@@ -177,9 +177,10 @@ class Fit(AbstractTabular):
         standard errors, by the `covariance`. If `check` has found that chi squared is not
         quadratic, the intervals are the central ones of `posterior`, which need not contain the
         estimates; without a posterior, they also contain all points that `check` has explored with
-        a chi squared at most 3.84 above the lowest. In all cases they are extended to the intervals
-        of other minima in which searches ended, if their chi squared is at most 3.84 above that of
-        the fit and they are outside the box of coordinates to which the posterior is restricted.
+        a chi squared at most 3.84 above the lowest. In all cases they are extended to contain
+        the interval around each other minimum in which a search has converged, if its chi squared
+        is at most 3.84 above that of the fit and if it is outside the box of coordinates to which a
+        posterior is restricted.
         """
         minima, posterior = [self.best.best, *self._other_minima], self.posterior
         # Minima in the posterior's box are part of the posterior.
@@ -213,9 +214,10 @@ class Fit(AbstractTabular):
         """Values of the parameters, by name, at each other minimum that fits the data about as
         well.
 
-        By their chi squared they are in the joint 95 % confidence region of the best minimum. They
-        lie outside the 95 % intervals, by the covariance, of that minimum and of all lower ones in
-        the list, which begins with the smallest chi squared.
+        By its chi squared each of them is in the joint 95 % confidence region of the best minimum.
+        By the covariances it is outside the 95 % interval of at least one parameter around the best
+        minimum, and around every minimum before it in the list. The list begins with the smallest
+        chi squared.
         """
         minima = statistics.competing_minima(self.best.best, self._other_minima)
         return [values_at(self.parameters, minimum.coordinates) for minimum in minima]
@@ -292,7 +294,8 @@ class Fit(AbstractTabular):
     def advice(self) -> list[str]:
         """Sentences on remedies, in the order in which to try them.
 
-        The list is empty unless the residuals are far above the noise or the best run fails.
+        The list is empty unless the residuals are more than twice the stated noise, by chi squared
+        per degree of freedom, or the best run fails.
         """
         # Without degrees of freedom, residuals say nothing about the model.
         scatter = self._scatter if self.degrees_of_freedom > 0 else 0.0
@@ -326,8 +329,8 @@ class Fit(AbstractTabular):
         return "\n\n".join(part for part in parts if part)
 
     def _test_report(self) -> str:
-        """Return sentences on `check`: whether chi squared rises as the covariance predicts, and
-        otherwise from where the intervals come."""
+        """Return sentences on `check`, which must not be ``None``: whether chi squared rises as the
+        covariance predicts, and otherwise from where the intervals come."""
         assert self.check is not None
         check, test, explored = self.check, self.check.test, self.check.exploration
         cost = f"{check.runs} runs around the estimates, {check.seconds:.2g} s"
@@ -410,7 +413,8 @@ class Fit(AbstractTabular):
         return [] if self.check is None or self.check.passed else [self._test_report()]
 
     def _problems(self) -> Iterator[str]:
-        """Yield warnings of an unfinished search, other minima, and estimates at a bound."""
+        """Yield warnings of an unfinished search or screening, other minima, and estimates at a
+        bound."""
         if self.ending is not Ending.CONVERGED:
             yield f"Not converged: {self.ending.value}."
         if self.screened and not self.screened[-1].complete:
@@ -444,9 +448,9 @@ class Fit(AbstractTabular):
     def _uncertain_directions(self) -> Iterator[str]:
         """Yield a warning for each combination of parameters that the data hardly determine.
 
-        That is the case if a change along the combination by one standard deviation exceeds the
-        largest change that one step of a fit may make to a coordinate, or the coordinate itself if
-        there is no such limit.
+        That is the case if a change along the combination by one standard deviation changes any
+        coordinate by more than one step of a fit may change it or, without such a limit, by more
+        than the coordinate itself.
         """
         limits = step_limits(self.parameters)
         # Without a limit, as on a `Linear` scale, the coordinate's size serves instead.
@@ -571,7 +575,8 @@ def _remedies(fit: Fit, scatter: float) -> Iterator[str]:
 
 
 def _delays(fit: Fit) -> Iterator[str]:
-    """Yield a sentence on the first series whose misfit is mainly that of a delayed clock."""
+    """Yield a sentence on the first series whose misfit is mainly that of a delayed clock; nothing
+    if there is none."""
     variations = [parameter.variation for parameter in fit.parameters.values()]
     estimated = {name for one in variations if isinstance(one, SeriesDelay) for name in one.series}
     for name, series in fit.measurements.series.items():
@@ -600,7 +605,10 @@ def _delays(fit: Fit) -> Iterator[str]:
 
 
 def _outliers(fit: Fit) -> Iterator[str]:
-    """Yield a sentence if few samples, `OUTLIER_SHARE`, contribute most of chi squared."""
+    """Yield a sentence if the largest residuals contribute most of chi squared.
+
+    Their number is the share `OUTLIER_SHARE` of all samples, but at least one.
+    """
     rows = np.concatenate(list(fit.residuals.values())) ** 2
     count = max(int(OUTLIER_SHARE * len(rows)), 1)
     largest = np.sort(rows)[::-1][:count]

@@ -113,8 +113,9 @@ def competing_minima(best: RunMisfit, others: Sequence[RunMisfit]) -> list[RunMi
 
     Late in a record a small change of parameters moves impacts, so that chi squared has many
     minima close together, and noise decides which is the lowest. A minimum is returned if, by
-    its chi squared, it is in the joint 95 % confidence region of the best one, and if it lies
-    outside the 95 % intervals of the best one and of all lower ones returned.
+    its chi squared, it is in the joint 95 % confidence region of the best one, and if, by the
+    covariances, it is outside the 95 % interval of at least one parameter around the best minimum
+    and around each lower minimum that is returned.
 
     **Arguments:** `best`: the run at the best minimum; `others`: the runs at other minima.
     """

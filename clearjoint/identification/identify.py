@@ -117,15 +117,16 @@ def identify(
       which a search ends.
     - `horizon`: result of `clearjoint.fit_horizon`, for a warning if the record is too long for a
       fit by a single run.
-    - `check_runs`: size of the test of the covariance after the search has converged, 50 or more; 0
-      for no test. About twenty runs for each parameter compare chi squared, up to four standard
-      errors around the estimates, with the prediction of the covariance. If they differ, chi
-      squared has several minima close together or is not quadratic. Then `check_runs` runs without
-      derivatives, more rounds of runs among the lowest of them, and local searches explore it. The
-      fit moves to the lowest minimum, and its report begins with this result. Intervals are those
-      of a posterior around this minimum, by at most 75 times `check_runs` runs without derivatives;
-      without a posterior they contain all explored points with a chi squared at most 3.84 above the
-      lowest. See `Fit.check` and `clearjoint.posterior`.
+    - `check_runs`: size of the test of the covariance after the search, 50 or more; 0 for no test.
+      There is none after a search that failed or reached `max_iterations`. About twenty runs for
+      each parameter compare chi squared, up to four standard errors around the estimates, with the
+      prediction of the covariance. If they differ, chi squared has several minima close together or
+      is not quadratic. Then `check_runs` runs without derivatives, more rounds of runs near those
+      of lowest chi squared, and local searches explore chi squared. The fit moves to the lowest
+      minimum, and its report begins with this result. Intervals are those of a posterior around
+      this minimum, by at most 75 times `check_runs` runs without derivatives; without a posterior
+      they contain all explored points with a chi squared at most 3.84 above the lowest. See
+      `Fit.check` and `clearjoint.posterior`.
     - `progress`: whether to show a line with the iterations, or a function that is called with
       each `Iteration`.
 
@@ -195,6 +196,9 @@ def identify_many(
 
     **Raises:** as `identify`, and `ValueError` for no sets or sets of different channels or times.
     `FitInterrupted.fits` has the fits of all sets before the interruption.
+
+    **Warns:** as `identify`; of several poor fits, a warning shows the first and tells their
+    number.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
     >>> noisy = [data.with_noise(np.random.default_rng(seed)) for seed in range(2)]
@@ -348,9 +352,10 @@ class _Problem:
                     partial(on_iteration, part.count),
                 )
             except KeyboardInterrupt:
-                # In the first run of the window, which `search_with_damping` does not catch: the
-                # result of the window before is kept. Its predictions end with that window, so
-                # `last` is false.
+                # The user has interrupted the first run of the window, where `search_with_damping`
+                # does not catch it. The result of the window before is kept. Its predictions end
+                # with that window, so `last` is set to false, and a run over the whole record
+                # follows below.
                 if best is None:
                     raise
                 iterations, ending, last = (), Ending.INTERRUPTED, False
@@ -421,7 +426,8 @@ def iteration_callback(
     number of runs, the chi squared per sample, the length of the step in standard deviations and
     the values of the parameters; if ``False``, it shows nothing.
 
-    **Arguments:** `searches`: number of searches to come, which the line shows.
+    **Arguments:** `progress`, `parameters`: as in `identify`; `searches`: number of searches to
+    come, which the line shows.
     """
     if callable(progress):
         yield lambda _, iteration: progress(iteration)

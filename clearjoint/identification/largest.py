@@ -1,8 +1,9 @@
 """Search for the largest value of a parameter for which quantities stay within their limits.
 
-Sweeps over many values of the parameter compute the margins of the quantities to their limits. Each
-value may be combined with random draws of other numbers, such as the phase at the start. Then a
-given quantile of the quantities over the draws must stay within the limits.
+Sweeps over many values of the parameter compute the margins of the quantities to their limits,
+log(limit / peak). The values of one sweep are called a row, and its runs, which are computed side
+by side, are lanes. Each value may be combined with random draws of other numbers, such as the phase
+at the start. Then a given quantile of the peaks over the draws must stay within the limits.
 """
 
 import math
@@ -42,16 +43,16 @@ if TYPE_CHECKING:
 QUANTITY = "quantity"
 """Name of a single quantity that the user passes without a name."""
 CLOSE = 2.0
-"""The second row of lanes begins this many spacings of the first row below the last value before
-the first violation."""
+"""The second row begins this many spacings of the first row below the last value before the first
+violation."""
 INSPECTIONS = 12
-"""Maximum number of rows of lanes that search for violations between computed values, so that a
-rough margin does not take runs without end."""
+"""Maximum number of rows that search for violations between computed values, so that a rough margin
+does not take runs without end."""
 VALUE = "largest_value"
 """Name of the axis of the parameter's values in the sweeps."""
 NEIGHBOURS = 2
-"""Number of neighbouring intervals on each side that bound the change of the margin inside an
-interval."""
+"""Number of intervals on each side of an interval between computed values. The margin is expected
+to change inside the interval by no more than over any of these and the interval itself."""
 CONFIDENCE = 0.95
 """Confidence level of the quantiles' intervals."""
 
@@ -70,14 +71,16 @@ class LargestFeasible:
 
     - `value`: the largest feasible value, in `unit`; the upper end of the range if no limit is
       exceeded.
-    - `interval`: interval in which the first violation begins: the last value that satisfies the
-      limits and the first that does not; with a quantile of draws, its 95 % confidence interval.
-      Both ends are `value` if no limit is exceeded.
-    - `met`: whether a limit was reached within the range.
+    - `interval`: interval in which the first violation begins: `value`, and the next computed
+      value, which violates a limit. With several draws and a quantile below 1, it is instead a 95 %
+      confidence interval of the value at which the first violation begins. Both ends are `value` if
+      no limit is exceeded.
+    - `met`: whether the search met a limit, so that a computed value violates it; false if all
+      values of the range satisfy the limits.
     - `monotone`: whether all computed margins fall with the parameter. If not, larger values may
       satisfy the limits again, and a violation narrower than `spacing` may have been missed.
-    - `alternating`: the first value that violates a limit, and the largest value above it that
-      satisfies all limits; ``None`` if no larger value satisfies the limits.
+    - `alternating`: the first value that violates a limit, and the largest computed value above it
+      that satisfies all limits; ``None`` if there is none.
     - `spacing`: largest distance between neighbouring values up to the first violation, relative to
       the larger neighbour.
     - `values`: (n,) all computed values, in `unit`.
@@ -196,7 +199,7 @@ def largest_feasible(
     **Returns:** a `LargestFeasible`.
 
     **Raises:** `ValueError` for unsupported arguments, and if the smallest value violates a limit;
-    the message has its peak.
+    the message has the peak of the quantity, or says that the run fails.
     """
     named = isinstance(quantity, Mapping)
     quantities: dict[str, Watched] = dict(quantity) if named else {QUANTITY: quantity}
@@ -221,13 +224,14 @@ class LaneMargins:
     """Margins log(limit / peak) at n values of the parameter; negative where a limit is violated.
 
     - `coordinates`: (n,) rising coordinates of the values on the parameter's scale.
-    - `margins`: (n,) the smallest margin of all outputs; with draws, that of the quantile of the
-      peaks over the draws. A failed run counts as an infinite peak, with the margin -inf. The
-      margin is +inf for a peak of zero or less, and NaN, a violation, for a peak that is NaN.
+    - `margins`: (n,) the smallest margin of all outputs. Its peak is the largest value of a
+      quantity or the result of a reduction; with draws, the quantile of these over the draws. A
+      failed run counts as an infinite peak, with the margin -inf. The margin is +inf for a peak of
+      zero or less, and NaN, a violation, for a peak that is NaN.
     - `low`, `high`: (n,) ends of the margins' 95 % confidence intervals; equal to `margins` without
-      draws.
-    - `peak`: text for an error message on the output with the smallest margin at the first
-      coordinate.
+      draws, for a single draw, and for the quantile 1.
+    - `peak`: text, part of an error message: it gives the peak of the output with the smallest
+      margin at the first coordinate, or says that the run fails there.
     """
 
     coordinates: Float[np.ndarray, " n"]
@@ -320,7 +324,7 @@ def lane_margins(
         # A failed run counts as a violation.
         peaks = np.where(successful, results[name].values, np.inf).reshape(len(values), count)
         rows[name] = limit_margins(peaks, limit, quantile)
-    # Each of the three is the smallest of all outputs.
+    # The margins, and both ends of their intervals, are each the smallest of all outputs.
     margins, low, high = np.min(np.array([*rows.values()]), axis=0)
     # For the message about a limit that is violated from the first value on.
     firsts = {name: float(row[0][0]) for name, row in rows.items()}
@@ -331,6 +335,7 @@ def lane_margins(
     if np.isnan(first):
         peak = f"`{smallest}` has no peak with this value, but NaN"
     elif np.isfinite(first) or successful[:count].all():
+        # A peak may also be infinite in successful runs; otherwise a margin of -inf is a failure's.
         # The empty name is that of a reduction's main result, which is limited.
         unit, limit = outputs[smallest].units().get("", "1"), limits[smallest]
         peak = (
@@ -369,7 +374,7 @@ def limit_margins(
         above = int(binom.ppf(1.0 - tail, count, quantile)) + 1
     # A larger peak has a smaller margin, so that `above` gives the lower end.
     columns = [ordered[:, k - 1] if k <= count else ordered[:, -1] for k in (middle, above, below)]
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore"):  # The margin of a peak of zero or less is +inf.
         margin, low, high = (np.log(limit) - np.log(np.maximum(column, 0.0)) for column in columns)
     if above > count:  # Too few draws to bound the quantile from above.
         low = np.full(len(peaks), -np.inf)
@@ -377,7 +382,8 @@ def limit_margins(
 
 
 def as_reduction(quantity: Quantity | AbstractReduction, after: float | None) -> AbstractReduction:
-    """Return a reduction unchanged; for a quantity, its peak from the time `after`, s, on."""
+    """Return a reduction unchanged; for a quantity, the reduction to its peak from the time
+    `after`, s, on, or over the whole run for ``None``."""
     if isinstance(quantity, AbstractReduction):
         return quantity
     unit = getattr(quantity, "unit", None) or "1"
@@ -388,7 +394,8 @@ def as_reduction(quantity: Quantity | AbstractReduction, after: float | None) ->
 class _Search:
     """Search for the first violation by sweeps, each over a row of values of the parameter.
 
-    The argument `lanes` of methods has the margins of all values that have been computed so far.
+    The argument `lanes` of methods, unlike the field, has the margins of all values that have been
+    computed so far.
 
     - `margins`: function that runs a sweep at rising coordinates (n,) and returns their margins.
     - `lanes`: number of values in a row.
@@ -426,7 +433,8 @@ class _Search:
         """Return the margins with a row of values added just below the first violation.
 
         The row is between the last value before the first violation and the violation. With
-        `below`, it begins `CLOSE` times their distance lower, or at the smallest value.
+        `below`, it begins `CLOSE` times their distance lower, or at the smallest value. There must
+        be a violation, but not at the smallest value.
         """
         first = first_violation(lanes.margins)
         last, violation = lanes.coordinates[first - 1 : first + 1]
@@ -456,8 +464,10 @@ class _Search:
         return lanes
 
     def _result(self, lanes: LaneMargins, unit: str) -> LargestFeasible:
-        """Return the result of the search, with properties of all margins; `unit` is that of the
-        parameter."""
+        """Return the result of the search from the margins of all computed values.
+
+        **Arguments:** `unit`: of the parameter's value, as text for the result.
+        """
         first, values = first_violation(lanes.margins), self._values(lanes)
         met, value = first < len(values), values[first - 1]
         last_pass = int(np.flatnonzero(lanes.margins >= 0.0)[-1])
@@ -476,10 +486,12 @@ class _Search:
     def _interval(self, lanes: LaneMargins) -> tuple[float, float]:
         """Return the two values between which the first violation begins.
 
-        With draws these are the ends of a 95 % confidence interval: the last value before any
-        violation is possible by the margins' intervals, and the first at which it is certain. If a
-        violation is possible from the smallest value on, the interval begins there; if it is
-        certain nowhere, the interval ends at the largest computed value.
+        With several draws and a quantile below 1, these are the ends of a 95 % confidence interval:
+        the last value before any violation is possible by the margins' intervals, and the first at
+        which it is certain. If a violation is possible from the smallest value on, the interval
+        begins there; if it is certain nowhere, the interval ends at the largest computed value.
+        Otherwise the margins are exact, and the two values are the last one before the first
+        violation and that violation.
         """
         possible, certain = first_violation(lanes.low), first_violation(lanes.high)
         values = self._values(lanes)

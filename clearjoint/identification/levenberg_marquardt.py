@@ -59,7 +59,8 @@ class Ending(Enum):
 class Iteration:
     """One run of a search, as passed to the function `progress` of `identify`.
 
-    - `number`: number of the run, from 0.
+    - `number`: number of the run in its search, from 0; each window of growing windows, and each
+      local search of the test of the covariance, is a search of its own.
     - `accepted`: whether this is the best run so far.
     - `chi_squared`: sum of the squared residuals of this run.
     - `coordinates`: (p,) values of the parameters in this run on their scales, such as logarithms.
@@ -85,7 +86,7 @@ class WindowSearch:
     """Result of a search that uses only the samples up to a time.
 
     - `end_time`: s, end of the window.
-    - `iterations`: all runs of the search.
+    - `iterations`: all runs of the search; empty if the user interrupted the first of them.
     - `ending`: reason why the search ended.
     """
 
@@ -101,7 +102,8 @@ class Search:
     - `start`: (p,) coordinates of the start.
     - `windows`: the successive searches over growing windows of the record.
     - `best`: the run with the smallest misfit in the last window. After an interruption in a
-      shorter window, it is a run over the whole record at the best coordinates of that window.
+      shorter window, or in the first run of a later one, it is a run over the whole record at the
+      best coordinates so far.
     """
 
     start: Float[np.ndarray, " p"]
@@ -148,9 +150,10 @@ class _ClippedDescent(optx.AbstractDescent):
 def decrement(residuals: jax.Array, jacobian: jax.Array) -> jax.Array:
     """Return the length of the Gauss-Newton step in standard deviations of the estimates, ().
 
-    It tells how far a point is from the minimum, relative to the accuracy of the estimates. It is
-    the norm of the projection of the residuals (M,) on the columns of the Jacobian (M, p).
-    Directions that the data don't determine are left out.
+    Residuals must be in standard deviations of the noise. The length tells how far a point is from
+    the minimum, relative to the accuracy of the estimates. It is the norm of the projection of the
+    residuals (M,) on the columns of the Jacobian (M, p). Directions that the data don't determine
+    are left out.
     """
     axes, sizes, _ = jnp.linalg.svd(jacobian, full_matrices=False)
     return jnp.linalg.norm(jnp.where(sizes > UNDETERMINED * sizes[0], residuals @ axes, 0.0))
@@ -178,7 +181,7 @@ def _advance(
 
     - `y`: (p,) best coordinates so far.
     - `arrays`: arrays of the solver's state from the previous step, ``None`` at first.
-    - `model`: residuals and Jacobian at the latest point, which may be worse than `y`.
+    - `model`: latest point, which may be worse than `y`, with residuals and Jacobian there.
     - `limits`: (p,) largest change of each coordinate.
     - `tolerance`: `decrement` below which to end. The search also ends if the next step is very
       short, or after `PATIENCE` rejected steps in succession.
@@ -221,8 +224,8 @@ def search_with_damping(
 ) -> tuple[RunMisfit, tuple[Iteration, ...], Ending]:
     """Minimise the sum of squared residuals from a start, by the method of Levenberg and Marquardt.
 
-    A `KeyboardInterrupt` after the first evaluation ends the search; during the first one there is
-    no result yet, and it is raised.
+    A `KeyboardInterrupt` after the first evaluation ends the search. During the first evaluation it
+    is not caught, because there is no result yet.
 
     **Arguments:**
 

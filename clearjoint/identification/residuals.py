@@ -1,4 +1,4 @@
-"""Residuals, predictions minus measurements, as functions of the parameters' coordinates.
+"""Residuals, (prediction - measurement) / noise, as functions of the parameters' coordinates.
 
 A coordinate is a parameter's value as transformed by the parameter's scale, such as its logarithm.
 
@@ -62,7 +62,8 @@ class Experiment(eqx.Module):
       512, 4096 and so on, so that records of similar length share a program.
     - `delays`: for each delay among the parameters, its index, and the names of the outputs that it
       delays.
-    - `start_time`, s; `first_step`, s, and `max_steps`: as in `Settings`.
+    - `start_time`: s, start of the runs.
+    - `first_step`: s, length of the first step; `max_steps`: largest number of steps tried.
     """
 
     scheme: Scheme
@@ -78,16 +79,16 @@ class Experiment(eqx.Module):
     def run(self, coordinates: ArrayLike, end_time: Scalar) -> Sampled:
         """Run the scene at coordinates (p,) of the parameters.
 
-        An output with a delay is evaluated at `times` minus this delay. With a negative delay, the
-        run continues for its amount beyond `end_time`.
+        An output with a delay is evaluated at `times` minus this delay. With negative delays, the
+        run ends later than `end_time`, by the absolute value of the most negative one.
 
         **Arguments:** `end_time`: s, time of the last sample to compare.
 
-        **Returns:** by name of the output, `values` (T,) in SI at the T `times`, and `derivatives`
-        (T, p) by the coordinates, a delay's included. Numbers for times after `end_time` are
-        meaningless. Times may also be missed because the run fails early: without delays, `reached`
-        is false there, and the numbers are meaningless; with delays, `reached` is true throughout,
-        and the values of an output are NaN at the times that it misses.
+        **Returns:** a `Sampled`. By name of the output it has `values` (T,) in SI at the T `times`,
+        and `derivatives` (T, p) by the coordinates, a delay's included. Numbers for times after
+        `end_time` are meaningless. Times may also be missed because the run fails early: without
+        delays, `reached` is false there, and the numbers are meaningless; with delays, `reached` is
+        true throughout, and the values of an output are NaN at the times that it misses.
         """
         if not self.delays:
             return self._sampled(coordinates, self.times, on_device(end_time))
@@ -319,7 +320,7 @@ class Samples(eqx.Module):
     def until(self, times: ArrayLike, end_time: float) -> "Samples":
         """Return a copy in which samples after `end_time`, s, have zero weight.
 
-        **Arguments:** `times`: s, times of the samples, T of them or more.
+        **Arguments:** `times`: (T,) s, times of the samples; further times are not used.
         """
         inside = np.asarray(times)[: self.weights.shape[1]] <= end_time
         return Samples(self.values, np.where(inside, self.weights, 0.0), self.periods)
@@ -327,7 +328,9 @@ class Samples(eqx.Module):
     def residuals(self, predicted: jax.Array | np.ndarray) -> Float[jax.Array, "S T"]:
         """Return (prediction - value) / noise, (S, T), for predictions (S, T) in SI.
 
-        A residual is zero where there is no sample, and `UNREACHED` where the prediction is NaN.
+        For a series with a period, the nearest multiple of the period is subtracted from the
+        difference. A residual is zero where there is no sample, and `UNREACHED` where the
+        prediction is NaN.
         """
         difference = predicted - self.values
         # Of all values that differ by whole periods, the nearest counts.
@@ -343,8 +346,8 @@ class Samples(eqx.Module):
 def samples(measurements: Measurements, count: int) -> Samples:
     """Return the samples of all series on the common times of `Measurements.times`.
 
-    **Arguments:** `count`: number T of times, with those that pad `Experiment.times`; there are no
-    samples at these.
+    **Arguments:** `count`: number T of times, at least that of the common times. Further times are
+    padding, as in `Experiment.times`, and have no samples.
     """
     times = measurements.times()
     series = measurements.series.values()
@@ -356,8 +359,9 @@ def samples(measurements: Measurements, count: int) -> Samples:
 
 
 LEAST_SINGULAR_VALUE = 1e-12
-"""Smallest singular value relative to the largest, for columns of unit length. Smaller ones are
-raised to this value, so that the variance of an undetermined direction stays finite."""
+"""Smallest singular value of a Jacobian relative to the largest, with columns scaled to unit
+length. Smaller ones are raised to this value, so that the variance of an undetermined direction
+stays finite."""
 
 
 def parameter_covariance(jacobian: Float[np.ndarray, "M p"]) -> Float[np.ndarray, "p p"]:
@@ -365,7 +369,8 @@ def parameter_covariance(jacobian: Float[np.ndarray, "M p"]) -> Float[np.ndarray
 
     Variances of combinations that the data don't determine are large but finite.
 
-    **Arguments:** `jacobian`: (M, p) derivatives of the residuals by the coordinates.
+    **Arguments:** `jacobian`: (M, p) derivatives by the coordinates of the residuals, which are in
+    standard deviations of the noise.
     """
     return information.covariance(jacobian, LEAST_SINGULAR_VALUE)
 
@@ -374,13 +379,15 @@ def parameter_covariance(jacobian: Float[np.ndarray, "M p"]) -> Float[np.ndarray
 class RunMisfit:
     """Residuals and their Jacobian from one run, for S series at T times, M = S T.
 
-    Residuals and their derivatives are zero where a series has no sample. In the short windows of a
-    growing record, p more rows are those of a prior (argument `grow` of `identify`).
+    Residuals and their derivatives are zero where a series has no sample. In a window of a growing
+    record that is not the last one (argument `grow` of `identify`), a prior adds p more residuals,
+    at the end, and their derivatives; M is then S T + p.
 
     - `coordinates`: (p,) coordinates of the parameters.
     - `residuals`: (M,) in standard deviations of the noise, series after series; `UNREACHED` at
       samples that the run misses.
-    - `jacobian`: (M, p) derivatives of the residuals by the coordinates; zero at these samples.
+    - `jacobian`: (M, p) derivatives of the residuals by the coordinates; zero at samples that the
+      run misses.
     - `predicted`: (S, T) values of the outputs, SI; meaningless at times that the run misses.
     - `result`: `RESULTS` code of the run.
     - `time`: s, end of the run; `attempts`: number of steps tried.

@@ -76,7 +76,7 @@ def half_widths(
 ) -> Float[np.ndarray, " p"]:
     """Return half the width of the box in which random points are drawn, for each parameter.
 
-    The points are starts of a fit, or those of a screening or a posterior.
+    The points are starts of a fit, or points of a screening or a posterior.
 
     **Arguments:** `spread`: half the width, in the coordinates of the scales: one number for all
     parameters, or a dictionary by name, in which missing parameters have zero; `names`: names of
@@ -103,8 +103,9 @@ def start_coordinates(
 
     The rows are the guesses in their order, then the random starts around the first guess.
 
-    **Arguments:** `guess`: a guess, or several; parameters that it lacks, or all without a guess,
-    have their `Parameter.value`, by default the scene's; `starts`: ``None`` for no random starts.
+    **Arguments:** `guess`: a guess, or several; a parameter that a guess lacks, and every parameter
+    for ``None``, starts at its `Parameter.value`, by default the number in the scene or state;
+    `starts`: ``None`` for no random starts.
 
     **Raises:** `ValueError` for a guess that is no dictionary, an empty list of guesses, a guess
     of an unknown parameter, outside its scale, or refused by the scene's elements, and for an

@@ -1,7 +1,8 @@
 """Identifiability of parameters from planned sensors, by Cramér-Rao bounds.
 
-The bounds follow from the sensitivities of the sensors' outputs. The study
-`studies.identifiability` compares them with those of a reference solver.
+The bounds follow from the sensitivities of the sensors' outputs, which are the derivatives of these
+by the parameters' coordinates. The study `studies.identifiability` compares the bounds with those
+of a reference solver.
 """
 
 from collections.abc import Mapping, Sequence
@@ -35,6 +36,8 @@ class Sensor:
     - `times`: (N,) s, strictly rising.
     - `noise`: standard deviation of the samples' independent noise, in the channels' SI unit: a
       number, or (N,).
+
+    The attribute `channels` is a tuple, also of one channel, and `noise` is (N,).
 
     **Raises:** `ValueError` for no channels or channels that are not functions, for times that are
     not finite or don't rise, and for noise of another shape or that is not finite and positive.
@@ -178,7 +181,7 @@ class Identifiability:
         return self._where(early)
 
     def _where(self, chosen: Bool[np.ndarray, " M"]) -> "Identifiability":
-        """Return the identifiability from those of the M samples for which `chosen` is true."""
+        """Return the identifiability from the samples for which `chosen`, (M,), is true."""
         sensors, times = self.sensors[chosen], self.sample_times[chosen]
         return replace(self, sensors=sensors, sample_times=times, rows=self.rows[chosen])
 
@@ -201,8 +204,8 @@ class Identifiability:
     def deviations(self) -> Float[np.ndarray, " p"]:
         """Standard deviations of the coordinates, (p,), if all parameters are estimated together.
 
-        On a `Log` scale, that of a coordinate is the relative error of the value. It is infinite
-        for a parameter that the data don't determine.
+        On a `Log` scale, the standard deviation of a coordinate is the relative error of the value.
+        It is infinite for a parameter that the data don't determine.
         """
         return information.deviations_together(self.root, self.accuracy)
 
@@ -210,7 +213,7 @@ class Identifiability:
     def deviations_alone(self) -> Float[np.ndarray, " p"]:
         """Standard deviations of the coordinates, (p,), if all other parameters are known.
 
-        That of a parameter without effect on the data is infinite.
+        They are infinite for parameters without effect on the data.
         """
         return information.deviations_alone(self.root)
 

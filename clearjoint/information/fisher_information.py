@@ -173,7 +173,7 @@ class Combination:
 def combinations(root: Float[np.ndarray, "p p"], accuracy: float) -> tuple[Combination, ...]:
     """Return p combinations of the coordinates with independent estimates, the most accurate first.
 
-    They are the eigenvectors of the information. Those at the end are the simultaneous changes of
+    They are the eigenvectors of the information. The last ones are the simultaneous changes of
     several parameters that the data determine least or not at all.
 
     **Arguments:** `root`: root (p, p) of the information; `accuracy`: relative error of the

@@ -235,8 +235,9 @@ def fit_horizon(
     long.
 
     **Raises:** `ValueError` for arguments that `identifiability` refuses, for an `uncertainty` that
-    is not one positive number for each parameter, and for names that are used here for other
-    parameters and outputs; `SimulationError` if one of the runs with the parameters' values fails.
+    is not one positive number for each parameter, and for a parameter or sensor with a name that
+    this function uses itself, such as "initial velocity"; `SimulationError` if one of the two runs
+    with the parameters' values fails.
 
     >>> probe = cj.Sensor(x, times, noise=1e-4)
     >>> limits = cj.fit_horizon(
@@ -419,9 +420,10 @@ def blocked_records(
 ) -> Bool[np.ndarray, " T"]:
     """Return for which records the misfit rises towards the truth at a point of a path, (T,).
 
-    Such a rise may block a fit. Entry k is for the record up to the time of sample k + 1. A misfit
-    below the noise doesn't block a fit. Neither does one that is constant along the path: before
-    the first impact, the run doesn't depend on the clearance, but in a longer record it does.
+    Such a rise may block a fit. Entry k is for the record that ends at time k of the T times of
+    samples, counted from 0. A misfit below the noise doesn't block a fit. Neither does one that is
+    constant along the path: before the first impact, the run doesn't depend on the clearance, but
+    in a longer record it does.
 
     **Arguments:** values and derivatives of S outputs, in units of their noise, zero at times
     without a sample:

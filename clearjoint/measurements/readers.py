@@ -83,6 +83,7 @@ class _Column:
         remedy = "subtract the first one and divide by one second"
         require(kind not in "mM", self.label, self.values.dtype, "numbers, not dates", remedy)
         if kind in "bO":
+            # These would become 1 and 0 below.
             plain = np.array([not isinstance(value, bool) for value in self.values.tolist()])
             self.require_each(plain, "a number, not a truth value", "write 0 or 1 instead")
         return np.asarray(pd.to_numeric(self.values, errors="coerce"), dtype=float)
@@ -212,8 +213,8 @@ def _columns_of(path: str | Path, options: dict[str, Any]) -> Callable[[str, str
     The function receives the name of the column and, for error messages, the name of the argument
     in which the user has passed it. `options` are those of `pandas.read_csv`.
 
-    **Raises:** `ValueError` for a file that can't be read. The function raises it for a missing or
-    repeated column.
+    **Raises:** `ValueError` for a file that can't be read. The returned function raises it for a
+    missing or repeated column.
     """
     options = {"index_col": False, "skipinitialspace": True, **options}
     table = _read(path, options)
@@ -221,7 +222,8 @@ def _columns_of(path: str | Path, options: dict[str, Any]) -> Callable[[str, str
     names, written = [name for name, _ in headers], []
     if {"header", "names"}.isdisjoint(options) and names:
         # pandas renames repeated columns, so the header is read again as a row of texts, in which a
-        # name that occurs twice can be recognised.
+        # name that occurs twice can be recognised. With the user's options `header` or `names`, the
+        # names are not simply in the first row, so this check is left out.
         written = [_split(header)[0] for header in _read(path, options | _FIRST_LINE).iloc[0]]
     file = f"{str(path)!r}"
 
@@ -372,7 +374,7 @@ def _series(
     remedy = f"pass Channel(..., noise=...) for {name!r}, or noise=... for all"
     require(deviation is not None, "noise", deviation, "a standard deviation", remedy)
     assert deviation is not None
-    # One deviation for each row loses the rows whose samples are dropped.
+    # If there is a deviation for each row, the deviations of dropped samples are left out, too.
     if np.ndim(deviation):
         expected, remedy = f"of shape {valid.shape}", "pass one number, or one for each row"
         require(np.shape(deviation) == valid.shape, "noise", np.shape(deviation), expected, remedy)

@@ -65,8 +65,12 @@ class AbstractScale(abc.ABC):
 
     @abc.abstractmethod
     def value(self, coordinate: Scalar) -> Scalar:
-        """Return the parameter's value at a coordinate; JAX must be able to differentiate the
-        function."""
+        """Return the parameter's value at a coordinate.
+
+        JAX must be able to differentiate the function. Posteriors, also that of a fit
+        (`Fit.posterior`), and fits with a delay on this scale pass arrays of coordinates, too, of
+        which each entry must be converted.
+        """
 
     @abc.abstractmethod
     def coordinate(self, value: Scalar | np.ndarray) -> float:
@@ -128,7 +132,11 @@ class Linear(AbstractScale):
         return _finite(value) / self.unit
 
     def uninformative_std(self, coordinate: float) -> float:
-        """Return max(1, abs(coordinate)): an error as large as the value, but at least `unit`."""
+        """Return max(1, abs(coordinate)).
+
+        Above it, the standard deviation of an estimate exceeds both the absolute value of the
+        parameter and `unit`.
+        """
         return max(1.0, abs(float(coordinate)))
 
     def label(self, name: str) -> str:
@@ -173,7 +181,8 @@ class Bounded(AbstractScale):
 
     One step of a fit changes the coordinate by 1 at most.
 
-    **Arguments:** `low`, `high`: bounds in the parameter's unit, which values only approach.
+    **Arguments:** `low`, `high`: bounds in the parameter's unit; values lie between them and cannot
+    be equal to one of them.
 
     **Raises:** `ValueError` unless both are single finite numbers and low < high.
 
@@ -292,8 +301,8 @@ class Parameter:
         """Return a parameter that is a number of the initial state.
 
         **Arguments:** `path`: function that selects the number in a `State`, such as
-        ``lambda state: state.bodies["arm"].spin[2]``. The others, and the errors, are as in
-        `Parameter`; by default, `value` is that in the initial state.
+        ``lambda state: state.bodies["arm"].spin[2]``. The other arguments, and the errors, are as
+        in `Parameter`; the default of `value` is the number in the initial state.
         """
         return Parameter(StateNumber(path, unit), scale, value=value)
 

@@ -31,8 +31,8 @@ class ParametrisedScene(eqx.Module):
     - `scales`: for each parameter, the map from coordinate to value.
     - `patterns`: folded constants of the scene: components of its vectors and matrices that are
       exactly 0 or 1 and compiled as such. For each leaf, a tuple of the components' values, with
-      ``None`` for those that are not folded; or ``None`` for a leaf without any. An empty tuple
-      stands for no folded constants at all.
+      ``None`` for a component that is not folded; or ``None`` for a leaf without folded components.
+      An empty tuple stands for no folded constants at all.
     """
 
     values: Coordinates
@@ -61,8 +61,8 @@ class ParametrisedScene(eqx.Module):
         **Returns:** a PyTree of booleans with the structure of the scene.
         """
         structure = jax.tree.structure(self.base[0])
-        # If all parameters are numbers, their locations tell which leaves change: `set_value` has
-        # the indices of these leaves.
+        # If all parameters are numbers, their locations tell which leaves change: each
+        # `NumberSetter` has the indices of the leaves that it sets.
         setters = [change for change in self.changes if isinstance(change, NumberSetter)]
         if len(setters) == len(self.changes):
             changed_leaves = {
@@ -141,8 +141,8 @@ def parametrised(
 ) -> ParametrisedScene:
     """Return a scene and its initial state as functions of p parameters.
 
-    **Arguments:** `scene`, `state`: those that the parameters change; `parameters`: by name, in the
-    order of the coordinates; `values`: (p,) coordinates at which derivatives are computed.
+    **Arguments:** `scene`, `state`: before any parameter changes them; `parameters`: by name, in
+    the order of the coordinates; `values`: (p,) coordinates at which derivatives are computed.
 
     **Raises:** `ValueError` for a parameter whose path does not lead to single numbers, and for a
     delay of a measured series, which is not part of a scene.

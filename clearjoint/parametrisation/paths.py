@@ -105,8 +105,8 @@ def set_value(tree: PyTree, path: NumberPath, value: Leaf) -> PyTree:
     the shape of the value is checked. The constructors' checks, such as that a mass is positive,
     are not repeated.
 
-    **Raises:** `ValueError` if the path leads to no number, and if the value has another shape than
-    the number that it replaces.
+    **Raises:** `ValueError` if the path leads to no number or to a component that the array does
+    not have, and if the value has another shape than the number that it replaces.
 
     >>> scene, _ = cj.mechanisms.double_pendulum()
     >>> wider = cj.set_value(scene, lambda s: s.joints["shoulder"].clearance, 1e-3)
@@ -162,7 +162,8 @@ def _shape(leaf: PyTree, component: tuple[Index, ...]) -> tuple[int, ...]:
     """
     shape = np.shape(leaf)
     try:
-        # Of an array of NumPy, which takes no memory here: JAX moves a missing index inside.
+        # NumPy refuses an index that is out of range, which JAX would silently move inside. The
+        # array only serves this check, and `broadcast_to` makes it without taking memory.
         return np.broadcast_to(0.0, shape)[component].shape
     except IndexError as error:
         raise ValueError(
@@ -175,7 +176,8 @@ def _replaced(leaf: Leaf, component: tuple[Index, ...], value: Leaf) -> Leaf:
     """Return a copy of a leaf with `value` at a component, or `value` for an empty `component`."""
     if not component:
         return value
-    # Numbers that JAX traces can only be set by JAX. NumPy, otherwise, compiles nothing.
+    # Numbers that JAX traces can only be set by JAX. Other numbers are set by NumPy, which compiles
+    # nothing.
     if concrete(leaf) is None or concrete(value) is None:
         return jnp.asarray(leaf).at[component].set(value)
     array = np.array(leaf)
@@ -208,7 +210,9 @@ def parameters(tree: PyTree) -> dict[str, tuple[Leaf, str]]:
 def _named_leaves(tree: PyTree, name: str, unit: str = "1") -> Iterator[tuple[str, PyTree, str]]:
     """Yield name, value and unit of each number, in the order of `jax.tree.leaves`.
 
-    **Arguments:** `tree`: scene or state, or a part of it; `name`, `unit`: those of this part.
+    **Arguments:** `tree`: scene or state, or a part of it; `name`: name of this part, with which
+    the names of its numbers begin; `unit`: of its numbers, unless they are in fields of an object
+    inside this part, which declare their units.
     """
     # As in JAX, static fields are no leaves, and the entries of dictionaries are sorted by key.
     if isinstance(tree, eqx.Module):

@@ -43,7 +43,12 @@ class AbstractVariation(abc.ABC):
 
     @abc.abstractmethod
     def unit_in(self, scene: Scene, state: State) -> str:
-        """Return the unit of the value as text; the scene and state are those before the change."""
+        """Return the unit of the value as text.
+
+        **Arguments:** `scene`, `state`: before the change.
+
+        **Raises:** `ValueError` for a path without numbers whose unit would be needed.
+        """
 
     @abc.abstractmethod
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
@@ -54,8 +59,8 @@ class AbstractVariation(abc.ABC):
         shape of `example`. Equal variations return equal functions for equal structures, so that
         JAX reuses compiled programs.
 
-        **Raises:** `ValueError` for a path without numbers, or with numbers of another shape, and
-        for a delay, which changes no scene.
+        **Raises:** `ValueError` for a path without numbers, or with numbers of another shape than
+        `example`, and for a delay, which changes no scene.
         """
 
 
@@ -65,7 +70,7 @@ class AbstractNumber(AbstractVariation):
 
     - `path`: function of the scene or state that returns the number.
     - `unit`: text that labels the value; ``None`` for the number's SI unit.
-    - `example`: source of such a path, for error messages.
+    - `example`: Python source of a typical path, for error messages; each subclass has one.
 
     **Raises:** `ValueError` for a path that is not a function.
     """
@@ -97,7 +102,8 @@ class AbstractNumber(AbstractVariation):
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
         """Return a `NumberSetter` that sets values of the shape of `example` at the path.
 
-        **Raises:** `ValueError` for a path without numbers, or with numbers of another shape.
+        **Raises:** `ValueError` for a path without numbers, or with numbers of another shape than
+        `example`.
         """
         tree = self.tree(scene, state)
         numbers = numbers_at(tree, self.path)

@@ -2,7 +2,8 @@ r"""Derivatives of statistics of a motion by nominal values of its parameters.
 
 A parameter varies between manufactured specimens by a known distribution, whose middle is the
 nominal value \(\theta\). For an output f of a run, the expectation \(J(\theta) = E[f(\theta +
-\sigma z)]\) over the random numbers z is smooth even where f is not.
+\sigma z)]\) over the random numbers z is smooth even where f is not. Here \(\theta\) is a
+coordinate, the value on the parameter's scale, and z is the standardised coordinate.
 
 - Normal distribution with the standard deviation \(\sigma\): by Stein's identity, \(J' = E[f z] /
   \sigma\), the coefficient of z in a regression of f on Hermite polynomials of z (divided by
@@ -63,10 +64,10 @@ def statistics_derivatives(
     - `scene`, `state`, `end_time` s, `outputs`, `settings`, and the options `start_time`, `path`,
       `executor`, `threads`, `chunk`, `progress`: as in `sweep`.
     - `uncertain`: the p parameters by name, each an `Uncertain` (a parameter with its
-      distribution). All those with a `deviation` share the same runs; each one with a `half_width`
-      or `between` takes `members` further runs.
+      distribution). All parameters with a `deviation` share the same `members` runs; each
+      parameter with a `half_width` or `between` takes `members` further runs.
     - `members`: number of runs with their own draws of all parameters. It must be even, because the
-      further runs come in pairs, and at least 10 for each of the 1 + 3 p + p (p - 1)/2 coefficients
+      further runs come in pairs, and at least 10 (1 + 3 p + p (p - 1)/2), ten for each coefficient
       of the regression.
     - `disturbance`: m/s, root mean square speed by which the starts differ; `seed`: of all draws.
       Both are as in `ensemble`.
@@ -78,7 +79,7 @@ def statistics_derivatives(
     interval) are along "parameter". Derivatives are with respect to the nominal coordinates on the
     parameters' scales, named by the labels ``coordinate``: for `Log`, to the logarithm of the
     nominal value. Their unit is that of the output, per unit of the coordinate. ``failed`` counts
-    the failed runs, which are left out.
+    the failed runs, which are left out, as are values that are not finite.
 
     **Raises:** `ValueError` for unsupported arguments, and if too few runs succeed.
 
@@ -118,7 +119,8 @@ def statistics_derivatives(
     normal = np.array([one.is_normal for one in uncertain.values()])
     variables = {"failed": number_failed(results)}
     for name, (values, unit) in scalar_outputs(results).items():
-        # From derivatives by the standardised coordinates to those by the nominal ones.
+        # A coordinate changes by its size when the standardised coordinate changes by 1. Divided by
+        # the sizes, derivatives by standardised coordinates become those by nominal coordinates.
         derivatives, errors = (row / sizes for row in estimate(draws, values, members, normal))
         # Only the first runs are independent draws from the distributions, whose mean is wanted.
         sample = values[:members][np.isfinite(values[:members])]
@@ -226,9 +228,9 @@ def estimate(
 def _regression(z: np.ndarray, y: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the coefficients (p,) of z in a regression of y, and their standard errors (p,).
 
-    The regressors are orthogonal under the distribution of z, so that the expectation of the
-    coefficient of z does not depend on the others: Hermite polynomials up to degree 3 for normal
-    and Legendre polynomials for uniform parameters, and products of two parameters.
+    The regressors are Hermite polynomials up to degree 3 for normal and Legendre polynomials for
+    uniform parameters, and products of two parameters. They are orthogonal under the distribution
+    of z, so that the expectation of the coefficient of z does not depend on the other regressors.
 
     **Arguments:** `z`: (n, p) standardised coordinates; `y`: (n,) an output; `normal`: (p,) whether
     the distribution of each parameter is normal.

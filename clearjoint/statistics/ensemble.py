@@ -1,4 +1,7 @@
-"""Ensembles: runs from starts that differ by less than a measurement can resolve."""
+"""Ensembles: runs from starts that differ by less than a measurement can resolve.
+
+A lane is one run of a sweep. In a zipped sweep, lane i takes the i-th value of every axis.
+"""
 
 import warnings
 from collections.abc import Callable, Mapping
@@ -30,8 +33,8 @@ from ..sweeps.sweep import SweepOptions, sweep
 PARTS = ("velocity", "spin")
 """Fields of a body's initial state that are disturbed; positions are not."""
 RANK_TOLERANCE = 1e-8
-"""Singular values of the constraints' Jacobian below this share of the largest count as zero, as
-those of redundant constraints."""
+"""Singular values of the constraints' Jacobian below this share of the largest count as zero, for
+example those that redundant constraints cause."""
 NEGLIGIBLE = 1e-9
 """Components of a disturbance below this share of its stated size are rounding errors and are set
 to zero, so that velocities which the constraints fix get no axis."""
@@ -103,12 +106,21 @@ def disturbed_axes(
 
     **Returns:** the given axes, and an axis for each component of a velocity or spin that differs
     from that of the undisturbed state.
+
+    The disturbances satisfy the constraints of the scene with the values of `axes`, whose Jacobian
+    is computed once for each block of `members` lanes. If `members` is 1 and `axes` change only
+    numbers of the scene, one Jacobian, of the given scene, serves all lanes instead, because a
+    Jacobian and its singular value decomposition for each lane would be slow. The caller must then
+    ensure that the values of `axes` differ little from the numbers in `scene`, as within tolerances
+    of manufacture: where a number differs by 1 %, the disturbance violates the constraints by about
+    1 % of its size.
     """
-    # Axes that change only numbers of the scene leave the initial state as it is. The Jacobian of
-    # the given scene then serves all lanes: where a number differs by a small share, the tiny
-    # disturbance violates the constraints only by about this share of itself. With one member
-    # for each value, the axes are parameters within tolerances, which differ so little. The axes
-    # of an ensemble may change numbers much.
+    # Axes that change only numbers of the scene leave the initial state as it is. With one member
+    # for each value, every lane has its own numbers and would need its own Jacobian and singular
+    # value decomposition, which would be slow. The Jacobian of the given scene then serves all
+    # lanes, because such axes are parameters within tolerances: a number that differs by a small
+    # share makes the tiny disturbance violate the constraints only by about this share of itself.
+    # The axes of an ensemble may change numbers much, but need one Jacobian for many members.
     shared = members == 1 and all(isinstance(a.variation, SceneNumber) for a in axes.values())
     block = len(along) if shared else members
     velocities, nominal = np.empty_like(along), np.empty_like(along)
@@ -130,8 +142,8 @@ def disturbed_axes(
 
 
 def _component(state: State, body: str, part: str, k: int) -> float:
-    """Return component k of a body's velocity (m/s) or spin (rad/s), the `part`. An axis of a sweep
-    uses this function to select the number that it changes."""
+    """Return component k of a body's velocity (m/s) or spin (rad/s), whichever `part` names. An
+    axis of a sweep uses this function to select the number that it changes."""
     return getattr(state.bodies[body], part)[k]
 
 
@@ -163,9 +175,10 @@ DISTURBANCE = 1e-9
 """Default size of the disturbance of the initial velocities, m/s: far below the resolution of
 measurements, and far above rounding errors."""
 TANGENT_SETTINGS = replace(presets.derivatives, derivative_tolerance=1e9)
-"""Settings of the runs with a tangent. With so large a tolerance the tangent does not control the
-length of steps. A growth rate needs few correct digits of the tangent, and control by an ever
-larger tangent would make steps ever shorter, until runs reach their step limit."""
+"""Settings of the runs with a tangent, the derivative of the motion by the initial velocity. With
+so large a tolerance the tangent does not control the length of steps. A growth rate needs few
+correct digits of the tangent, and control by an ever larger tangent would make steps ever shorter,
+until runs reach their step limit."""
 TANGENT_TIMES = 256
 """Number of times, evenly spaced over the run, at which the size of the tangent is computed."""
 MEMBER, QUANTILE = "member", "quantile"
@@ -226,11 +239,11 @@ def ensemble(
     one run succeeded.
 
     ``lyapunov_exponent``, 1/s, is the growth rate of a disturbance in the second half of the run,
-    on average over the members, and ``lyapunov_exponent_standard_error`` the standard error of this
-    average; both are NaN if fewer than two of these runs succeed. The disturbance is a tangent: the
-    derivative of the motion by the initial velocity, as by `sensitivities`. Unlike the difference
-    of two runs, it is exact across impacts, needs no size, and does not stop growing when it is as
-    large as the motion.
+    on average over the first `exponents` members, and ``lyapunov_exponent_standard_error`` the
+    standard error of this average; both are NaN if fewer than two of their runs with derivatives
+    succeed. The disturbance is a tangent: the derivative of the motion by the initial velocity, as
+    by `sensitivities`. Unlike the difference of two runs, it is exact across impacts, needs no
+    size, and does not stop growing when it is as large as the motion.
 
     **Raises:** `ValueError` for unsupported arguments, such as an axis named "member" or
     "quantile", which are dimensions of the result, and for constraints that leave no velocity free.
@@ -316,8 +329,11 @@ def _check(
 
 
 def failed_runs(results: "xr.Dataset") -> Bool[np.ndarray, " lanes"]:
-    """Return whether each run of a zipped sweep failed, (lanes,): any run whose result code is not
-    that of `successful`, also if it was not run."""
+    """Return whether each lane of a zipped sweep failed, (lanes,).
+
+    A lane failed if its result code is not `successful`, whether its run ended early or was never
+    started, for example because of impossible parameters.
+    """
     return results["result"].values != result_number(RESULTS.successful)
 
 
@@ -419,10 +435,10 @@ def _lyapunov_exponent(
     """Return the largest Lyapunov exponent, 1/s, and its standard error over several starts.
 
     Each start takes one run with a tangent: the derivative of the motion by a perturbation of the
-    initial velocity. Its size is a root mean square displacement of points of the bodies. The
-    exponent of a start is the slope of the logarithm of this size over the second half of the run;
-    in the first half the tangent turns to the direction of fastest growth. Runs that fail before
-    the end are left out. If fewer than two remain, both numbers are NaN.
+    initial velocity. The size of a tangent is the root mean square displacement of points of the
+    bodies. The exponent of a start is the slope of the logarithm of this size over the second half
+    of the run; in the first half the tangent turns to the direction of fastest growth. Runs that
+    fail before the end are left out. If fewer than two remain, both numbers are NaN.
 
     **Arguments:**
 

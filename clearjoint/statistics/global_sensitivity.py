@@ -63,9 +63,10 @@ def sobol_indices(
     each with the ends of its interval in variables whose names end in ``_low`` and ``_high``. Its
     mean and standard deviation over the distributions are the scalars ``force_mean`` and
     ``force_deviation``, from all successful runs at the two random points of the groups. Other
-    outputs are left out. For the indices, groups with a failed run, or one whose output is NaN, are
-    left out. Of the other groups the first are used, as many as the largest power of two that they
-    allow, because the estimator requires one. ``failed`` counts the failed runs.
+    outputs are left out. For the indices, groups with a failed run, or with a value that is not
+    finite, are left out. Of the remaining groups only the first are used, as many as the largest
+    power of two up to their number, because the estimator requires a power of two. ``failed``
+    counts the failed runs.
 
     **Raises:** `ValueError` for unsupported arguments, and if fewer than two groups have no failed
     run.
@@ -126,7 +127,8 @@ def _indices(groups: np.ndarray, confidence: float, seed: int) -> dict[str, np.n
     **Arguments:** `groups`: (n, p + 2) the output in each run, NaN for failed runs; `confidence`:
     level of the intervals; `seed`: of the bootstrap.
 
-    **Returns:** arrays (p,) by name: those of `ORDERS`, alone and with "_low" and "_high".
+    **Returns:** arrays (p,) by name: the indices by the names in `ORDERS`, and the ends of their
+    intervals by these names with "_low" and "_high" appended.
 
     **Raises:** `ValueError` if fewer than two groups have no failed run.
     """

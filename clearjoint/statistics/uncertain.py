@@ -33,7 +33,8 @@ class Uncertain:
     **Arguments:**
 
     - `parameter`: a `Parameter`, or a path such as ``lambda scene: scene.joints["pin"].clearance``.
-      Its value in the scene is the nominal value. A path has the scale `Linear()`.
+      Its `value`, by default the number in the scene, is the nominal value. A path has the scale
+      `Linear()`.
     - `deviation`: standard deviation of a normal distribution about the nominal value, in the
       coordinate.
     - `half_width`: half the width of a uniform distribution about the nominal value, in the
@@ -41,10 +42,10 @@ class Uncertain:
     - `between`: the two bounds of a uniform distribution, as values in the parameter's unit. The
       nominal value is then the middle of the bounds' coordinates.
 
-    Exactly one of the last three is given.
+    Exactly one of the last three must be given.
 
-    **Raises:** `ValueError` for none or several of them, for a size that is not positive, for
-    bounds that don't rise, and for a `parameter` that is neither a `Parameter` nor a path.
+    **Raises:** `ValueError` for none or several of these three, for a size that is not positive,
+    for bounds that don't rise, and for a `parameter` that is neither a `Parameter` nor a path.
 
     >>> path = lambda scene: scene.joints["shoulder"].clearance
     >>> cj.Uncertain(path, deviation=5e-6).deviation
@@ -92,6 +93,8 @@ class Uncertain:
         """Return the middle of the distribution, and its standard deviation or half width.
 
         Both are in the coordinate of the parameter's scale.
+
+        **Raises:** `ValueError` for a nominal value or bound that the scale doesn't allow.
         """
         if self.between is None:
             size = self.deviation if self.half_width is None else self.half_width
@@ -145,7 +148,7 @@ def unit_cube(dimensions: int, count: int, method: str, seed: int) -> Float[np.n
     """Return points (count, dimensions) that fill the unit cube, by `scipy.stats.qmc`.
 
     **Arguments:** `method`: one of `METHODS`, of which "random" draws independent points; `seed`:
-    of the random numbers that scramble the points, or are the points for "random".
+    of the random numbers, which scramble the points or, for "random", are their coordinates.
 
     **Raises:** `ValueError` for an unknown method, and for a count below 1.
 

@@ -1,5 +1,8 @@
 """Posterior distribution of parameters, whose likelihoods come from runs that are computed side by
-side, as lanes."""
+side, as lanes.
+
+A point is the coordinates of p parameters: their values on their scales, such as logarithms.
+"""
 
 import math
 import time
@@ -39,13 +42,15 @@ def modes(
 ) -> Int[np.ndarray, " n"]:
     """Return for each point the number of its mode, (n,), from 0 for that with the most points.
 
-    A mode is a group of points around one minimum of chi squared. The neighbours of a point are the
-    ten points nearest to it, or four for each parameter if that is more. From the lowest chi
-    squared upwards, each point joins a group of its neighbours, that with the lowest minimum, or
-    begins a new one. Other groups of its neighbours are united with this group if chi squared rises
-    by less than 3.84 from their minimum to this point (F. Chazal et al., *Persistence-based
-    clustering in Riemannian manifolds*, 2013). At the end, a group with less than 1 % of the points
-    joins the nearest larger one. A minimum with fewer points than neighbours may not be found.
+    A mode is a group of points around one minimum of chi squared. Two points are neighbours if one
+    of them is among the ten points nearest to the other, or among the four for each parameter if
+    these are more. The points are taken from the lowest chi squared upwards. If neighbours of a
+    point are in groups already, it joins the one of these groups with the lowest minimum; otherwise
+    it begins a new group. Other groups of its neighbours are united with the group that it joins if
+    chi squared rises by less than 3.84 from their minimum to this point (F. Chazal et al.,
+    *Persistence-based clustering in Riemannian manifolds*, 2013). At the end, a group with less
+    than 1 % of the points joins the nearest larger one. A minimum with fewer points than the
+    number of nearest points may not be found.
 
     **Arguments:** `points`: (n, p) coordinates, some of which may be equal; `chi_squared`: (n,) at
     the points.
@@ -280,11 +285,16 @@ class TooManyRunsError(ArithmeticError):
 
 @dataclass
 class _Lanes:
-    """Computes chi squared of points by runs as lanes, and counts the runs.
+    """Chi squared at points, by one run for each point, with a count of the runs.
+
+    A point is the coordinates (p,) of the parameters. The runs of several points are computed side
+    by side, as lanes.
 
     - `side_by_side`: the runs, and the samples with which they are compared.
-    - `most_runs`: largest number of runs that are made.
-    - `runs`: number of runs so far; `failed`: number of those that failed.
+    - `most_runs`: largest number of runs that may be made.
+    - `runs`: number of runs so far.
+    - `failed`: number of runs that failed, or whose prediction was 1e6 standard deviations off a
+      sample.
     """
 
     side_by_side: SideBySide

@@ -24,8 +24,8 @@ EVEN = 0.1
 """Largest difference between the points' cumulative distribution and that of a uniform distribution
 over the box, up to which the report mentions that a parameter's points fill the box evenly."""
 FEWEST_EFFECTIVE = 150.0
-"""Effective number of runs below which there is a warning, or half the number of points if that is
-less: the ends of intervals are inaccurate."""
+"""Effective number of runs below which the ends of intervals are inaccurate, so that there is a
+warning. Half the number of points takes its place if that is less."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,8 @@ class Posterior(AbstractTabular):
     - `effective_sample_size`: effective number of the weighted runs from which the points were
       drawn: the square of the sum of the weights over the sum of their squares.
     - `box`: lower and upper ends (p,) of the coordinates where the prior is not zero.
-    - `runs`: number of runs; `failed`: number of those that failed, whose likelihood counts as
-      zero.
+    - `runs`: number of runs; `failed`: number of runs that failed, or whose prediction was 1e6
+      standard deviations off a sample; the likelihood of both is zero.
     - `steps`: number of steps of the calculation, each of which includes more of the record in the
       likelihood.
     - `seed`: of the random numbers; `seconds`: time taken, s.

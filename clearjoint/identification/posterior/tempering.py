@@ -46,8 +46,8 @@ HALVINGS = 50
 LEAST = 1e-9
 """Smallest step along the record, as a fraction of a sample, so that no step is zero."""
 CLOUD, SHARE = 100, 5
-"""Number of points of the cloud if at least as many are to be drawn; or their number divided by
-`SHARE`, if that is more."""
+"""The cloud has `CLOUD` points, or the number of points to draw divided by `SHARE` if that is more,
+but no more points than are to be drawn."""
 FIRST, GROWTH, MOST, ROUNDS = 2, 3, 10, 5
 """Sizes of the importance sampling: number of runs of the first round relative to the number of
 points to draw; largest number of runs of a round relative to the round before and to the number of
@@ -207,9 +207,12 @@ def along_record(
 ) -> tuple[Float[np.ndarray, "n p"], Float[np.ndarray, " n"], int]:
     """Return weighted points near the posterior of the whole record, by steps along the record.
 
-    **Arguments:** as in `draw`; `number` is that of the points in the cloud.
+    **Arguments:** as in `draw`, but `number` is the number of points in the cloud, and `on_step` is
+    called after each step only.
 
     **Returns:** the points (n, p), their weights (n,) of sum 1, and the number of steps.
+
+    **Raises:** as `draw`.
     """
     from scipy.stats import qmc
 
@@ -249,9 +252,11 @@ def evaluated(target: Target, points: Float[np.ndarray, "n p"], ahead: int) -> C
 
 
 def level_or_infinity(curves: Float[np.ndarray, "n T"], count: float) -> Float[np.ndarray, " n"]:
-    """Return chi squared (n,) over the first `count` times; a fraction counts a part of a sample.
+    """Return chi squared (n,) over the first `count` times.
 
-    It is infinite for a run that misses any of these samples, also one that counts in part.
+    If `count` is not a whole number, its fraction multiplies the rise of chi squared at the next
+    time. The result is infinite for a run that misses a sample at any of these times, also at the
+    last one that counts in part.
 
     **Arguments:** `curves`: (n, T + 1) chi squared over the first 0 to T times.
     """
@@ -425,8 +430,8 @@ class Mixture:
         scaled = np.linalg.solve(np.linalg.cholesky(whole), points.T).T
         order = np.argpartition(((scaled[:, None] - scaled) ** 2).sum(axis=2), near - 1, axis=1)
         close = order[:, :near]
-        # Points of weight zero, such as failed runs, have no distribution, but may be all that is
-        # near another point. The small constant then avoids a division by zero.
+        # All points near another one may have weight zero, such as those of failed runs. The small
+        # constant then avoids a division by zero.
         shares = weights[close] + 1e-12 / count
         shares = shares / shares.sum(axis=1, keepdims=True)
         offsets = points[close] - (shares[..., None] * points[close]).sum(axis=1, keepdims=True)

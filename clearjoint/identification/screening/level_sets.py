@@ -2,8 +2,8 @@
 
 A point is the coordinates of p parameters. Its curve of chi squared is cumulative over the record:
 chi squared over the first k times is that of all samples up to the k-th of the T sample times.
-The level set of some points contains those whose chi squared exceeds the smallest by less than a
-given excess. It shrinks as more of the record is used.
+The level set of several points contains each point whose chi squared exceeds the smallest by no
+more than a given excess. It shrinks as more of the record is used.
 """
 
 import numpy as np
@@ -12,8 +12,8 @@ from jaxtyping import Float, Int
 HALVINGS = 40
 """Number of bisections that find the fraction of a sample in `reached`."""
 SPLIT = 1e-12
-"""Smallest variance of points along a principal axis, relative to those of the coordinates. A
-smaller one is raised to it, because distances are divided by its root."""
+"""Smallest variance of points along a principal axis, relative to the variances of the coordinates.
+A smaller one is raised to it, because distances are divided by its root."""
 
 
 def reached(curves: np.ndarray, keep: int, excess: float) -> float:

@@ -32,7 +32,8 @@ TOGETHER = 64
 class SideBySide:
     """Runs of an experiment as lanes, and the samples with which they are compared.
 
-    Screenings and posteriors take chi squared at many points from it, without derivatives.
+    Screenings and posteriors compute chi squared at many points by it, without derivatives. A point
+    is the coordinates of the p parameters: their values on their scales.
 
     - `runs`: scene with its parameters, and the measured outputs.
     - `data`: the samples of S series at T times; more times without samples follow as padding.
@@ -41,8 +42,8 @@ class SideBySide:
     runs: Experiment
     data: Samples
     _batches: list[Batch] = field(default_factory=list, repr=False, compare=False)
-    """The latest batch, whose compiled programs the next one reuses; empty at first. It is in a
-    list because no field of a frozen dataclass can be replaced."""
+    """The latest batch of lanes, whose compiled programs the next one reuses; empty at first. It is
+    in a list because no field of a frozen dataclass can be replaced."""
 
     @property
     def times(self) -> Float[np.ndarray, " T"]:
@@ -73,8 +74,9 @@ class SideBySide:
 
         **Arguments:** `coordinates`: (n, p) coordinates of the parameters on their scales, such as
         logarithms of the values, a row for each run; `count`: number of times after which runs end;
-        `smoothing`: number of times over which residuals are averaged, each with those before it, 1
-        for none.
+        `smoothing`: number of successive times in the moving average of the residuals: each
+        residual is replaced by the mean of the residuals at its time and at the `smoothing` - 1
+        times before it, which are zero before the first time. 1 means no averaging.
         """
         instants, sample_indices = self._instants(coordinates, count)
         curves = np.zeros((len(coordinates), count + 1))
@@ -146,9 +148,9 @@ class SideBySide:
         first one on, at which the runs are compared with the series.
 
         **Returns:** times (n, K), s, rising, infinite after the last one, where K is the number of
-        all sample times, multiplied by one plus the number of delays; and for each series the
-        indices of its `count` times in these, (n, count), or (1, count) if they are the same for
-        all runs.
+        `times`, with their padding, multiplied by one plus the number of delays; and for each
+        series the indices of its `count` times in a row of these, (n, count), or (1, count) if they
+        are the same for all runs.
         """
         runs, lanes, undelayed = self.runs, len(coordinates), self.times[:count]
         if not runs.delays:
@@ -161,7 +163,7 @@ class SideBySide:
         # Before the start there is only the initial state.
         start = float(runs.start_time)
         queries = {n: np.maximum(undelayed - d[:, None], start) for n, d in shift.items()}
-        # All series of a delay have the same times.
+        # All series with the same delay have the same delayed times, so those of the first suffice.
         delayed = np.concatenate([queries[names[0]] for _, names in runs.delays], axis=1)
         every = np.concatenate([np.tile(undelayed, (lanes, 1)), delayed], axis=1)
         instants = np.full((lanes, len(self.times) * (1 + len(runs.delays))), np.inf)

@@ -66,15 +66,16 @@ class Screening:
     - `finish`: number of starts among the points kept last: the best, and others far from it.
     - `smoothing`: number of consecutive samples over which residuals are averaged, so that the
       misfit of a predicted and a measured peak depends on how far apart in time they are.
-    - `rounds`: maximum number of rounds.
+    - `rounds`: maximum number of rounds. If runs were too short to choose among the points, the
+      same points run over more of the record, which counts as another round.
     - `passes`: maximum number of passes. A pass is a whole screening, followed by a fit from each
       of its starts. Another pass, with other random numbers, follows while noise doesn't explain
       the chi squared of the best fit.
     - `seed`: seed of the random numbers.
 
-    **Raises:** `ValueError` for a `number`, `finish`, `rounds`, `smoothing` or `passes` below 1,
-    for a `spread` that is not finite and positive, and for a `keep` below 5 or `finish`, or above 4
-    times `number`.
+    **Raises:** `ValueError` for a `number`, `finish`, `rounds`, `smoothing` or `passes` that is not
+    a positive integer, for a `spread` that is not finite and positive, and for a `keep` below 5,
+    below `finish`, or above 4 times `number`.
 
     >>> cj.Screening(number=80, spread={"clearance": 0.5}).finish
     4
@@ -208,8 +209,8 @@ def search_screened(
     There are at most `screening.passes` passes, each with other random numbers.
 
     **Arguments:** `search_from`: function that searches from a start, coordinates (p,), with
-    derivatives; it must also store its result, because only the screenings are returned. The others
-    are those of `screen`.
+    derivatives; it must also store its result, because only the screenings are returned. The other
+    arguments are as in `screen`.
 
     **Returns:** the result of each screening pass.
 
