@@ -413,13 +413,14 @@ def overwritten(x, k, chosen):
         whole = lax.concatenate([carries[1], jnp.zeros(1)], 0)
         return lax.dynamic_update_slice(whole, one, (k,)), lax.slice(carries[0], (1,), (end,))
 
-    exchanged = lax.fori_loop(0, 2, exchange, (x * 2.0, x[1:]))
+    exchanged, part = lax.fori_loop(0, 2, exchange, (x * 2.0, x[1:]))
     either = lax.cond(
         chosen, lambda z: z[5], lambda z: lax.dynamic_update_slice(z, one, (k,))[5], x * 3.0
     )
     # Nothing reads x after this update, but the tail is read as a result.
     updated = lax.dynamic_update_slice(x, one, (k,))
-    return {"tail": tail, "updated": updated, "exchanged": exchanged, "either": either}
+    results = {"tail": tail, "updated": updated, "either": either}
+    return {**results, "exchanged": exchanged, "part": part}
 
 
 @pytest.mark.parametrize("chosen", [True, False])
