@@ -115,12 +115,15 @@ def contact_wrenches(
     """
     first, second = joint.pair()
     if contact.turning is not None:
-        # A backlash about an axis is a contact that transmits a moment only: the force times the
-        # vectors in `turning`, which are in m, in body axes.
+        # A backlash about an axis is a contact that transmits a moment only. `turning` consists of
+        # the derivatives of the penetration by the rotations of both bodies, m/rad in body axes;
+        # the moment on a body is minus its vector times the normal force.
         for name, turning in zip((first, second), contact.turning, strict=True):
             if name != GROUND:
                 yield name, Wrench(ZERO, turning * -normal_force)
         return
+    # `push` acts on the second body. The normal is the direction in which the second body
+    # penetrates the first, so that the normal force on the second body is against it.
     push = -(contact.normal * normal_force)
     if friction is not None:
         push = push + friction

@@ -49,11 +49,11 @@ NumberOrArray: TypeAlias = Float[Any, "..."]
 
 
 class Deviation(NamedTuple):
-    """Deviation of a profile from its circle at an angle.
+    """Deviation of a profile's support function from that of its circle, at an angle of the normal.
 
-    - `value`: radius of the profile less that of the circle, m.
-    - `slope`: its derivative by the angle, m/rad.
-    - `bend`: its second derivative, m/rad^2.
+    - `value`: support function of the profile less that of the circle, m.
+    - `slope`: derivative of `value` by the angle, m/rad.
+    - `bend`: second derivative of `value` by the angle, m/rad^2.
 
     >>> cj.profiles.Harmonics([2e-6]).at(0.0)._fields
     ('value', 'slope', 'bend')
