@@ -88,8 +88,8 @@ class System(eqx.Module):
 
     def without_drift(self, variables: MotionVariables) -> MotionVariables:
         """Return normalised variables of the same motion: Euler parameters are scaled to unit norm
-        if their squared norm differs from one by more than 1e-6, and angles are moved to between
-        -2 pi and 2 pi."""
+        if their squared norm differs from one by more than 1e-6, and angles, except those of
+        screws, are moved to between -2 pi and 2 pi."""
         return self.formulation.coordinates.without_drift(self.scene, variables)
 
     def with_speeds(self, variables: MotionVariables, others: MotionVariables) -> MotionVariables:

@@ -404,8 +404,8 @@ class JointCoordinates(AbstractCoordinates):
 
     def without_drift(self, scene: Scene, variables: TreeVariables) -> TreeVariables:
         """Return normalised variables of the same motion, by name of body: Euler parameters are
-        scaled to unit norm if their squared norm differs from one by more than 1e-6, and angles are
-        moved to between -2 pi and 2 pi."""
+        scaled to unit norm if their squared norm differs from one by more than 1e-6, and angles,
+        except those of screws, are moved to between -2 pi and 2 pi."""
         return {
             branch.body: branch.without_drift(variables[branch.body]) for branch in _branches(scene)
         }
