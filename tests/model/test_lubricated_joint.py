@@ -162,6 +162,20 @@ def test_equilibrium_stiffness_and_damping_are_published(ratio):
     np.testing.assert_allclose(found.damping * CLEARANCE * speed / load, damping, rtol=1e-8)
 
 
+def test_the_moment_of_a_carried_journal_is_that_in_a_run():
+    """The film's wrench on a rotor in the same position, about the journal's axis."""
+    found, speed = carried(0.5), 200.0
+    x, y = map(float, found.offset)
+    parallel, rest = (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    # The rotor turns about its journal, whose centre is at rest.
+    velocity = (0.2 * speed, 0.0, 0.0)
+    rotor = moving((0.1 + x, y - 0.2, 0.0), parallel, velocity, (0.0, 0.0, speed))
+    here = {"frame": moving(rest, parallel, rest, rest), "rotor": rotor}
+    wrench = unpack(JOINT).film_wrenches(here)["rotor"]
+    about_journal = row(wrench.moment) - np.cross((0.0, 0.2, 0.0), row(wrench.force))
+    assert float(found.moment) == pytest.approx(about_journal[2], rel=1e-9)
+
+
 def critical_mass(ratio, speed):
     """By Routh and Hurwitz from the published coefficients, kg; and the whirl's speed over that of
     the rotor, squared."""

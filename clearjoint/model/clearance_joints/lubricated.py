@@ -275,9 +275,9 @@ class CarriedJournal(NamedTuple):
     - `offset`: (2,) m, from the bearing's axis to the journal's.
     - `stiffness`: (2, 2) N/m, minus the derivative of the force by the offset.
     - `damping`: (2, 2) N s/m, minus the derivative of the force by the offset's rate.
-    - `moment`: N m, on the journal about z. The friction coefficient of the bearing is the amount
-      of this moment, divided by the load and by the bearing's radius. Plotted over the speed, this
-      coefficient gives Stribeck's curve.
+    - `moment`: N m, on the journal about its own axis, along z. The friction coefficient of the
+      bearing is the amount of this moment, divided by the load and by the bearing's radius. Plotted
+      over the speed, this coefficient gives Stribeck's curve.
 
     >>> scene, _ = cj.mechanisms.rotor_in_bearing(film=cj.films.CaponeFilm(0.02))
     >>> carried = cj.carried_journal(scene.joints["bearing"], load=(0.0, -196.2), speed=200.0)
@@ -383,6 +383,8 @@ def _load(
     sizes = dry.bearing_radius, dry.clearance, dry.journal_length
     film = FilmGap(UNIT_Z, eccentricity, rate, speed, *sizes)
     force, moment = joint.film.force(film), joint.film.drag(film)
+    # As in `_half_of_film`, the force acts midway between the axes.
+    moment = moment - 0.5 * UNIT_Z.dot(position.cross(force))
     if joint.transition is None:
         size, normal = norm_and_direction(position)
         approach = own_velocity.dot(normal)
