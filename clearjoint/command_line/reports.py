@@ -289,10 +289,15 @@ def write_wear_report(folder: Path, found: xr.Dataset) -> None:
 
 
 def stage_table(found: xr.Dataset) -> pd.DataFrame:
-    """Return a table with a row for each stage of a result of `clearjoint.wear`: the number of
-    cycles before it, the largest force in each joint, N, and the largest and the mean depth, m, and
-    the volume, m^3, of each part that has worn. The force of the last stage, which has no run, is
-    NaN."""
+    """Return a table with a row for each stage of a result of `clearjoint.wear`.
+
+    A stage begins with a run of the mechanism as worn so far, whose wear is then extrapolated over
+    many cycles. The last row is the worn state at the end; no run follows, so its forces are NaN.
+
+    **Returns:** a data frame with the number of cycles before the stage, the largest force in each
+    joint in the stage's run, N, and for each part (bearing or journal) that wears its largest and
+    its mean depth, m, and its volume, m^3, before the stage.
+    """
     columns = {"cycles": found["cycles"].values}
     for joint in found["joint"].values:
         columns[f"force in {joint} [N]"] = found["force"].sel(joint=joint).values

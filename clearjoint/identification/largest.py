@@ -339,7 +339,7 @@ def lane_margins(
         # The empty name is that of a reduction's main result, which is limited.
         unit, limit = outputs[smallest].units().get("", "1"), limits[smallest]
         peak = (
-            f"`{smallest}` reaches {limit * math.exp(-first):.6g} {unit} with this value, and its "
+            f"`{smallest}` reaches {limit * np.exp(-first):.6g} {unit} with this value, and its "
             f"limit is {limit:.6g} {unit}"
         )
     return LaneMargins(coordinates, margins, low, high, peak)

@@ -279,7 +279,8 @@ def search_with_damping(
 
 
 def _triangular(misfit: RunMisfit, scales: np.ndarray) -> tuple[jax.Array, jax.Array]:
-    """Return residuals (p + 1,) and Jacobian (p + 1, p) in scaled coordinates.
+    """Return an equivalent shorter least-squares problem in scaled coordinates: residuals (p + 1,)
+    and Jacobian (p + 1, p).
 
     A QR decomposition reduces the M rows to p + 1. It is a rotation, which changes neither chi
     squared nor its dependence on the coordinates, and one compiled program serves data of any size.

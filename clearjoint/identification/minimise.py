@@ -77,7 +77,8 @@ def minimise(
     - `scene`, `state`: the scene and its initial state at `start_time`, s.
     - `objective`: a function of the outputs by name, each (N,), that returns a finite number and
       that JAX can differentiate.
-    - `parameters`: the free parameters by name; the search starts from the values in the scene.
+    - `parameters`: the free parameters by name; the search starts from the `value` of each
+      parameter, or if that is ``None`` from the number in the scene or its initial state.
     - `outputs`: functions of an `Instant` by name, evaluated at `times` (N,), s, rising.
     - `settings`: settings of the integration; by default `clearjoint.presets.derivatives`.
     - `optimiser`: an optax optimiser of the parameters' coordinates on their scales; by default

@@ -202,7 +202,8 @@ class Series(AbstractReadable):
 
         **Arguments:** `prediction`: (N,) predicted values of the quantity at `times`, in SI units.
 
-        **Returns:** a JAX array for a JAX array, otherwise a NumPy array.
+        **Returns:** (N,), a JAX array if `prediction` is one or if JAX traces any of the numbers,
+        otherwise a NumPy array.
 
         **Raises:** `ValueError` for a prediction of another shape.
         """

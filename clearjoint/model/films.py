@@ -133,8 +133,10 @@ class CaponeFilm(AbstractFilm):
 
     $$F = -\frac{\mu R L^3}{2 c^2 \rho} (3 V |u| x + G u + 2 Q\, n \times u)$$
 
-    Here x is the offset over the clearance, u = |u| e its rate and n the axis; mu is the viscosity,
-    R the bearing's radius, L the length and c the clearance; rho = 1 - x.x, d = x.e,
+    Here x is `FilmGap.offset`, the offset divided by the clearance, and u is `FilmGap.rate`, the
+    rate of x in axes that rotate with half the sum of the spins of journal and bearing; e is the
+    unit vector along u, and n the axis. mu is the viscosity, R the bearing's radius, L the length
+    and c the clearance; rho = 1 - x.x, d = x.e,
     q = n.(x cross e), G = 2/sqrt(rho) (pi/2 + atan(d/sqrt(rho))), V = (2 + d G)/rho and
     Q = q/(1 - q^2). The force is exact in the limit of a small length-to-diameter ratio L/D. At an
     eccentricity ratio of 0.5 it is too large by 6 % for L/D = 1/4, and by 69 % for L/D = 1.

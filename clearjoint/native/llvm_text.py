@@ -469,6 +469,11 @@ class _Writer:
         """Write a jump to the block `yes` if the condition holds in any lane or for any tangent,
         else to the block `no`.
 
+        With several lanes, the block `yes` is thus executed also for lanes in which the condition
+        does not hold. Nothing is written here for these lanes: operations "select" that `control`
+        adds after the branch give them their results, and `yes` writes to memory only where the
+        condition holds.
+
         Both blocks continue after the branch. There, a phi instruction gives each result the value
         from the block that was executed.
         """

@@ -137,9 +137,13 @@ class StateNumber(AbstractNumber):
 
 @dataclass(frozen=True)
 class MadeByFunction(AbstractVariation):
-    """A value from which the function ``make(scene, state, value)`` makes the pair (scene, state).
+    """A variation by a function of the user, of a value on which several numbers of the scene and
+    its initial state depend.
 
-    `unit`: text that labels the value.
+    - `make`: function ``make(scene, state, value)`` of the unchanged scene and initial state and of
+      the value, which returns the changed pair (scene, state). Two variations are equal only if
+      they have the same function object.
+    - `unit`: text that labels the value.
 
     **Raises:** `ValueError` for a `make` that is not a function.
     """

@@ -110,7 +110,8 @@ class Acceleration(AbstractBodyQuantity):
 
 
 class AbstractPointQuantity(AbstractBodyQuantity):
-    """Base class of quantities of a point of a body; `point` is (3,) m in body axes."""
+    """Base class of quantities of a point of a body. `point` is the vector from the centre of mass
+    to the point, (3,) m in body axes."""
 
     point: Numbers = eqx.field(static=True, converter=numbers)
 
@@ -124,7 +125,7 @@ class PointPosition(AbstractPointQuantity):
     **Arguments:**
 
     - `body`: its name.
-    - `point`: (3,) m in body axes.
+    - `point`: (3,) m from the centre of mass, in body axes.
     - `component`: "x", "y" or "z".
 
     **Raises:** `ValueError` for an invalid point or another component.
@@ -147,7 +148,7 @@ class PointVelocity(AbstractPointQuantity):
     **Arguments:**
 
     - `body`: its name.
-    - `point`: (3,) m in body axes.
+    - `point`: (3,) m from the centre of mass, in body axes.
     - `component`: "x", "y", "z" in global axes, or ``None``, the default, for the magnitude.
 
     **Raises:** `ValueError` for an invalid point or another component.
@@ -175,7 +176,7 @@ class PointAcceleration(AbstractPointQuantity):
     **Arguments:**
 
     - `body`: its name, which can't be the ground.
-    - `point`: (3,) m in body axes.
+    - `point`: (3,) m from the centre of mass, in body axes.
     - `component`: "x", "y", "z", or ``None``, the default, for the magnitude.
     - `axes`: "global", the default, or "body", in which the component is taken.
     - `gravity`: whether the scene's gravity is subtracted from the acceleration; by default not.
@@ -328,7 +329,7 @@ class Distance(AbstractQuantity):
     **Arguments:**
 
     - `first`, `second`: names of the bodies; one may be the ground.
-    - `point_first`, `point_second`: (3,) m in body axes.
+    - `point_first`, `point_second`: (3,) m from the bodies' centres of mass, in body axes.
     - `along`: (3,) in the first body's axes, any length; ``None``, the default, for the straight
       distance. The signed distance is positive if the second point is ahead of the first in this
       direction.

@@ -412,7 +412,7 @@ def _joint(
     wrong = numbers[~np.isfinite(numbers)].tolist()
     if axis.shape != (3,) or wrong:
         remedy = "correct the <origin> and the <axis>"
-        location.refuse(wrong, "finite origin and axis (3,)", remedy)
+        location.refuse(wrong or axis.tolist(), "finite origin and axis (3,)", remedy)
     with location.in_errors():
         if play is not None:
             return ClearanceJoint(

@@ -120,6 +120,7 @@ class SketchingPen(AbstractPen):
         self._moving: list[DrawnPart] = []
         self._corners: dict[str, list[np.ndarray]] = {name: [] for name in poses.poses}
         self._shaped: set[str] = set()
+        self._solid: set[str] = set()
 
     def parts(self) -> list[DrawnPart]:
         """Return all parts that have been drawn."""
@@ -369,8 +370,12 @@ class SketchingPen(AbstractPen):
         """Draw the homogeneous cylinder or box with a body's mass and moments of inertia.
 
         Sides that are shorter than the diameter of a bar, 2 `_bar`, are drawn with this length. The
-        solid is transparent, unless its two shorter sides are at most as long as this diameter.
+        solid is transparent, unless its two shorter sides are at most as long as this diameter. It
+        is drawn once, also if this is called again.
         """
+        if name in self._solid:
+            return
+        self._solid.add(name)
         solid = equivalent_solid(body)
         thin = np.sort(solid.sides)[1] <= 2.0 * self._bar
         sides = np.maximum(solid.sides, 2.0 * self._bar).tolist()

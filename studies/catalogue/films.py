@@ -89,7 +89,9 @@ def _of_both() -> Check:
     carried = cj.carried_journal(mixed(), (0.0, -load), speed)
     ratio = float(np.linalg.norm(carried.offset)) / CLEARANCE
     shear = VISCOSITY * speed * RADIUS / CLEARANCE
+    # The mean of the moments on journal and bearing, which differ by the moment of the load.
     moment = 2.0 * math.pi * RADIUS**2 * length * shear / math.sqrt(1.0 - ratio**2)
+    moment += 0.5 * load * abs(float(carried.offset[0]))
     off = abs(abs(float(carried.moment)) / moment - 1.0)
     against = "friction moment of the film at high speed: Sommerfeld's closed form"
     source = "film and asperities"

@@ -1,17 +1,19 @@
 """Linear complementarity problem with bounds, for impulses at contacts.
 
 Find impulses x (N s) between bounds, for which the velocities y = W x + q (m/s) satisfy y >= 0
-where x is at its lower bound, y <= 0 where x is at its upper bound, and y = 0 elsewhere. W is
-symmetric and positive semidefinite. Each row of the problem is one direction of a contact. The
-solution is the minimum of the energy x W x/2 + q x, in J, between the bounds.
+where x is at its lower bound, y <= 0 where x is at its upper bound, and y = 0 elsewhere. q are the
+velocities without impulses, and W is symmetric and positive semidefinite. Each row of the problem
+is one direction of a contact. The solution is the minimum of the energy x W x/2 + q x, in J,
+between the bounds.
 
 An iteration has two parts (J. J. More, G. Toraldo, On the solution of large quadratic programming
 problems with bound constraints, 1991). A sweep of projected Gauss-Seidel finds the rows at their
-bounds. Newton steps then minimise the energy over the other rows; each Newton step ends where a row
-meets a bound. Neither part raises the energy, so the iteration cannot cycle. It ends with an exact
-solution, mostly after one or two iterations, also for two bases close together, where Gauss-Seidel
-alone takes thousands of sweeps, and for linearly dependent rows, such as the axial slips of the two
-bases of a journal.
+bounds. Newton steps then minimise the energy over the other rows. A step that would cross a bound
+ends there, and the next one leaves out the row that has met it; a full step reaches the minimum.
+Neither part raises the energy, so the iteration cannot cycle. It ends with a solution that is exact
+up to rounding, mostly after one or two iterations. This is so even if the two ends of a journal,
+each of which has a contact, are close together, where Gauss-Seidel alone takes thousands of sweeps,
+and for linearly dependent rows, such as the axial slips of both ends.
 """
 
 from collections.abc import Sequence

@@ -87,8 +87,8 @@ def check_numbers(scene: Scene, state: State) -> None:
 
 
 def in_domain(check: Callable[[], None]) -> Condition | None:
-    """Return the traced condition that a check passes; ``None`` if the check meets no traced
-    numbers.
+    """Return a traced bool, which is true if the numbers pass a check; ``None`` if the check meets
+    no traced numbers.
 
     A run that JAX traces cannot raise errors for invalid numbers. Its program evaluates this
     condition once, before the first step.

@@ -181,9 +181,11 @@ def interruptions_deferred() -> Iterator[Callable[[], bool]]:
     """Return a context manager for a run. The first Ctrl-C in its block raises no error, but is
     noted, so that the run can stop when compiled code next returns to Python, and keep its results.
 
-    Its value is a function that returns whether Ctrl-C has been pressed. A second Ctrl-C raises
-    `KeyboardInterrupt` at once. Outside the main thread, and in a program with its own handler of
-    SIGINT, the handling of the signal is not changed, and the function returns ``False``.
+    Its value is a function that returns whether Ctrl-C has been pressed. A further Ctrl-C raises
+    `KeyboardInterrupt`. Python handles signals between its own instructions only, so this too waits
+    until compiled code returns, and several presses during one call of it count as one. Outside the
+    main thread, and in a program with its own handler of SIGINT, the handling of the signal is not
+    changed, and the function returns ``False``.
     """
     requested = threading.Event()
     # Python delivers signals to the main thread only, and the handler of a program is respected.

@@ -256,8 +256,9 @@ def checked_times(start: Scalar, end: Scalar, times: ArrayLike, argument: str) -
     **Arguments:** `times`: (N,), s; `argument`: their name in error messages.
 
     **Returns:** the times, (N,), in double precision. Times outside of the run by rounding errors
-    alone are moved to its start or end. If JAX traces the times or the ends of the run, only the
-    shape of the times is checked, and they are returned unchanged.
+    alone are moved to its start or end. If JAX traces the times, only their shape is
+    checked; if it traces the ends of the run, the times are not compared with these. Both are
+    returned unchanged.
 
     **Raises:** `ValueError` for times that decrease, are not finite, are not one-dimensional or are
     outside of the run, and for an empty array.

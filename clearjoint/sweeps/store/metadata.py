@@ -302,7 +302,7 @@ def _write(path: Path, contents: Contents) -> None:
     for coordinate in along_lanes:
         _write_labels(group, coordinate, LANE, layout.chunk)
     for coordinate in layout.coordinates:
-        _write_labels(group, coordinate, coordinate.name, len(coordinate.values))
+        _write_labels(group, coordinate, coordinate.name, max(len(coordinate.values), 1))
     for name, variable in layout.variables.items():
         group.create_array(
             name,
