@@ -1,8 +1,9 @@
 """Draw forces of contacts over time and over the penetration, and phases of the motion over time.
 
 The contacts of a revolute joint with clearance have the labels "V" and "W" of the journal's end
-circles, its bases. Other contacts, such as those of shoulders, have other labels. An `Observation`
-has the forces of all contacts at the observed times.
+circles, its bases. Other contacts have other labels, such as those at shoulders, the faces that
+limit the journal's axial motion. An `Observation` has the forces of all contacts at the observed
+times.
 """
 
 import enum

@@ -304,7 +304,7 @@ def spectrum(
 
 
 def spectrum_of(record: xr.DataArray, *, taper: str = "hann", axes: Axes | None = None) -> Axes:
-    """Draw the amplitude spectrum of values over time, such as measured ones or those of a lane.
+    """Draw the amplitude spectrum of values over time, such as measured or simulated ones.
 
     **Arguments:** `record`, `taper`: see `plot.amplitude_spectrum`; `axes`: axes to draw on, new
     ones by default.
