@@ -1,10 +1,10 @@
 """Figures of simulated mechanisms with clearance joints.
 
-The functions in the tables draw existing data (an `Observation`, a `Solution`, `Impacts`, a `Fit`,
-or the data set of a sweep) into matplotlib axes, the argument `axes`, or into new ones, and return
-them; `fitted` and `report` always make a new figure. Of the other functions, some draw in the same
-way, `journal_frames` draws into a figure, `animate_journal` writes a GIF, and some return the
-numbers to draw, such as `enclosed_energy`. No function simulates or shows anything; only
+The functions in the tables draw existing data, such as an `Observation`, a `Solution`, a `Fit` or
+the data set of a sweep, into given matplotlib axes, the argument `axes`, or into new ones. They
+return the axes; `fitted` and `report` always make a new figure. Of the other functions, some draw
+in the same way, `journal_frames` draws into a figure, `animate_journal` writes a GIF, and some
+return the numbers to draw, such as `enclosed_energy`. No function simulates or shows anything; only
 `animate_journal` and `report` write files. Arguments are in SI units; axes have units with suitable
 prefixes.
 

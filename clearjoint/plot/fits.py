@@ -171,8 +171,8 @@ def record_length(report: Identifiability, *, axes: Axes | None = None) -> Axes:
     **Arguments:** `report`: from `cj.identifiability`; pass `report.of("probe")` to draw the
     accuracy by the sensor "probe" alone. `axes`: axes to draw on, new ones by default.
 
-    **Returns:** the axes; duration of the measurement in ms, standard deviation on a logarithmic
-    scale.
+    **Returns:** the axes; time of the record's last sample in ms, which is the record's length if
+    the run starts at time 0; standard deviation on a logarithmic scale.
 
     >>> report = cj.identifiability(scene, state, unknown, probe)
     >>> axes = plot.record_length(report)
@@ -243,13 +243,14 @@ def _over_time(
     title: str | None,
     axes: Axes | None,
 ) -> Axes:
-    """Draw curves over the times of a horizon on a logarithmic scale, and vertical lines at the
-    times, if finite, from which on fits from wrong guesses may fail, or integration errors are too
-    large.
+    """Draw curves over the sample times of `horizon` on a logarithmic scale.
 
-    **Arguments:** `curves`: label and values (N,) of each curve at the N times of `horizon`, where
-    values of zero are gaps; `quantity`: text of the vertical axis; `title`: title of the legend,
-    without one for None.
+    Vertical lines mark the times from which on fits from wrong guesses may fail, or integration
+    errors are too large. An infinite time has no line.
+
+    **Arguments:** `curves`: label and values (N,) of each curve at the N times of `horizon`; zeros
+    are drawn as gaps; `quantity`: text of the vertical axis; `title`: title of the legend, ``None``
+    for no title; `axes`: axes to draw on, new ones for ``None``.
     """
     axes = axes_or_new(axes)
     times = horizon.times * 1e3  # ms

@@ -1,8 +1,9 @@
 """Draw forces of contacts over time and over the penetration, and phases of the motion over time.
 
 The contacts of a revolute joint with clearance have the labels "V" and "W" of the journal's end
-circles, its bases. Other contacts, such as those of shoulders, have other labels. An `Observation`
-has the forces of all contacts at the observed times.
+circles, its bases. Other contacts have other labels, such as those at shoulders, the faces that
+limit the journal's axial motion. An `Observation` has the forces of all contacts at the observed
+times.
 """
 
 import enum
@@ -311,9 +312,9 @@ def contact_phases(observation: Observation, joint: str) -> np.ndarray:
 
     A contact with a single compression and restitution is an impact. If the bodies approach again
     before they separate, or if the contact lasts to the end of the observation, the phase is impact
-    up to the first maximum of the penetration, and following from there on. A contact that has
-    begun before the first instant is following until it ends. If the joint's contacts are in
-    different phases, following has priority over impact, and impact over free flight.
+    up to the first maximum of the penetration, and following from there on. A contact that exists
+    at the first instant is following until it ends. If the joint's contacts are in different
+    phases, following has priority over impact, and impact over free flight.
 
     **Arguments:**
 

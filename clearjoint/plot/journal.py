@@ -34,10 +34,10 @@ from .sweeps import require_names
 
 CrossSection = Mapping[str, ArrayLike]
 """Two perpendicular unit vectors by their labels, such as {"X": …, "Y": …}: the directions that a
-figure draws to the right and upwards. Each is (3,) in global axes, or (N, 3) for a bearing that
-turns."""
+figure draws to the right and upwards. Each is (3,) in global axes, or (N, 3), one row for each
+observed time, for a bearing that turns."""
 XY: CrossSection = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0)}
-"""The cross-section of a bearing at rest whose axis is Z.
+"""The cross-section of a bearing at rest whose axis is the global z axis.
 
 >>> plot.XY["X"]
 (1.0, 0.0, 0.0)

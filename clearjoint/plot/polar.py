@@ -48,8 +48,8 @@ def contact_rose(
 
     - `observation`: from `cj.observe`, along every accepted step, or at instants that resolve the
       impacts.
-    - `joint`: name of the clearance joint. Its contacts at shoulders, and at points between the
-      bases, are left out.
+    - `joint`: name of the clearance joint. Its contacts at points between the bases, and at
+      shoulders, which limit the axial motion, are left out.
     - `weight`: "impulse", the time integral of the normal force in each sector, with base W stacked
       on base V; or "force", the largest normal force of each base in each sector. Bases with equal
       forces share their bars, which show the sum of the impulses, or the force of one base.
@@ -138,7 +138,7 @@ def worn_profile(
     **Arguments:**
 
     - `found`: result of `clearjoint.wear`; `joint`: name of the joint.
-    - `part`: "bearing", whose wall is drawn, or "journal".
+    - `part`: "bearing", for the wear of its wall, or "journal".
     - `curves`: number of curves, evenly spaced over the cycles, the last one black.
     - `axes`: polar axes to draw on, by default new ones.
 
@@ -164,8 +164,8 @@ def worn_profile(
     closed = np.append(angles, angles[0] + 2.0 * np.pi)  # each curve ends where it begins
     wanted = np.linspace(0.0, cycles[-1], curves + 1)[1:]  # without zero cycles
     for k, number in enumerate(wanted):
-        # `depths` is (stage, angle), where `cycles` has the number of cycles of each stage: the
-        # depth at each angle is interpolated between the stages.
+        # A stage is a part of the computation of wear: `cycles` (stage,) has the numbers of cycles
+        # for which `depths` (stage, angle) is known, between which it is interpolated.
         curve = [np.interp(number, cycles, depth) for depth in depths.T]
         shade = str(0.75 * (1.0 - (k + 1) / curves))  # grey value, from light to 0, black
         label = f"{number:.3g} cycles"

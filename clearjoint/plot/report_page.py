@@ -83,6 +83,7 @@ def _joint_row(name: str, joint: AbstractConstraint | AbstractContactJoint) -> C
         return head
     # Contacts with equal laws share one text: the keys of a dictionary are unique and ordered.
     laws = dict.fromkeys(_law(whole_law(law)) for law in joint.laws().values())
+    # A joint without the field `friction`, such as a lubricated one, shows its bristle laws only.
     friction = getattr(joint, "friction", None)
     frictions = [friction] if friction is not None else joint.bristle_laws().values()
     texts = dict.fromkeys(_law(law) for law in frictions)
@@ -250,8 +251,9 @@ def report(
     their bearings (orbits), contact forces, phases of free flight, impact and lasting contact,
     energies, the spectrum of one quantity, and the largest impacts.
 
-    For a scene without clearance joints, paths of the bodies replace the orbits, and there are no
-    contact forces.
+    In a scene without journals, the paths of the bodies' centres replace the orbits, or the bodies'
+    angular velocities over time if the centres hardly move. A scene without contacts has no forces
+    and phases, and a solution without recorded impacts has no table of them.
 
     **Arguments:**
 
@@ -262,8 +264,9 @@ def report(
     - `file`: path of the page, with the suffix ".png" or ".pdf"; not written by default.
     - `title`: by default "Run of" and the names of the bodies.
     - `quantity`, `unit`: quantity whose spectrum is drawn, and its SI unit if it does not declare
-      one, see `plot.series`; by default the velocity component of the last body's centre that
-      changes most.
+      one, see `plot.series`. By default it is the velocity component of the last body's centre that
+      changes most, or a component of this body's angular velocity if its centre has a constant
+      velocity.
 
     **Returns:** the figure, of size A4.
 
@@ -325,7 +328,7 @@ class _Part(NamedTuple):
 def _parts(scene: Scene, solution: Solution, record: xr.DataArray) -> list[_Part]:
     """Return the rows of the page from top to bottom, without those that would be empty.
 
-    Forces need clearance joints, and the table of impacts needs recorded impacts.
+    Forces need joints with contacts, and the table of impacts needs recorded impacts.
 
     **Arguments:** `record`: values (N,) over "time", s, of the quantity whose spectrum is drawn.
 

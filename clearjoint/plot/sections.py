@@ -90,8 +90,9 @@ def poincare_section(
       joint with this clearance.
     - `axes`: axes to draw on, by default new ones.
 
-    **Returns:** the axes, with equal scales for channels of the same unit and similar size. Later
-    points are darker; a colour bar gives their number.
+    **Returns:** the axes. They have equal scales with a `clearance`, or if both channels have the
+    same unit and their largest magnitudes differ by at most a factor of 20. Later points are
+    darker; a colour bar gives the number of each crossing among all recorded ones.
 
     **Raises:** `ValueError` for unknown channels, a section with a single channel, a `clearance`
     with channels that are not lengths, and if all crossings are earlier than `after`.

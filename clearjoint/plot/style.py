@@ -299,9 +299,9 @@ def _prefixed(values: np.ndarray, unit: str) -> tuple[int, str]:
 def suits_logarithm(values: np.ndarray, swept: bool = False) -> bool:
     """Return whether an axis for values (any shape) should be logarithmic.
 
-    All finite values must be positive, and the largest must exceed 12 times the smallest. For a
-    `swept` parameter it is enough if at least three different values form a geometric series.
-    Without finite values the result is false.
+    All finite values must be positive, and the largest must exceed 12 times the smallest. Instead
+    of the latter, it is enough for a `swept` parameter that at least three different values form a
+    geometric series. Without finite values the result is false.
     """
     finite = values[np.isfinite(values)]
     if finite.size == 0 or finite.min() <= 0.0:
@@ -335,10 +335,12 @@ def scale_axes(axes: Axes, x: np.ndarray, y: np.ndarray, swept: str = "x") -> No
 
 
 def tick_logarithm(axis: Axis, values: np.ndarray) -> None:
-    """Set the ticks of a logarithmic axis for positive values (any shape), as numbers like 0.2.
+    """Set the ticks of a logarithmic axis for positive values (any shape).
 
-    Ticks are at equal distances if the largest value is at most 5 times the smallest, at 1, 2 and 5
-    times powers of ten below 500 times, and matplotlib's own, at powers of ten, from there on.
+    The ticks depend on the ratio of the largest to the smallest value. Up to a ratio of 5, they are
+    at equal differences of the value. Above 5 and below 500, they are at 1, 2 and 5 times powers of
+    ten. In both cases their labels are numbers like 0.2. From 500 on, ticks and labels remain those
+    of matplotlib, at powers of ten.
     """
     finite = values[np.isfinite(values)]
     if finite.max() < 500.0 * finite.min():

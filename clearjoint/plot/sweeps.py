@@ -203,7 +203,7 @@ def running_median(
 
 
 MISSING = {"facecolor": "0.85", "edgecolor": "0.55", "hatch": "////"}
-"""Style of the cells of a map whose lane failed or has not run yet."""
+"""Style of the cells of a map whose lane failed, has not run yet, or has NaN as its output."""
 
 
 def parameter_map(
@@ -211,7 +211,7 @@ def parameter_map(
 ) -> Axes:
     """Draw an output of a sweep over two swept parameters, as colours with a colour bar.
 
-    Lanes that failed or have not run yet are grey and hatched.
+    Lanes that failed or have not run yet are grey and hatched, as are those whose output is NaN.
 
     **Arguments:**
 

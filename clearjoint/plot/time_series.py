@@ -290,8 +290,8 @@ def spectrum(
     - `taper`: see `plot.amplitude_spectrum`.
     - `axes`: axes to draw on, by default new ones.
 
-    **Returns:** the axes; frequency in Hz or kHz, amplitude in the quantity's unit with a suitable
-    prefix, on a logarithmic scale.
+    **Returns:** the axes; frequency in Hz and amplitude in the quantity's unit, both with suitable
+    prefixes; the amplitude on a logarithmic scale.
 
     **Raises:** see `plot.series` and `plot.amplitude_spectrum`.
 
@@ -304,7 +304,7 @@ def spectrum(
 
 
 def spectrum_of(record: xr.DataArray, *, taper: str = "hann", axes: Axes | None = None) -> Axes:
-    """Draw the amplitude spectrum of values over time, such as measured ones or those of a lane.
+    """Draw the amplitude spectrum of values over time, such as measured or simulated ones.
 
     **Arguments:** `record`, `taper`: see `plot.amplitude_spectrum`; `axes`: axes to draw on, new
     ones by default.
@@ -366,8 +366,8 @@ def energy_ledger(
     constraints) and the work of drivers and loads since the start. Energies that the scene does not
     have are left out.
 
-    The drift is the change since the start of kinetic, potential, elastic and dissipated energy
-    together, minus the work; it would be zero for an exact integration. A title gives its largest
+    The drift is the sum of kinetic, potential, elastic and dissipated energy minus the work, less
+    its value at the first instant. It is zero for an exact integration. A title gives its largest
     magnitude in the window as a fraction of the largest change (maximum minus minimum) of a curve
     above over all observed times. In a run without ``Settings(ledger=True)``, dissipated energy and
     work are unknown: the lower axes then show the change of kinetic, potential and elastic energy

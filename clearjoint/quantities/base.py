@@ -157,7 +157,8 @@ class Instant:
 
     @cached_property
     def dynamics(self) -> Dynamics:
-        """Solution of the equations of motion: accelerations, constraint rows and multipliers.
+        """Solution of the equations of motion: accelerations, scalar constraint equations with
+        their Jacobians (`rows`), and Lagrange multipliers.
 
         In joint coordinates, `rows` and `multipliers` have only the joints that the coordinates do
         not satisfy by themselves.

@@ -274,15 +274,15 @@ class Angle(AbstractBodyQuantity):
     - `about`: the fixed axis, (3,) in global axes, any length.
     - `reference`: the fixed direction of zero angle, (3,) in global axes; by default its components
       are those of `axis`.
-    - `axis`: the body's direction, (3,) in body axes. The default is perpendicular to `about`: for
-      a body that only rotates about the fixed axis, the angle is then its angle of rotation, if
-      `reference` is left out too.
+    - `axis`: the body's direction, (3,) in body axes. The default has the components of a fixed
+      direction perpendicular to `about`. If `reference` is left out too, and the body's orientation
+      is a rotation of the global axes about the fixed axis, the angle is that of this rotation.
 
     The angle is undefined while the body's direction is parallel to `about`, and changes abruptly
     as the direction passes there.
 
     **Raises:** `ValueError` for a direction that is not three finite numbers or has zero length,
-    and for a `reference` or an `axis` that is parallel to `about`.
+    and for a `reference` or an `axis` whose components are proportional to those of `about`.
 
     >>> angle = cj.quantities.Angle("crank", about=(0, 0, 1))
     >>> angle.unit, angle.period == 2 * np.pi
