@@ -372,7 +372,8 @@ class AbstractContactLaw(AbstractConverting):
     def onset_offset(self) -> Scalar:
         """Return the distance of the surfaces at which the force begins, m; 0 by default.
 
-        It is positive for a law that is smoothed over a width.
+        It is positive, for example, for a law that is smoothed over a width, or for rough surfaces,
+        whose asperities touch first.
         """
         return 0.0
 
