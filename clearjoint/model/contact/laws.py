@@ -578,6 +578,6 @@ class WeightedLaw(AbstractLawAround):
 def whole_law(law: AbstractContactLaw) -> AbstractContactLaw:
     """Return the law of the whole contact for a `WeightedLaw`, and any other law unchanged.
 
-    Reports show this law, which is the one that the user gave.
+    Reports show this law: for a `ClearanceJoint` with `line_points`, the one that the user gave.
     """
     return law.law if isinstance(law, WeightedLaw) else law
