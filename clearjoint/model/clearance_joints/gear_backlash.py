@@ -51,10 +51,11 @@ class LineOfCentres:
     height: Scalar
 
     def angle_in(self, gear: Motion, axis: Vector) -> Scalar:
-        """Return the angle of the line about a gear's axis, rad, as seen from the gear.
+        """Return the angle of `along` about a gear's axis, rad in [-pi, pi], as seen from the gear.
 
         It is measured from the first of the `transverse_axes` of the gear's axis, two unit vectors
-        across it that are fixed to the gear.
+        across it that are fixed to the gear. For the second gear, too, `along` is the direction
+        from the first centre to the second.
 
         **Arguments:** `gear`: motion of the gear's body. `axis`: of the gear, in its body's axes.
         """
@@ -84,8 +85,9 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
 
     Each flank touches along its line of action, a common tangent of the base circles of radii
     r = m z cos(alpha)/2, with the module m and the numbers of teeth z. Let theta be the gears'
-    angles from the line of centres, whose length is a. The displacement s along the line of action
-    and the penetrations delta of the upper (+) and lower (-) flank are
+    angles from the line of centres, about the first gear's axis, and a the length of this line. The
+    displacement s along the line of action and the penetrations delta of the upper (+) and lower
+    (-) flank are
 
         s = r1 theta1 + r2 theta2, modulo the base pitch pi m cos(alpha),
         delta = +-s - (r1 + r2)(inv(alpha') - inv(alpha)) - j cos(alpha)/2,
@@ -103,7 +105,8 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
     **Arguments:**
 
     - `first`, `second`: names of the gears' bodies.
-    - `point_first`, `point_second`: the gears' centres, (3,) m in body axes.
+    - `point_first`, `point_second`: the gears' centres, (3,) m from the body's centre of mass, in
+      body axes.
     - `axis_first`, `axis_second`: their axes, (3,) in body axes, parallel to each other.
     - `teeth_first`, `teeth_second`: z1 and z2, numbers of teeth; `teeth_second` is negative for an
       internal second gear, as in ISO 21771.
@@ -119,9 +122,10 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
 
     **Raises:** `ValueError` if a number of teeth is not a whole number, `teeth_first` is not
     positive, an internal gear is not larger than the first gear, the backlash is not smaller than
-    the pitch pi m, the pressure angle is outside 0.1 to 0.8 rad, the law's stiffness is not given
-    as a number, both bodies are the same, or another value is outside its range. **Warns:**
-    `UnusualValueWarning` for a module of more than 0.1 m, or a backlash of more than 0.2 pi m.
+    the pitch (pi times the module), the pressure angle is outside 0.1 to 0.8 rad, the law's
+    stiffness is not given as a number, both bodies are the same, or another value is outside its
+    range. **Warns:** `UnusualValueWarning` for a module of more than 0.1 m, or a backlash of more
+    than 0.2 times the pitch.
 
     Source: involute gearing after ISO 21771; backlash as a dead zone with impacts after
     A. Kahraman, R. Singh, Non-linear dynamics of a spur gear pair, J. Sound Vib. 142, 1990.
@@ -236,6 +240,8 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         from_second = line.along * (line.distance * (share - 1.0)) - line.axis * line.height
         at_first = self.point_first + first.components(from_first)
         at_second = self.point_second + second.components(from_second)
+        # The component of this velocity along a flank's normal is the rate of its penetration, also
+        # where the distance of the centres changes.
         sliding = second.velocity_at(at_second) - first.velocity_at(at_first)
         radii = add(*self._base_radii())
         # The sum of the base radii is negative for an internal gear, whose contact is reversed.

@@ -17,7 +17,8 @@ from ...math.vectors import Scalar, Vector
 from ..joints.base import Motions
 
 BASES = ("V", "W")
-"""Names of the bases at the lower and the upper end of the journal's axis."""
+"""Names of the bases: V at the end of the journal against the direction of its axis, W at the other
+end."""
 SIDES = (-1.0, 1.0)
 """Signs of the two ends of a journal or bearing: -1 for the end against the direction of its axis,
 1 for the end in this direction."""
@@ -95,8 +96,9 @@ class HasJournal(Protocol):
     def journal_offset(self, motions: Motions, base: str | None = None) -> Vector:
         """Return the vector from the bearing's centre to the journal's centre or to a base, m.
 
-        Components are in the bearing's frame, whose z axis is the bearing's axis. `motions` has the
-        motion of each body by name. `base` is "V" or "W", or ``None`` for the journal's centre.
+        Components are in the bearing's frame: x and y along the `transverse_axes` of the bearing's
+        axis, z along this axis. `motions` has the motion of each body by name. `base` is "V" or
+        "W", or ``None`` for the journal's centre.
         """
         ...
 
@@ -112,8 +114,9 @@ class JournalBase:
       global axes.
     - `arm`: from the journal's centre to the base, its part perpendicular to the axis, m in global
       axes. The eccentricity vector of the base is ``centre + arm``.
-    - `local`: the base's centre, m in the axes of the journal's body.
-    - `on_bearing`: the point of the bearing's body at the base's centre, m in that body's axes.
+    - `local`: the base's centre, from the centre of mass of the journal's body, m in its axes.
+    - `on_bearing`: the point of the bearing's body at the base's centre, from that body's centre of
+      mass, m in its axes.
     - `velocity`: of the base's centre relative to that point, m/s in global axes.
     """
 

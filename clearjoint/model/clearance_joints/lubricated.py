@@ -37,7 +37,10 @@ integrand is a polynomial of degree 9 and 10."""
 
 
 def blending_factor(depth: Scalar, transition: Scalar) -> Scalar:
-    """Return a factor that rises smoothly from 0 at a depth of 0 m to 1 at `transition`, m."""
+    """Return a factor that rises smoothly from 0 at a depth of 0 m to 1 at `transition`, m.
+
+    It is 0 at negative depths, and 1 at depths beyond `transition`.
+    """
     ratio = jnp.clip(depth / transition, 0.0, 1.0)
     return ratio * ratio * (3.0 - 2.0 * ratio)
 
@@ -85,7 +88,8 @@ class BlendedContactLaw(AbstractLawAround):
 
 
 THINNEST_FILM = 1e-3
-"""Smallest allowed ratio of film thickness to clearance."""
+"""Smallest allowed value of 1 - `largest_ratio`, the ratio of the smallest film thickness to the
+clearance at the largest eccentricity ratio."""
 
 
 def _of_dry_joint(name: str) -> PyTree:
@@ -106,10 +110,10 @@ class LubricatedJoint(AbstractContactJoint):
     one point midway between the two axes, so that the film conserves angular momentum. The energy
     ledger of a run lists the energy that the film dissipates as "film".
 
-    Contact begins when the journal touches the wall, and replaces the film smoothly over the depth
-    `transition`. This is the blend of P. Flores et al. 2006 with a continuous slope. The film force
-    would be infinite at the wall, so the eccentricity ratio used for it is limited to
-    `largest_ratio`.
+    If `transition` is given, contact begins when the journal touches the wall, and replaces the
+    film smoothly over this depth. This is the blend of P. Flores et al. 2006 with a continuous
+    slope. The film force would be infinite at the wall, so the eccentricity ratio used for it is
+    limited to `largest_ratio`. The film is that of circular surfaces, even if `dry` has profiles.
 
     With a film the journal touches the wall slowly. A law that divides by the entry speed then
     gives very large damping: if the wall has to carry load, use a law without entry speed in `dry`.
@@ -216,6 +220,9 @@ class LubricatedJoint(AbstractContactJoint):
         in_journal = base.local - journal.components(to_midpoint)
         on_axis = self.dry.bearing_point + unit(self.dry.bearing_axis) * base.height
         in_bearing = on_axis + bearing.components(to_midpoint)
+        # Midway between the axes, the relative velocity of the bodies is the rate of the
+        # eccentricity as seen in axes that rotate with half the sum of the two spins, which film
+        # laws take.
         velocity = journal.velocity_at(in_journal) - bearing.velocity_at(in_bearing)
         # Film laws take a motion across the axis only.
         velocity = velocity - base.axis * velocity.dot(base.axis)
@@ -266,8 +273,8 @@ It isn't zero, because the force of a film may not be differentiable for a centr
 class CarriedJournal(NamedTuple):
     """Equilibrium of a journal in its film, and the linearised force near the equilibrium.
 
-    The force is that of the film and, for a joint without `transition`, that of the contact and its
-    friction.
+    Force and moment are those of the film and, for a joint without `transition`, of the contact and
+    its friction.
 
     Components refer to two fixed directions x and y across the bearing's axis z, which form a
     right-handed frame.
@@ -307,9 +314,11 @@ class CarriedJournal(NamedTuple):
 def carried_journal(joint: LubricatedJoint, load: ArrayLike, speed: Scalar) -> CarriedJournal:
     """Compute the equilibrium of a loaded journal in its film, and the stiffness and damping there.
 
-    The bearing is at rest and the axes are parallel. The search for the equilibrium is limited to
-    eccentricities below the clearance. For a joint with a `transition`, contact with the wall does
-    not add to the force. The eccentricity ratio is not limited to the joint's `largest_ratio`.
+    The bearing is at rest, the axes are parallel, and profiles are ignored: journal and bearing
+    count as circles. The search for the equilibrium is limited to eccentricities below the
+    clearance. For a joint with a `transition`, contact with the wall does not add to the force.
+    Without it, contact adds the force of the joint's law, but only the elastic force of a law that
+    uses the entry speed. The eccentricity ratio is not limited to the joint's `largest_ratio`.
 
     ```python
     import clearjoint as cj
@@ -329,8 +338,8 @@ def carried_journal(joint: LubricatedJoint, load: ArrayLike, speed: Scalar) -> C
     **Returns:** `CarriedJournal` with the offset, (2,) m, the stiffness, (2, 2) N/m, the damping,
     (2, 2) N s/m, in the same directions as the load, and the moment, N m.
 
-    **Raises:** `ValueError` if the load doesn't have the shape (2,) or the speed is not positive;
-    `RuntimeError` if the search for the equilibrium doesn't converge.
+    **Raises:** `ValueError` if the load doesn't have the shape (2,) or is not finite, or the speed
+    is not a positive number; `RuntimeError` if the search for the equilibrium doesn't converge.
     """
     require_shape("load", load, (2,), "give its components across the axis in N")
     require_positive("speed", speed, "give rad/s, with the axis such that it is positive")

@@ -17,10 +17,12 @@ from .journal_bases import BASES
 class MasslessLink(AbstractConstraint):
     """A `ClearanceJoint` in permanent contact: the eccentricity of both bases equals the clearance.
 
-    At each base the eccentricity vector acts as a massless rod between the axes (S. W. E. Earles,
-    C. L. S. Wu 1973; R. S. Haines 1985), which is one constraint row. The model has no impacts and
-    no separation. A tensile force in a rod indicates that the journal would leave the wall, where
-    the model is invalid.
+    The bases are the circles at the journal's two ends. At each base the eccentricity vector acts
+    as a massless rod between the axes (S. W. E. Earles, C. L. S. Wu 1973; R. S. Haines 1985), which
+    is one constraint row. The model has no impacts and no separation. The wall pushes the journal
+    towards the bearing's axis, as a rod in tension does. A compressive force in a rod, for which
+    the row's Lagrange multiplier is positive, indicates that the journal would leave the wall. The
+    model is then invalid.
 
     **Arguments:**
 

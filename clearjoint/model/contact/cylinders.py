@@ -1,9 +1,11 @@
 """Line contact of a journal along its bearing, smooth or rough, by length, radii and material.
 
-These elasticities take the place of the stiffness in a law of the Hunt-Crossley family and can be
-combined with any of its damping factors. The delivered restitution stays the same, because it
-doesn't depend on the elastic force. In the formulas F is the force, delta the penetration, L the
-length, dR the radial clearance, and 1/E* the sum of (1 - nu^2)/E of both materials.
+The subclasses of `AbstractCylinder` give the elastic force as a function of the penetration. They
+take the place of the stiffness in a law of the Hunt-Crossley family and can be combined with any of
+its damping factors. The delivered restitution, the ratio of rebound speed to entry speed in a free
+impact, stays the same, because it doesn't depend on the elastic force. In the formulas F is the
+force, delta the penetration, L the length, dR the radial clearance, and 1/E* the sum of
+(1 - nu^2)/E of both materials.
 
 The pressure between two rough planes depends on the ratio of their distance to their roughness (J.
 A. Greenwood, J. H. Tripp 1970). Integrated around a journal that is nearly as large as its bearing,
@@ -199,7 +201,8 @@ class PereiraCylinder(AbstractCylinder):
 
 
 _MOST_CONTACT = 0.8
-"""Largest b^2 for which `PerssonCylinder` uses its formula; at 0.8355 the force is infinite."""
+"""Largest b^2 = tan^2(half-angle/2) for which the formula of `PerssonCylinder` counts as valid; at
+0.8346 the force is infinite."""
 
 
 class PerssonCylinder(AbstractCylinder):
@@ -251,7 +254,7 @@ class PerssonCylinder(AbstractCylinder):
         return modulus * clearance * jnp.pi * square * (square + 1.0) / numerator
 
     def deepest(self, gap: Gap) -> Scalar:
-        """Return the largest penetration for which the formula is used, m.
+        """Return the largest penetration for which the formula counts as valid, m.
 
         It is eight clearances, where nearly half of the bearing's circumference is in contact.
         """
@@ -496,8 +499,9 @@ class GreenwoodTripp(AbstractConverting):
         the clearance times the square of the angle. The relative error is of the order of
         roughness over clearance.
 
-        **Arguments:** in m. `depth`: by how much the smallest distance is below `reach`. `radius`:
-        of the bearing. `clearance`: between the mean surfaces. `length`: of the journal.
+        **Arguments:** in m. `depth`: by how much the smallest distance is below `reach`; the force
+        is zero if it is negative. `radius`: of the bearing. `clearance`: radial, between the mean
+        surfaces. `length`: of the journal.
         """
         # At an angle phi from the closest point, 4 - distance/sigma is
         # (depth - clearance phi^2/2)/sigma, which is zero at phi = sqrt(2 depth/clearance), the end
@@ -535,7 +539,8 @@ class RoughCylinders(AbstractContactLaw):
     The surfaces must be cylinders: the force needs the bearing's radius and the clearance in `Gap`.
 
     **Raises:** `ValueError` if the length is not positive, `asperities` or `law` is of another
-    class, or the force of `law` begins with a jump or a slope.
+    class, or the force of `law` may begin with a jump or a slope according to its `force_jumps` and
+    `slope_jumps`.
 
     ```python
     import clearjoint as cj

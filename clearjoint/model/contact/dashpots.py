@@ -4,8 +4,8 @@ delta is the penetration, m, and rate its time derivative, m/s. Such laws don't 
 A contact ends at delta = 0, but the force is set to zero before, where the dashpot would pull the
 surfaces together. The delivered restitution, the ratio of rebound speed to entry speed in a free
 impact, depends on this rule: without it `KelvinVoigt` and `Tsuji` would deliver the requested
-value, with it they deliver `clamped_restitution`. The forces of `KelvinVoigt` and `Ristow`, for
-which m = 0, jump at the onset.
+value, with it they deliver the larger one that `clamped_restitution` computes. The forces of
+`KelvinVoigt` and `Ristow`, for which m = 0, jump at the onset.
 
 The last three laws, `ElastoGap`, `ImpactFunction` and `FloresKelvinVoigt`, have another damping,
 whose force is zero at the onset.
@@ -116,7 +116,7 @@ class AbstractTunedDashpotLaw(AbstractDashpotLaw):
     **Arguments:**
 
     - `restitution`: c in (0, 1], requested ratio of rebound speed to entry speed.
-    - `stiffness`: K, a number in N/m^n or an `AbstractStiffness`.
+    - `stiffness`: K, a number in N/m^n, with the law's `exponent` n, or an `AbstractStiffness`.
     - `effective_mass`: kg; m1 m2/(m1 + m2) for two colliding bodies, the body's mass for an impact
       against a wall.
 
@@ -232,6 +232,8 @@ class AbstractGivenDashpotLaw(AbstractDashpotLaw):
 
     - `stiffness`: K, a number in N/m^n or an `AbstractElasticity`.
     - `damping_coefficient`: D, N s/m^(1+m), not negative.
+
+    n and m are the `exponent` and the `damping_exponent` of the subclass.
 
     **Raises:** `ValueError` if D is negative or the stiffness is invalid.
     """

@@ -387,8 +387,8 @@ class AbstractBristleFriction(AbstractConverting):
     def force(self, normal_force: Scalar, slip: Vector) -> Vector:
         """Return the friction force on the second body in steady sliding, N.
 
-        It is zero without slip. It is used where deflections are not integrated, such as for rigid
-        contacts.
+        A viscous part is left out, as in `sliding_ratio`. Without slip the force is zero. It is
+        used where deflections are not integrated, such as for rigid contacts.
 
         **Arguments:** `normal_force`: N. `slip`: tangential velocity of the second body relative to
         the first, m/s.

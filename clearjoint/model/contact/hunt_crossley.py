@@ -118,10 +118,10 @@ def _logarithm(e: Scalar) -> Scalar:
 
     Unlike chi e, y doesn't lose digits where chi e rounds to one.
     """
-    # For e above 0.4, start from the damping factor of Carvalho and Martins, which is accurate to
-    # four digits above 0.5. For smaller e, start from a value that is 1 above the asymptote for
-    # small e, y = 1 + 1/e - ln(1 + 1/e). The minimum keeps the logarithm finite for these e too, at
-    # which its value is not used.
+    # For e above 0.4, start from the damping factor of Carvalho and Martins, whose error is below
+    # 0.5 % there. For smaller e, start from a value that is 1 above the asymptote for small e,
+    # y = 1 + 1/e - ln(1 + 1/e). The minimum keeps the logarithm finite for these e too, at which
+    # its value is not used.
     approximate = 1.5 * (1.0 - e) * (11.0 - e) / (1.0 + 9.0 * e)
     start = jnp.where(
         e > 0.4, -jnp.log1p(-jnp.minimum(approximate * e, 0.9)), 2.0 + 1.0 / e - jnp.log1p(1.0 / e)
@@ -186,9 +186,9 @@ class AbstractHertzianLaw(AbstractElasticLaw):
       without a general power for the values 1 and 1.5. A cylinder ignores it.
     - `smoothing`: width w in m, or ``None``. With it, the penetration is replaced by a ramp that
       begins at delta = -w, is the parabola (delta + w)^2/(4 w) up to delta = w, and delta above.
-      The factor 1 + chi rate/entry speed, which is otherwise limited to at least zero, is replaced
-      by such a ramp of the factor, with the dimensionless width w/(w + delta); delta counts as zero
-      in it before contact.
+      Without it, the factor 1 + chi rate/entry speed is cut off at zero where it would be negative.
+      With it, such a ramp of the factor replaces the cut-off. The dimensionless width of this ramp
+      is w/(w + max(delta, 0)).
 
     **Raises:** `ValueError` if n is below 1, a number given as stiffness is not positive, or the
     width is not positive or given with a stiffness that is not an `AbstractStiffness`.
@@ -251,7 +251,8 @@ class AbstractHertzianLaw(AbstractElasticLaw):
         return self.stiffness.force(gap, self.exponent)
 
     def stored_energy(self, gap: Gap) -> Scalar:
-        """Return K delta^(n+1)/(n+1), J; with smoothing the integral includes the ramp."""
+        """Return K delta^(n+1)/(n+1), J; with `smoothing`, the integral of the smoothed elastic
+        force over the penetration."""
         n, w = self.exponent, self.smoothing
         if w is None:
             return self.stiffness.energy(gap, n)
@@ -503,7 +504,7 @@ class CarvalhoMartins(AbstractDampedLaw):
 
     $$\chi = \frac{3 (1 - c) (11 - c)}{2 (1 + 9 c)}$$
 
-    It delivers the requested restitution to four digits for c >= 0.5.
+    The delivered restitution differs from c by at most 2e-4 for c >= 0.5.
 
     >>> law = cj.laws.CarvalhoMartins(restitution=0.8, stiffness=1e9)
     >>> print(f"{law.damping_factor():.4f}, delivers {law.delivered_restitution():.4f}")

@@ -372,7 +372,8 @@ class AbstractContactLaw(AbstractConverting):
     def onset_offset(self) -> Scalar:
         """Return the distance of the surfaces at which the force begins, m; 0 by default.
 
-        It is positive for a law that is smoothed over a width.
+        It is positive, for example, for a law that is smoothed over a width, or for rough surfaces,
+        whose asperities touch first.
         """
         return 0.0
 
@@ -577,6 +578,6 @@ class WeightedLaw(AbstractLawAround):
 def whole_law(law: AbstractContactLaw) -> AbstractContactLaw:
     """Return the law of the whole contact for a `WeightedLaw`, and any other law unchanged.
 
-    Reports show this law, which is the one that the user gave.
+    Reports show this law: for a `ClearanceJoint` with `line_points`, the one that the user gave.
     """
     return law.law if isinstance(law, WeightedLaw) else law
