@@ -2,8 +2,8 @@
 
 Small systems are given by rows of scalars and are solved by unrolled scalar arithmetic, which is
 fast in a stepping loop. The length of the unrolled code, and its compile time, grow with the cube
-of the number of rows (over a minute for 30 rows). Larger systems are therefore given by arrays,
-which LAPACK solves.
+of the number of rows (over a minute for 30 rows). Larger systems are therefore given by arrays and
+solved by JAX's Cholesky factorisation.
 """
 
 from collections.abc import Sequence
@@ -140,7 +140,7 @@ class Exact(AbstractSolver):
         return UnrolledFactorisation(matrix).solve(right)
 
     def dense(self, matrix: jax.Array, right: jax.Array) -> jax.Array:
-        """Return the solution by a Cholesky factorisation of LAPACK."""
+        """Return the solution by JAX's Cholesky factorisation."""
         return jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(matrix), right)
 
 

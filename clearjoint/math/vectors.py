@@ -264,7 +264,7 @@ class ConstantFolded:
 
     - `tree`: numbers and arrays.
     - `patterns`: structural components of each leaf of `tree`, in JAX's order; for a matrix, row by
-      row.
+      row. An empty tuple stands for no structural components at all.
     """
 
     tree: PyTree
@@ -279,7 +279,7 @@ def fold_constants(tree: PyTree, varied: PyTree = None) -> ConstantFolded:
 
     **Arguments:** `tree`: PyTree of numbers and arrays; `varied`: PyTree of the same structure with
     a bool for each leaf, true for leaves whose components must not be marked, because their numbers
-    differ between runs of the same program.
+    differ between runs of the same program; ``None``, the default, if there are no such leaves.
     """
     leaves, structure = jax.tree.flatten(tree)
     tables = _in_tables(structure)

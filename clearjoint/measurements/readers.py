@@ -49,6 +49,7 @@ class Channel:
     - `noise`: standard deviation of the samples in the column's unit: a number, or one for each
       row. ``None`` takes the `noise` argument of the reader.
     - `unit`: unit of the column, any that pint knows. It may be omitted if the table has the unit.
+      If both have one, the spelling must be the same.
 
     >>> cj.Channel(cj.quantities.JournalOffset("pin", "x"), noise=2.0, unit="um").unit
     'um'
@@ -186,8 +187,9 @@ def function_from_csv(
     **Returns:** a function of time of the type `kind`, with times in s and values in `unit`.
 
     **Raises:** `ValueError` for a file that can't be read as in `read_csv`, a missing or repeated
-    column, fewer than two rows, values that are not finite numbers, times that don't rise strictly,
-    and an unknown unit or one of another dimension; `OSError` for a file that does not exist.
+    column, fewer than two rows, values or times that are not finite numbers, dates and truth
+    values, times that don't rise strictly, and an unknown unit or one of another dimension;
+    `OSError` for a file that does not exist.
 
     >>> import pandas as pd
     >>> table = pd.DataFrame({"t [ms]": [0, 100], "torque [N cm]": [0.0, 250.0]})

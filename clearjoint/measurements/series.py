@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 LONGEST = 100
 """Largest number of characters in a unit."""
 LARGEST_POWER = 1000
-"""Largest product of the magnitudes of all powers in a unit. Without a limit, pint would compute
-integers that exhaust the memory."""
+"""Largest product of the magnitudes of all powers in a unit; of a fraction, the numerator counts.
+Without a limit, pint would compute integers that exhaust the memory."""
 POWER = re.compile(r"\*\*\(?[+-]?(\d{1,2}(?:\.\d*)?)(?:/\d{1,2})?(?!\d)\)?")
 """A power with a small exponent, such as "**2" or "**(-1/2)"."""
 # The remedy in error messages about a unit.
@@ -123,9 +123,10 @@ class Series(AbstractReadable):
 
     The attributes `values` and `noise` (N,) are in SI, and `unit` is the SI unit.
 
-    **Raises:** `ValueError` for shapes that differ, a series without samples, values that are not
+    **Raises:** `ValueError` for shapes that differ, a series without samples, numbers that are not
     finite, times that don't rise strictly, noise that is not positive, a unit that is unknown,
-    missing or of another dimension than the channel's, and a channel that is not a function.
+    missing or of another dimension than the channel's, and a channel that is not a function. If
+    JAX traces any of the numbers, only the unit and the channel are checked.
 
     >>> angle = cj.quantities.JointAngle("elbow")
     >>> series = cj.Series(angle, [0.0, 0.1], [90.0, 91.0], noise=0.5, unit="deg")
@@ -303,6 +304,8 @@ class Measurements(AbstractReadable):
 
     def check(self, scene: Scene) -> None:
         """Check that a scene has the bodies and joints that the channels name.
+
+        A channel that is a plain function is not checked.
 
         **Raises:** `ValueError` that names the series and lists the known names.
         """

@@ -16,9 +16,10 @@ from .scene import Scene
 from .survey import survey
 
 TOLERANCE = 1e-6
-"""Tolerance of `satisfies_joints`. It limits the distance between the two points of a joint,
-relative to their distance from the bodies' centres of mass, and the sine of the angle between its
-axes. It is far above rounding errors, and far below common clearances over the size of a body."""
+"""Tolerance of `satisfies_joints`. It limits the sine of the angle between the two axes of a joint,
+and the ratio of the distance between its two points to a length: the larger of the points'
+distances from their bodies' centres of mass (on the ground, from the origin), but at least 1 mm. It
+is far above rounding errors, and far below common clearances over the size of a body."""
 Pose: TypeAlias = tuple[np.ndarray, Rotation]
 """Position of a body's centre of mass, (3,) m in global axes, and rotation from body to global
 axes."""
@@ -77,7 +78,7 @@ def satisfies_joints(scene: Scene, state: State) -> bool:
     poses = _poses(state)
     for pair in survey(scene).joined:
         (first, along), (second, along_second) = (_in_space(poses[one.body], one) for one in pair)
-        # At least 1 mm, for joints whose points are the centres of mass.
+        # At least 1 mm, since the points may be at the centres of mass.
         size = max(1e-3, *(float(np.linalg.norm(one.point)) for one in pair))
         if np.linalg.norm(first - second) > TOLERANCE * size:
             return False
@@ -99,7 +100,12 @@ def _poses(state: State) -> dict[str, Pose]:
 
 
 def _in_space(pose: Pose, marker: Marker) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return the point of a marker, (3,) m, and its axis, if it has one, (3,), in global axes."""
+    """Return the point of a marker, (3,) m, and its axis, (3,), both in global axes.
+
+    The axis is ``None`` if the marker has none.
+
+    **Arguments:** `pose`: of the marker's body; `marker`: point and optional axis on this body.
+    """
     position, rotation = pose
     axis = None if marker.axis is None else rotation.apply(marker.axis)
     return position + rotation.apply(marker.point), axis
@@ -109,13 +115,14 @@ def _joined(pose: Pose, known: Marker, other: Marker, angle: float) -> Pose:
     """Return the pose of the body of `other` for which the points of two markers coincide and their
     axes, if both have one, are parallel.
 
-    The body has the rotation of the body of `known`, changed as little as the axes require.
+    The body has the rotation of the body of `known`, changed as little as the axes require, and is
+    then turned by `angle`.
 
     **Arguments:**
 
     - `pose`: of the body of `known`.
     - `known`, `other`: the markers of a joint on two bodies.
-    - `angle`: additional rotation about the common axis, rad; not used without such an axis.
+    - `angle`: rotation about the axis of `known`, rad; not used unless both markers have an axis.
     """
     rotation = pose[1]
     point, target = _in_space(pose, known)

@@ -410,9 +410,10 @@ class State(AbstractReadable):
 
     - `bodies`: `BodyState` of each body by name, without the ground.
     - `entry_speeds[joint][contact]`: entry speed of the current contact, its penetration rate at
-      the onset, m/s, by name of the joint and label of the contact; zero without contact, and 1e9,
-      which makes the damping negligible, if the contact began before the start of the run. Empty
-      for scenes whose laws don't use entry speeds.
+      the onset, m/s, by name of the joint and label of the contact. It is zero without contact. If
+      a run starts without entry speeds, a contact that began earlier gets 1e9, which makes the
+      damping negligible. Empty for scenes whose laws don't use entry speeds. States saved by
+      `simulate_nonsmooth`, whose contacts are rigid, list zero for each contact.
     - `work`: energies since the start, J, by name: "normal damping", "friction", "film" and
       "stabilisation", positive if taken from the motion, and "supplied", positive if drives and
       loads supplied it; empty unless the run keeps this energy ledger.
@@ -440,7 +441,8 @@ class State(AbstractReadable):
     ):
         remedy = "pass State({name: body_state(...)})"
         self.bodies = named("bodies", bodies, remedy)
-        # The numbers are not checked here, since `body_state` has checked them.
+        # The numbers are not checked here: `body_state` checks those that it gets, and a run checks
+        # all numbers of its initial state.
         for name, body in self.bodies.items():
             kind, is_valid = type(body).__name__, isinstance(body, BodyState)
             require(is_valid, f"bodies[{name!r}]", kind, "a BodyState", remedy)
@@ -484,7 +486,7 @@ class Anchor:
 
     The centre of a joint with the ground is such a point.
 
-    - `local`: the point, m in body axes.
+    - `local`: the point, m from the centre of mass in body axes.
     - `origin`: the fixed point, m in global axes.
     - `offset`: the small vector from the fixed point to the body's point, m in global axes. It is
       stored because the difference of two coordinates of about a metre would have too few digits
@@ -502,6 +504,8 @@ class Anchor:
 @dataclass(frozen=True, slots=True)
 class Motion:
     """Position, orientation, velocity and spin of a body, from which elements compute their forces.
+
+    In its methods, points of the body are given from the centre of mass, in body axes.
 
     - `position`: of the centre of mass, m in global axes.
     - `rotation`: matrix that transforms components in body axes to global axes.

@@ -24,7 +24,8 @@ WIDE_BACKLASH = 0.5
 LARGEST_RADIUS = 10.0
 """Flank radius above which a warning is issued, m, since it may have been given in mm."""
 DEFAULT_RADIUS = 0.01
-"""Flank radius with a torsional stiffness, m; the motion doesn't depend on it."""
+"""Flank radius with a torsional stiffness, m. The motion doesn't depend on it if the play is given
+as an angle; a `play_length` is divided by it."""
 
 
 class Backlash(AbstractPair, AbstractFlankJoint):
@@ -38,8 +39,9 @@ class Backlash(AbstractPair, AbstractFlankJoint):
 
     The normal force F of a flank acts on the bodies as a couple F r without a net force, so that
     every normal law can be used. A torsional stiffness of k N m/rad corresponds to k/r^2 N/m, and
-    the radius then has no influence on the motion. Angles are taken modulo 2 pi from the middle of
-    the play: the number of revolutions is unlimited.
+    the radius then has no influence on the motion, except that it converts a `play_length` to an
+    angle. Angles are taken modulo 2 pi from the middle of the play: the number of revolutions is
+    unlimited.
 
     Backlash doesn't hold the axis. Add a `RevoluteJoint`, or another joint that allows the relative
     rotation. For two gears with separate axes use `GearBacklash`.
@@ -51,7 +53,8 @@ class Backlash(AbstractPair, AbstractFlankJoint):
       joint.
     - `play`: rad, total angle from flank to flank. Alternatively `play_length`: m, the arc length
       at `radius`, as specified for gears. The joint stores the angle.
-    - `radius`: m, of the flanks. Optional with a `torsional_stiffness`: 0.01 m by default.
+    - `radius`: m, of the flanks. Optional with a `torsional_stiffness`: 0.01 m by default. Give it
+      with a `play_length`.
     - `middle`: rad, the joint's angle (`quantities.JointAngle`) in the middle of the play. The
       angle is zero for parallel frames of the bodies if both axes have the same components.
     - `law`: normal law of each flank, whose stiffness is given as a number. Alternatively
@@ -158,8 +161,11 @@ class Backlash(AbstractPair, AbstractFlankJoint):
         return dict.fromkeys(FLANKS, deepest)
 
     def relative_angle(self, motions: Motions) -> Row:
-        """Return the second body's angle about the axis, rad within (-pi, pi], as a row: the angle
-        with its derivatives by the bodies' motion."""
+        """Return the second body's angle about the axis, rad in [-pi, pi], as a row: the angle
+        with its derivatives by the bodies' motion.
+
+        In the middle of the play it equals the argument `middle`.
+        """
         return relative_angle_row(*self._between(motions), self.axis_first, self.axis_second)
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:

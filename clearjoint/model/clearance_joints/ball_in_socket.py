@@ -31,8 +31,9 @@ class BallInSocket(AbstractCentredJoint):
 
     **Arguments:**
 
-    - `socket_body`, `ball_body`: names of the bodies; one may be the ground.
-    - `socket_point`, `ball_point`: centres, (3,) m in body axes.
+    - `socket_body`, `ball_body`: names of the bodies; one may be the ground, whose points are
+      measured from the origin.
+    - `socket_point`, `ball_point`: centres, (3,) m from each body's centre of mass in its axes.
     - `socket_radius` and radial `clearance`: m; the ball's radius is their difference.
     - `law`: normal law of the contact.
     - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``.

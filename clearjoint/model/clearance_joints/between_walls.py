@@ -48,11 +48,12 @@ class PinInSlot(AbstractFrictionJoint):
 
     **Arguments:**
 
-    - `slot_body`, `pin_body`: names of the bodies; one may be the ground.
-    - `slot_point`: middle of the slot, (3,) m in its body's axes.
+    - `slot_body`, `pin_body`: names of the bodies; one may be the ground, whose points are measured
+      from the origin.
+    - `slot_point`: middle of the slot, (3,) m from its body's centre of mass in its axes.
     - `slot_axis`: direction of the slot, (3,) in the same axes, any length.
     - `slot_normal`: normal of the walls, perpendicular to `slot_axis`, (3,), any length.
-    - `pin_point`: centre of the pin, (3,) m in its body's axes.
+    - `pin_point`: centre of the pin, (3,) m from its body's centre of mass in its axes.
     - `pin_radius`: m.
     - `play`: m, total travel of the pin between the walls.
     - `travel`: m, total travel between the ends; ``None``, the default, for a slot without ends.
@@ -136,7 +137,9 @@ class PinInSlot(AbstractFrictionJoint):
     def centred_joint(self) -> AbstractConstraint:
         """Return the ideal joint that keeps the pin's centre in the middle plane of the slot.
 
-        `assemble` corrects initial states by it if the pin is outside the play.
+        `assemble`, which corrects initial states, uses it if the pin penetrates a wall or an end
+        by more than a micrometre. It doesn't move the pin along the slot, so that a pin in an end
+        stays there.
         """
         return self._ideal(self.slot_point)
 
@@ -189,11 +192,13 @@ class SliderInGuide(AbstractFrictionJoint):
 
     **Arguments:**
 
-    - `guide_body`, `slider_body`: names of the bodies; one may be the ground.
-    - `guide_point`: a point midway between the walls, (3,) m in the axes of the guide's body.
+    - `guide_body`, `slider_body`: names of the bodies; one may be the ground, whose points are
+      measured from the origin.
+    - `guide_point`: a point midway between the walls, (3,) m from the centre of mass of the guide's
+      body in its axes.
     - `guide_normal`: normal of the walls, from the lower to the upper, (3,) in the same axes, any
       length.
-    - `slider_point`: the slider's centre, (3,) m in its body's axes.
+    - `slider_point`: the slider's centre, (3,) m from its body's centre of mass in its axes.
     - `slider_axis`, `slider_normal`: perpendicular directions in the same axes, (3,), any length.
     - `half_length`, `half_height`: half the slider's size along its axis and its normal, m.
     - `clearance`: m, on either side of a centred slider.

@@ -213,7 +213,8 @@ LARGEST_BEARING = 2.0
 SHOULDERS = ("lower shoulder", "upper shoulder")
 """Contact labels of the shoulders: at the lower and at the upper end of the bearing's axis."""
 MOST_POINTS = 64
-"""Largest number of points along the journal, since each is a contact of its own."""
+"""Largest number of points along the journal. It is limited because each point is a contact, whose
+force is computed at every evaluation of the equations of motion."""
 LONGEST_JOURNAL = 100.0
 """Ratio of journal length to bearing radius above which a warning is issued, since the length may
 have been given in mm."""
@@ -226,8 +227,9 @@ class ClearanceJoint(AbstractCentredJoint):
 
     - `bearing_body`, `journal_body`: names of the bodies; one may be the ground.
     - `bearing_point`, `bearing_axis`: centre (m) and axis of the bearing, (3,) in its body's axes.
-    - `journal_point`, `journal_axis`: centre (m) and axis of the journal, (3,) in its body's axes.
-      Base V is half a length from the centre against the axis, base W half a length along it.
+      The centre is measured from the body's centre of mass; on the ground, from the origin.
+    - `journal_point`, `journal_axis`: centre and axis of the journal, likewise. Base V is half a
+      length from the centre against the axis, base W half a length along it.
     - `bearing_radius`: m.
     - `journal_radius` or `clearance`: m, exactly one of them, positive; `clearance` is the
       difference of the radii. The joint stores the clearance, because it is small and often varied.
@@ -238,10 +240,10 @@ class ClearanceJoint(AbstractCentredJoint):
     - `axial`: `FreeAxially()`, the default, if other joints support the journal along the axis;
       otherwise `EndPlay(...)` or `FixedAxially()`.
     - `bearing_profile`, `journal_profile`: deviations of the wall and of the journal from their
-      circles, such as `clearjoint.profiles.Harmonics`; ``None``, the default, for circles. Laws
-      get the radii of the circles. Where the wall is curved more strongly than the journal, the two
-      can touch at two points at once. Only the deeper point has a force then; a warning tells of
-      such a wall.
+      circles, positive outward, such as `clearjoint.profiles.Harmonics`; ``None``, the default, for
+      circles. Laws get the radii of the circles. Where the wall is curved more strongly than the
+      journal, the two can touch at two points at once. Only the deeper point has a force then; a
+      warning tells of such a wall.
     - `line_points`: ``None``, the default, for contact at the two bases only. A number of points n,
       from 2 to 64, for contact along the whole length: `law` at the local penetration, divided by
       the length, is then the force per unit of length. The Gauss-Lobatto rule with n points
@@ -361,6 +363,7 @@ class ClearanceJoint(AbstractCentredJoint):
             remedy = "give lengths in m; 1 mm is 1e-3 m"
             longest = LONGEST_JOURNAL * float(radius)
             caution_above("journal_length", self.journal_length, "m", longest, remedy)
+            # The penetration, given as zero here, makes no difference to a limit of the clearance.
             caution_beyond(self.law_limits(BASES[0], 0.0), "clearance")
         caution_two_contacts(self.clearance, self.bearing_profile, self.journal_profile)
 
@@ -498,9 +501,12 @@ class ClearanceJoint(AbstractCentredJoint):
         return Contact(gap, normal, on_bearing, on_journal, slip)
 
     def planar_axes(self, bearing: Motion, journal: Motion) -> PlanarAxes:
-        """Return the components of the journal's x and y axes, which are perpendicular to its own
-        axis, along the bearing's x and y axes. They convert angles around the journal to angles
-        around the bearing. `bearing` and `journal` are the motions of the two bodies."""
+        """Return the components of the journal's x and y axes along the bearing's x and y axes.
+
+        The x and y axes of each part are those that `transverse_axes` returns for its own axis. The
+        components convert angles around the journal to angles around the bearing. `bearing` and
+        `journal` are the motions of the two bodies.
+        """
         axes = map(bearing.direction, transverse_axes(unit(self.bearing_axis)))
         own = map(journal.direction, transverse_axes(unit(self.journal_axis)))
         return PlanarAxes(*(mine.dot(axis) for mine, axis in itertools.product(own, axes)))
@@ -580,8 +586,9 @@ class ClearanceJoint(AbstractCentredJoint):
     def journal_offset(self, motions: Motions, base: str | None = None) -> Vector:
         """Return the vector from the bearing's centre to the journal's centre or to a base, m.
 
-        Components are in the bearing's frame: x and y across its axis, z along it. With a
-        `bearing_axis` of (0, 0, 1) this is the frame of the bearing's body.
+        Components are in the bearing's frame: z along its axis, x and y across it along the vectors
+        that `transverse_axes` returns. With a `bearing_axis` of (0, 0, 1) its axes are those of the
+        bearing's body.
 
         **Arguments:** `base`: "V" or "W", or the label of a point between them, or ``None``, the
         default, for the journal's centre.
@@ -601,8 +608,12 @@ class ClearanceJoint(AbstractCentredJoint):
         return Vector(offset.dot(first), offset.dot(second), offset.dot(axis))
 
     def relative_angle(self, motions: Motions) -> Row:
-        """Return the journal's angle about the bearing's axis, rad in (-pi, pi], as a row: the
-        angle with its derivatives by the bodies' motion."""
+        """Return the journal's angle about the bearing's axis, rad in [-pi, pi], as a row: the
+        angle with its derivatives by the bodies' motion.
+
+        The angle is zero if the bodies' frames differ by the shortest rotation that makes the two
+        axes parallel, in the same or in opposite directions.
+        """
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         axes = self.bearing_axis, self.journal_axis
         return relative_angle_row(self.pair(), bearing, journal, *axes)
@@ -663,8 +674,9 @@ class ClearanceJoint(AbstractCentredJoint):
         return self._ideal(self.bearing_point + np.asarray(offset))
 
     def _ideal(self, centre: Triple) -> AbstractConstraint:
-        """Return the ideal joint that keeps the journal's axis parallel to the bearing's, through a
-        point of the bearing, (3,) m: cylindrical for an axially free journal, otherwise revolute.
+        """Return the ideal joint that keeps the journal's axis parallel to the bearing's and its
+        centre at `centre`, (3,) m in the axes of the bearing's body: a revolute joint, or for an
+        axially free journal a cylindrical joint, which lets the centre move along the axis.
         """
         points, axes = (centre, self.journal_point), (self.bearing_axis, self.journal_axis)
         kind = CylindricalJoint if self._is_free() else RevoluteJoint

@@ -185,8 +185,8 @@ class AbstractCentredJoint(AbstractFrictionJoint):
         """Return the two points of a joint between a moving body and the ground, near which runs
         reduce rounding errors; ``None`` for two moving bodies.
 
-        The result consists of the moving body's name, the joint's point on this body, m in its
-        axes, and the joint's point on the ground, m in global axes.
+        The result consists of the moving body's name, the joint's point on this body, m from its
+        centre of mass in its axes, and the joint's point on the ground, m in global axes.
         """
         (_, first, on_first), (_, second, on_second) = self.attachments()
         if first == GROUND:
@@ -233,7 +233,8 @@ def slip_at(
     m/s in global axes.
 
     **Arguments:** `first`, `second`: motions of the bodies. `on_first`, `on_second`: contact point
-    on each body, m in its axes. `normal`: of the contact, a global unit vector.
+    on each body, m from its centre of mass in its axes. `normal`: of the contact, a global unit
+    vector.
     """
     sliding = second.velocity_at(on_second) - first.velocity_at(on_first)
     return slip_velocity(sliding, normal, sliding.dot(normal))
@@ -243,7 +244,9 @@ def slip_at(
 class FlatWall:
     """A flat wall of the first body that stops a part of the second body.
 
-    - `origin`: a point in front of the wall, m in the first body's axes.
+    Points are given in m from the centre of mass of their body, in its axes.
+
+    - `origin`: a point of the first body in front of the wall.
     - `normal`: unit vector in the first body's axes, from the origin to the wall.
     - `room`: distance along the normal of the part's centre from the origin when the part touches
       the wall, m.
@@ -258,8 +261,8 @@ class FlatWall:
     ) -> Contact:
         """Return the contact of a cylinder, sphere or corner of the second body with the wall.
 
-        **Arguments:** `first`, `second`: motions of the bodies. `centre`: of the part, m in the
-        second body's axes. `radius`: of the part, m; 0.0 for a corner. `has_friction`: whether the
+        **Arguments:** `first`, `second`: motions of the bodies. `centre`: of the part, a point of
+        the second body. `radius`: of the part, m; 0.0 for a corner. `has_friction`: whether the
         contact needs a slip; without friction its `slip` is ``None``.
         """
         normal = first.direction(self.normal)
