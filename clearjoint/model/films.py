@@ -33,7 +33,8 @@ class FilmGap:
     - `axis`: of the bearing, a unit vector. `offset` and `rate` are perpendicular to it.
     - `offset`: vector from the bearing's axis to the journal's, divided by the clearance; its
       length is the eccentricity ratio, below 1.
-    - `rate`: of the offset, 1/s, as seen in axes that rotate with half the sum of the two spins.
+    - `rate`: of the offset, 1/s, as seen in axes that rotate with half the sum of the spins of
+      journal and bearing.
     - `spin`: of the journal relative to the bearing about the axis, rad/s.
     - `bearing_radius`: m.
     - `clearance`: radius of the bearing less that of the journal, m.
@@ -273,8 +274,8 @@ class ButenschoenFilm(AbstractFilm):
     the eccentricity ratio at the angle delta, and Omega the sum of the spins of journal and bearing
     minus 2 delta'. Rotation carries the load So_D B D mu |Omega|/psi^2 at the angle beta from the
     line of centres, and squeeze carries So_V B D mu eps'/psi^2 along this line. The load numbers
-    So_D and So_V and the angle beta are fits of B/D and eps. So_D deviates from tabulated values by
-    -3.3 to 6.8 %.
+    So_D and So_V and the angle beta are fitted functions of B/D and eps; So_V also depends on the
+    sign of eps'. So_D deviates from tabulated values by -3.3 to 6.8 %.
 
     The two solutions are added, which is an approximation; for simultaneous rotation and squeeze in
     a short bearing use `CaponeFilm`. A centred journal has no line of centres, so the load along
@@ -348,7 +349,8 @@ def attitude(width: Scalar, ratio: Scalar) -> Scalar:
 
     `width` is the width-to-diameter ratio B/D, `ratio` the eccentricity ratio.
     """
-    # This is the angle for an infinitely long bearing, which the fit corrects for a finite width.
+    # `short` is the angle for an infinitely long bearing, despite its name; the fit corrects it for
+    # a finite width.
     short = jnp.arctan2(math.pi * jnp.sqrt(1.0 - ratio * ratio), 2.0 * ratio)
     return short * polynomial([polynomial(fit, width) for fit in ATTITUDE], ratio)
 

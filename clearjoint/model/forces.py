@@ -31,7 +31,7 @@ class SpringDamper(AbstractPairAtPoints, AbstractForce):
     **Arguments:**
 
     - `first`, `second`: names of the bodies.
-    - `point_first`, `point_second`: (3,) m in body axes.
+    - `point_first`, `point_second`: (3,) m from the centre of mass in body axes.
     - `stiffness`: N/m, not negative.
     - `damping`: N s/m, not negative; zero by default.
     - `free_length`: length without spring force, m, not negative; zero by default.
@@ -214,7 +214,7 @@ class _Strain(NamedTuple):
     """Deformation of a bushing and its rate, with components along the bushing's axes.
 
     - `point_in_first`: the first body's material point at the place of the second body's point, m
-      in the first body's axes.
+      from the first body's centre of mass in its axes.
     - `axes`: matrix that transforms components along the bushing's axes to global components.
     - `shift`, `shift_rate`: displacement of the second body's point from the first body's, m, and
       its rate, m/s.
@@ -245,7 +245,7 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
     **Arguments:**
 
     - `first`, `second`: names of the bodies.
-    - `point_first`, `point_second`: (3,) m in body axes.
+    - `point_first`, `point_second`: (3,) m from the centre of mass in body axes.
     - `stiffness`, `damping`: k, N/m, and d, N s/m, along each axis, (3,).
     - `rotational_stiffness`, `rotational_damping`: c, N m/rad, and b, N m s/rad, about each axis,
       (3,). They and the damping are zero by default.

@@ -1,1 +1,1 @@
-"""Elements that drive a mechanism: prescribed motions, torques, motors, and functions of time."""
+"""Drivers (prescribed motions, torques and motors), and functions of time for drives and loads."""

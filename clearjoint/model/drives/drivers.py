@@ -166,7 +166,8 @@ class PrescribedRotation(AbstractDriveAboutAxis, AbstractRotationDriver):
 
 
 class AbstractDriveTorque(AbstractDrive, AbstractForce):
-    """Base class of torques on a second body about an axis of a first, on which the reaction acts.
+    """Base class of torques on a second body about an axis of a first; the reaction acts on the
+    first body.
 
     A subclass defines the torque as a function of angle, speed and time, as this motor does:
 
@@ -253,7 +254,10 @@ class DriveTorque(AbstractDriveAboutAxis, AbstractDriveTorque):
         return value_at(self.torque, t)
 
     def breakpoints(self) -> PyTree:
-        """Return the times, s, at which a torque that is a function of time jumps or has a kink."""
+        """Return the times, s, at which a torque that is a function of time jumps or has a kink.
+
+        A Python function can't declare such times, and none are returned for it.
+        """
         return breakpoints_of(self.torque)
 
 
@@ -311,7 +315,8 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
     **Arguments:**
 
     - `first`, `second`: names of the bodies; one may be the ground.
-    - `point_first`, `point_second`: the points whose distance is prescribed, (3,) m in body axes.
+    - `point_first`, `point_second`: the points whose distance is prescribed, (3,) m from the centre
+      of mass in body axes.
     - `axis`: (3,) in the first body's axes, any length.
     - `function`: as for `PrescribedAngle`: the distance in m along the axis from the first body's
       point to the second's.

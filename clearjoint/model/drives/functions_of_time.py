@@ -349,9 +349,10 @@ def triple_in_time(unit: str, **options: PyTree) -> PyTree:
 def as_single_in_time(value: FunctionOfTime) -> SingleInTime:
     """Return the value of a field declared by `single_in_time` in the form in which it is stored.
 
-    A number becomes an array, (), and a Python function an `AbstractFunctionOfTime`.
+    A number becomes an array, (), and a Python function an `AbstractFunctionOfTime`. An array of
+    another shape is refused later, when the element is made.
 
-    **Raises:** `ValueError` if the value is neither a number nor a function.
+    **Raises:** `ValueError` if the value consists neither of numbers nor of a function.
     """
     return as_function_of_time(value) if callable(value) else as_number(value)
 

@@ -85,14 +85,15 @@ class AbstractElement(AbstractConverting):
         """Return the times in s at which the element is not a smooth function of time; the default
         is an empty tuple.
 
-        A breakpoint is a jump or kink of the force, or a kink of the angle or distance that a
-        driver prescribes. Return a number, an array of any shape, or a tuple of numbers and arrays,
-        in any order. The times may be parameters: compute them from the element's fields to get
-        derivatives by them.
+        A breakpoint is the time of a jump or kink of the force, or of a kink of the angle or
+        distance that a driver prescribes. Return a number, an array of any shape, or a tuple of
+        numbers and arrays, in any order. The times may be parameters: compute them from the
+        element's fields to get derivatives by them.
 
         Integration steps end at breakpoints, so that each step uses the function on one side only,
-        and derivatives by parameters include the effect of the jump. A jump at an undeclared time
-        costs many short steps. `sensitivities`, which computes these derivatives, raises an error
+        and derivatives by parameters include the effect of the jump. An undeclared jump of a force
+        costs many short steps, and at an undeclared kink of a driver a run ends with
+        `RESULTS.not_followed`. `sensitivities`, which computes these derivatives, raises an error
         for a class that inherits this method and compares, rounds or clips a number that depends on
         time. If its elements are smooth all the same, the class must define the method and return
         an empty tuple.
@@ -381,8 +382,8 @@ class AbstractContactJoint(AbstractElement):
         """Return the distance by which the second body has slid out of the first along the joint's
         axis, m; negative inside.
 
-        A run warns of positive values. ``None``, the default, stands for a joint whose second body
-        can't slide out.
+        A run warns of positive values at its saved times and at its end. ``None``, the default,
+        stands for a joint whose second body can't slide out.
         """
         return None
 
@@ -398,9 +399,10 @@ class AbstractContactJoint(AbstractElement):
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
         """Return the ideal joint that holds the second body where it rests under a load.
 
-        `assemble`, which corrects initial states, uses it for the joints in its argument `resting`.
-        Return ``None``, the default, if there is no position of rest: `assemble` then raises an
-        error. Unlike in most methods, vectors are arrays here, (3,).
+        `assemble`, which corrects initial states, uses it for the joints in its argument `resting`;
+        these must have a `centred_joint` too. Return ``None``, the default, if there is no position
+        of rest: `assemble` then raises an error. Unlike in most methods, vectors are arrays here,
+        (3,).
 
         **Arguments:** `load`: (3,) N, force of the second body on the first, in the first body's
         axes.
@@ -462,7 +464,8 @@ class AbstractPairAtPoints(AbstractPair):
     """Base class of elements between a point of one body and a point of another.
 
     `first` and `second` are the names of the bodies, `point_first` and `point_second` the points,
-    (3,) m in each body's axes.
+    (3,) m from each body's centre of mass in its axes. A point of the ground is in global
+    coordinates.
 
     **Raises:** `ValueError` if the names are equal or not strings, or a point does not have three
     finite coordinates.

@@ -42,7 +42,8 @@ def _along(motion: Motion, local: Vector, direction: Vector) -> tuple[Wrench, Sc
     The bias is the centripetal acceleration of the point relative to the centre of mass, m/s^2
     along the direction.
 
-    **Arguments:** `local`: the point, m in body axes; `direction`: a unit vector in global axes.
+    **Arguments:** `local`: the point, m from the centre of mass in body axes; `direction`: a unit
+    vector in global axes.
     """
     body_direction = motion.rotation.transposed_times(direction)
     centripetal = motion.spin.cross(motion.spin.cross(local))
@@ -61,7 +62,7 @@ def coincident_points(
 
     - `names`: of the first and the second body.
     - `first`, `second`: motions of the bodies.
-    - `local_first`, `local_second`: point of each body, m in that body's axes.
+    - `local_first`, `local_second`: point of each body, m from its centre of mass in its axes.
 
     >>> names, ground = ("ground", "ball"), still
     >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
@@ -128,9 +129,9 @@ def point_in_plane(
 
     - `names`: of the first and the second body.
     - `first`, `second`: motions of the bodies.
-    - `origin`: a point of the plane, m in the first body's axes.
+    - `origin`: a point of the plane, m from the first body's centre of mass in its axes.
     - `axis`: normal of the plane, a unit vector in the first body's axes.
-    - `local`: the point of the second body, m in that body's axes.
+    - `local`: the point of the second body, m from its centre of mass in its axes.
 
     >>> names, ground = ("ground", "ball"), still
     >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
@@ -160,8 +161,8 @@ def turning_angle(
 
     The angle is measured from the first of the axis' `transverse_axes`, two unit vectors across it,
     to the projection of the direction on the plane across the axis. It is the row's value, rad
-    within (-pi, pi]. Jacobian and bias are exact even if the direction is not perpendicular to the
-    axis.
+    within (-pi, pi], right-handed about the axis. Jacobian and bias are exact even if the direction
+    is not perpendicular to the axis.
 
     **Arguments:**
 
@@ -233,7 +234,9 @@ def relative_angle_row(
 def angle_about(
     names: Pair, first: Motion, second: Motion, axis: Vector, orientation: EulerParameters
 ) -> Row:
-    """Return the angle of the second body about an axis of the first, rad in (-pi, pi], as a row.
+    """Return the angle of the second body about an axis of the first, as a row.
+
+    The row's value is in rad within (-pi, pi], right-handed about the axis.
 
     **Arguments:**
 

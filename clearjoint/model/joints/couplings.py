@@ -56,9 +56,9 @@ class GearJoint(AbstractConstraint):
     Angles are taken modulo a tooth, so that the number of revolutions is unlimited: of all meshing
     positions, the gear joint holds the nearest.
 
-    The Lagrange multiplier is the moment on the first gear in N m. The moments on gears and carrier
-    equal those of a real mesh, but the force between the teeth, which loads the bearings, is not
-    modelled.
+    The Lagrange multiplier is the moment on the first gear about its axis in N m. The moments on
+    gears and carrier equal those of a real mesh, but the force between the teeth, which loads the
+    bearings, is not modelled.
 
     ```python
     import clearjoint as cj
@@ -124,8 +124,8 @@ class GearJoint(AbstractConstraint):
         # External gears rotate in opposite senses: their angles, times their teeth, add up to zero.
         ratio = self.teeth_second / self.teeth_first
         mesh = plus_multiple(first, second, -ratio if self.internal else ratio)
-        # The angles are known only up to whole revolutions. One of either gear changes the error by
-        # a whole number of teeth.
+        # The angles are known only up to whole revolutions. A revolution of either gear changes the
+        # error by a whole number of teeth.
         tooth = 2.0 * math.pi / self.teeth_first
         return {"mesh": replace(mesh, value=wrapped(mesh.value - self.offset, tooth))}
 
@@ -137,7 +137,8 @@ class ScrewMotion(AbstractTurning):
     position is the angle, rad; its rate is the only speed. The angle counts all revolutions,
     because the advance depends on it.
 
-    - `point_parent`, `point_child`: points of the joint, m in each body's axes.
+    - `point_parent`, `point_child`: points of the joint, m from each body's centre of mass in its
+      axes.
     - `axis`: unit vector in the child's axes.
     - `reference`: Euler parameters that transform the child's components to the parent's at angle
       zero.
@@ -198,8 +199,8 @@ class ScrewJoint(AbstractAxisJoint):
     **Arguments:**
 
     - `first`, `second`: names of the bodies; one may be the ground.
-    - `point_first`, `point_second`: a point of the axis on each body, (3,) m in body axes. The two
-      points coincide at angle zero.
+    - `point_first`, `point_second`: a point of the axis on each body, (3,) m from the centre of
+      mass in body axes. The two points coincide at angle zero.
     - `axis_first`, `axis_second`: direction of the axis on each body, (3,) in body axes, any
       length. At angle zero, the bodies' frames differ by the shortest rotation that makes the two
       directions parallel.
@@ -264,7 +265,8 @@ class UniversalMotion(AbstractMotionAtPoints):
     perpendicular to the first. The position consists of the two angles; the speeds are their rates,
     rad/s.
 
-    - `point_parent`, `point_child`: points of the joint, m in each body's axes.
+    - `point_parent`, `point_child`: points of the joint, m from each body's centre of mass in its
+      axes.
     - `arm_parent`, `arm_child`: arms of the cross, a unit vector fixed to each body, in its axes.
     """
 
@@ -354,7 +356,8 @@ class UniversalJoint(AbstractPairJoint):
     **Arguments:**
 
     - `first`, `second`: names of the bodies; one may be the ground.
-    - `point_first`, `point_second`: centre of the cross on each body, (3,) m in body axes.
+    - `point_first`, `point_second`: centre of the cross on each body, (3,) m from the centre of
+      mass in body axes.
     - `axis_first`, `axis_second`: arm of the cross on each body, (3,) in body axes, any length.
 
     **Raises:** `ValueError` if the bodies are the same, or a point or axis is invalid.

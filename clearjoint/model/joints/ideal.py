@@ -98,7 +98,8 @@ class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
         `orientation` are Euler parameters that transform components in the second body's axes to a
         frame that moves with this body, and that the rows keep parallel to the first body's frame.
         The value of "rotation x" is the scalar product of the first body's y axis and this frame's
-        z axis; the others follow by cyclic permutation.
+        z axis; the others follow by cyclic permutation. The values are also zero at a few other
+        orientations, such as after half a revolution about one of the axes.
         """
         relative = rotation_matrix(orientation)
         # Parallel frames have y perpendicular to z, z to x, and x to y. A small rotation about x
@@ -136,7 +137,7 @@ class AbstractAxisJoint(AbstractPairJoint):
 
     def relative_angle(self, motions: Motions) -> Row:
         """Return a row whose value is the second body's angle about the first's axis, rad in
-        (-pi, pi].
+        (-pi, pi], right-handed.
 
         The angle is zero if the bodies' frames differ by the shortest rotation that makes the two
         axes parallel. The row's Jacobian gives the rate of the angle.
@@ -150,7 +151,8 @@ class SphericalJoint(AbstractPairJoint):
     **Arguments:**
 
     - `first`, `second`: names of the bodies; one may be the ground.
-    - `point_first`, `point_second`: the joint's point on each body, (3,) m in body axes.
+    - `point_first`, `point_second`: the joint's point on each body, (3,) m from the centre of mass
+      in body axes.
 
     **Raises:** `ValueError` if the bodies are the same, or a point is invalid.
 
@@ -183,7 +185,8 @@ class RevoluteJoint(AbstractAxisJoint):
     **Arguments:**
 
     - `first`, `second`: names of the bodies; one may be the ground.
-    - `point_first`, `point_second`: the joint's point on each body, (3,) m in body axes.
+    - `point_first`, `point_second`: the joint's point on each body, (3,) m from the centre of mass
+      in body axes.
     - `axis_first`, `axis_second`: the axis of rotation on each body, (3,) in body axes, any length.
 
     **Raises:** `ValueError` if the bodies are the same, or a point or axis is invalid.
@@ -218,7 +221,8 @@ class FixedJoint(AbstractPairJoint):
     **Arguments:**
 
     - `first`, `second`: names of the bodies; one may be the ground.
-    - `point_first`, `point_second`: the joint's point on each body, (3,) m in body axes.
+    - `point_first`, `point_second`: the joint's point on each body, (3,) m from the centre of mass
+      in body axes.
     - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
       body's frame to the first body's frame; parallel frames by default.
 
@@ -255,8 +259,9 @@ class InlineJoint(AbstractPairJoint):
     **Arguments:**
 
     - `first`, `second`: names of the bodies; one may be the ground.
-    - `point_first`: a point of the line, (3,) m in the first body's axes.
-    - `point_second`: the point that stays on the line, (3,) m in the second body's axes.
+    - `point_first`: a point of the line, (3,) m from the first body's centre of mass in its axes.
+    - `point_second`: the point that stays on the line, (3,) m from the second body's centre of mass
+      in its axes.
     - `axis`: direction of the line, (3,) in the first body's axes, any length.
 
     **Raises:** `ValueError` if the bodies are the same, or a point or the axis is invalid.
@@ -283,7 +288,8 @@ class CylindricalJoint(AbstractAxisJoint):
     **Arguments:**
 
     - `first`, `second`: names of the bodies; one may be the ground.
-    - `point_first`, `point_second`: a point of the axis on each body, (3,) m in body axes.
+    - `point_first`, `point_second`: a point of the axis on each body, (3,) m from the centre of
+      mass in body axes.
     - `axis_first`, `axis_second`: the axis on each body, (3,) in body axes, any length.
 
     **Raises:** `ValueError` if the bodies are the same, or a point or axis is invalid.
@@ -309,8 +315,8 @@ class PrismaticJoint(AbstractPairJoint):
     **Arguments:**
 
     - `first`, `second`: names of the bodies; one may be the ground.
-    - `point_first`, `point_second`: a point of each body, (3,) m in body axes. The second point
-      stays on the line along the axis through the first.
+    - `point_first`, `point_second`: a point of each body, (3,) m from the centre of mass in body
+      axes. The second point stays on the line along the axis through the first.
     - `axis`: direction of sliding, (3,) in the first body's axes, any length.
     - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
       body's frame to the first body's frame; parallel frames by default.
@@ -354,7 +360,8 @@ class DistanceJoint(AbstractPairJoint):
     **Arguments:**
 
     - `first`, `second`: names of the bodies; one may be the ground.
-    - `point_first`, `point_second`: the end of the rod on each body, (3,) m in body axes.
+    - `point_first`, `point_second`: the end of the rod on each body, (3,) m from the centre of mass
+      in body axes.
     - `length`: length of the rod, m, positive.
 
     **Raises:** `ValueError` if the bodies are the same, a point is invalid, or the length is not
@@ -387,8 +394,9 @@ class PointInPlaneJoint(AbstractPairJoint):
     **Arguments:**
 
     - `first`, `second`: names of the bodies; one may be the ground.
-    - `point_first`: a point of the plane, (3,) m in the first body's axes.
-    - `point_second`: the point that stays in the plane, (3,) m in the second body's axes.
+    - `point_first`: a point of the plane, (3,) m from the first body's centre of mass in its axes.
+    - `point_second`: the point that stays in the plane, (3,) m from the second body's centre of
+      mass in its axes.
     - `normal`: normal of the plane, (3,) in the first body's axes, any length.
 
     **Raises:** `ValueError` if the bodies are the same, or a point or the normal is invalid.
@@ -418,8 +426,8 @@ class LineInPlaneJoint(AbstractPairJoint):
     **Arguments:**
 
     - `first`, `second`: names of the bodies; one may be the ground.
-    - `point_first`: a point of the plane, (3,) m in the first body's axes.
-    - `point_second`: a point of the line, (3,) m in the second body's axes.
+    - `point_first`: a point of the plane, (3,) m from the first body's centre of mass in its axes.
+    - `point_second`: a point of the line, (3,) m from the second body's centre of mass in its axes.
     - `normal`: normal of the plane, (3,) in the first body's axes, any length.
     - `axis`: direction of the line, (3,) in the second body's axes, any length.
 
@@ -456,7 +464,8 @@ class PlanarMotion(AbstractTurning):
     It is the motion that a `PlanarJoint` allows a child body relative to its parent body. The
     position consists of the two distances and the angle; the speeds are their rates.
 
-    - `point_parent`, `point_child`: points of the joint, m in each body's axes.
+    - `point_parent`, `point_child`: points of the joint, m from each body's centre of mass in its
+      axes.
     - `axis`, `normal_parent`: the plane's normal, a unit vector in the axes of the child and in
       those of the parent.
     - `reference`: Euler parameters that transform the child's components to the parent's at angle
@@ -542,7 +551,8 @@ class PlanarJoint(AbstractAxisJoint):
     **Arguments:**
 
     - `first`, `second`: names of the bodies; one may be the ground.
-    - `point_first`, `point_second`: a point of the plane on each body, (3,) m in body axes.
+    - `point_first`, `point_second`: a point of the plane on each body, (3,) m from the centre of
+      mass in body axes.
     - `axis_first`, `axis_second`: the plane's normal on each body, (3,) in body axes, any length.
 
     **Raises:** `ValueError` if the bodies are the same, or a point or axis is invalid.

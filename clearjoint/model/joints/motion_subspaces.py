@@ -74,7 +74,7 @@ class Relative:
       parent's.
     - `displacement`: from the parent's point to the child's, m in the child's axes; its rate in
       these axes is ``twist.linear``.
-    - `twist`: spin, rad/s, and velocity, m/s, in the child's axes.
+    - `twist`: relative spin, rad/s, and rate of the displacement, m/s, in the child's axes.
 
     >>> still = extend.Twist(extend.ZERO, extend.ZERO)
     >>> relative = extend.Relative(extend.EulerParameters(1.0, 0.0, 0.0, 0.0), extend.UNIT_X, still)
@@ -106,7 +106,7 @@ class AbstractMotionSubspace(eqx.Module):
 
     The coordinates consist of a `position`, whose kind depends on the joint, and of one speed for
     each degree of freedom. `columns` maps the speeds to the relative motion. `point_parent` and
-    `point_child` are the joint's points, m in each body's axes.
+    `point_child` are the joint's points, m from each body's centre of mass in its axes.
 
     >>> axes = (0, 0, 1), (0, 0, 1)
     >>> hinge = cj.RevoluteJoint("ground", "arm", (0, 0, 0), (-0.5, 0, 0), *axes)
