@@ -74,8 +74,8 @@ def llvm_text(program: Operations, result: Value | None = None) -> str:
     each lane, which hold a float or a 64-bit integer.
 
     **Arguments:** `program`: the program, from whose branches results that nothing uses are
-    removed; `result`: an integer of kind ``i`` whose number in the
-    first lane the function returns. By default the function returns 0.
+    removed; `result`: a value of kind "i" whose number in the first lane the function returns. By
+    default the function returns 0.
     """
     return _Writer(program).module(result)
 
