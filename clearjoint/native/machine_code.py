@@ -4,8 +4,8 @@ LLVM compiles the text of a program for the processor of this machine. Two kinds
 in JAX's compilation cache. A file with machine code is named by a digest of the LLVM text and the
 processor: it saves the compilation, but the function must be traced and its text made to find it.
 A file with a whole program also has the layout of its arguments and results, and is named by a
-digest of the function and of the structure, shapes and dtypes of the arguments: it saves tracing
-and the making of the text too.
+digest of, among others, the function and the structure, shapes, dtypes and static values of the
+arguments: it saves tracing and the making of the text too.
 """
 
 import ctypes
