@@ -22,7 +22,7 @@ NumberPath = Callable[[PyTree], PyTree]
 """Function that receives a scene or a state and returns one of its numbers, or several numbers that
 are tied."""
 Index = int | slice | EllipsisType
-"""Index of one axis of an array."""
+"""Part of an index into an array: for one axis or, as an ellipsis, for several axes."""
 Leaf = jax.Array | np.ndarray | float
 """A number or an array of a scene or a state."""
 
