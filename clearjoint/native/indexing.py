@@ -203,7 +203,7 @@ def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -
         lengths, extents = ([given[axis] for axis in axes] for given in (shape, sizes))
         inside, fits = _moved_inside(lower, starts, lengths, extents)
         values = read(_flat_index(lower, inside, [strides[axis] for axis in axes]).value)
-        if not fills:
+        if not fills or not values:
             return values
         # The block was read from inside of the array; it is replaced if it lies outside.
         kind = ops.kinds[values[0]]

@@ -520,7 +520,8 @@ class Lowering:
         kept: dict[Atom, InMemory] = {}
         for atom in equation.invars:
             array = self._atom(atom, known)
-            if isinstance(array, InMemory):
+            # The numbers of a literal are never overwritten.
+            if isinstance(array, InMemory) and not isinstance(atom, core.Literal):
                 # A rule may overwrite an argument that no later equation reads. If the argument
                 # occurs twice in this equation, writing for one would change the other.
                 is_last = last_reads[atom] == number and list(equation.invars).count(atom) == 1

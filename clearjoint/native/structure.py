@@ -318,7 +318,10 @@ def _dot_general(lower: Lowering, equation: Equation, first: Array, second: Arra
         for a in lefts
         for b in rights
     ]
-    return [lower.array(totals, tuple(out.shape))]
+    result = lower.array(totals, tuple(out.shape))
+    # A large array is in memory, also if its factors are small.
+    large = out.size > LARGEST_UNROLLED
+    return [lower.in_memory(result, tuple(out.shape)) if large else result]
 
 
 _REARRANGED: dict[str, Rearrange] = {

@@ -62,6 +62,11 @@ def numbers_at(tree: PyTree, path: NumberPath) -> list[Number]:
         numbers: list[PyTree] = [*result] if isinstance(result, list | tuple) else [result]
     except (AttributeError, KeyError) as error:
         _refuse_missing(tree, error)
+    except IndexError as error:
+        raise ValueError(
+            "Argument `path` must be a function that leads to numbers stored in the tree, but "
+            "indexes beyond the end of a tuple or list: count from 0."
+        ) from error
     except TypeError as error:
         # The path computes with a location, which supports no arithmetic. The check below refuses
         # everything that is not a location, and shows this error.
