@@ -483,6 +483,14 @@ class Dragging(Floor):
         return replace(contact, slip=contact.slip * -1.0)
 
 
+class Unaware(Floor):
+    def changed(self, contact):
+        return replace(contact, slip=None)
+
+    def friction_force(self, name, contact, normal_force):
+        return contact.arm_first.cross(contact.normal) * (-0.1 * normal_force)
+
+
 class Rooted(Floor):
     def changed(self, contact):
         return contact
@@ -505,6 +513,7 @@ class Unlike(Floor):
         (Slow, "not the time derivative of its penetration"),
         (Apart, "leaves a moment"),
         (Dragging, "not the tangential velocity"),
+        (Unaware, "its slip is None"),
         (Rooted, "derivative of its forces is not finite"),
         (Unlike, "`law.stiffness.stiffness` does not agree with differences"),
     ],

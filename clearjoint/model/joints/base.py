@@ -329,7 +329,8 @@ class AbstractContactJoint(AbstractElement):
         friction.
 
         For faces with a `face_radius`, its component along the normal, times this radius, acts as a
-        moment about the normal.
+        moment about the normal. The contact's `slip` must not be ``None``: the power of the
+        friction in the energy ledger follows from it.
 
         **Arguments:** `name`: label of the contact. `contact`: its geometry. `normal_force`: N,
         positive if the surfaces push each other apart.
