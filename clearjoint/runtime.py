@@ -186,7 +186,9 @@ def adopt(values: dict[str, Setting]) -> None:
     global _threads
     for name in _SHARED:
         jax.config.update(name, values[name])
-    if values[_NATIVE] is not None:
+    if values[_NATIVE] is None:
+        os.environ.pop(_NATIVE, None)
+    else:
         os.environ[_NATIVE] = str(values[_NATIVE])
     keep_programs(bool(values[_KEEP]))
     if jax.default_backend() == "cpu":

@@ -83,6 +83,14 @@ def test_cache_folder_follows_the_environment(monkeypatch):
     assert str(runtime.default_cache()) == "/b/clearjoint"
 
 
+@pytest.mark.parametrize("sent", [None, "0", "1"])
+def test_adopted_settings_replace_those_of_the_process(sent, monkeypatch):
+    monkeypatch.setattr(runtime, "_threads", None)
+    monkeypatch.setenv("CLEARJOINT_NATIVE", "0")
+    runtime.adopt(runtime.in_force() | {"CLEARJOINT_NATIVE": sent})
+    assert os.environ.get("CLEARJOINT_NATIVE") == sent
+
+
 CONFIGURE = """
 import jax, clearjoint
 from clearjoint.compilation import keeps_programs
