@@ -395,6 +395,17 @@ def test_wrong_bias_is_refused():
         check_constraint(Careless(1.0), MOTIONS)
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_rows_whose_names_change_are_refused(sign):
+    class Renamed(Rod):
+        def rows(self, motions, t):
+            row = super().rows(motions, t)["length"]
+            return {"length" if sign * t <= 0.0 else "distance": row}
+
+    with pytest.raises(AssertionError, match="names of the rows change"):
+        check_constraint(Renamed(1.0), MOTIONS)
+
+
 def pin(**options):
     return cj.ClearanceJoint(
         "a",
