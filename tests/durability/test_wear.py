@@ -192,6 +192,31 @@ def test_contacts_that_stay_open_reach_no_depth(monkeypatch):
         cj.wear(scene, state, CYCLE, RATES, np.inf, depth=1e-6, **OPTIONS)
 
 
+def rough():
+    """A rotor like the whirling one, whose bearing carries a small load by asperities alone."""
+    scene, _ = whirling(0.1 * DRAG)
+    asperities = cj.laws.GreenwoodTripp(roughness=2e-6, modulus=1.14e11)
+    law = cj.laws.RoughCylinders(asperities, length=0.5 * LENGTH, law=cj.laws.Hertz(1e10))
+    pin = dataclasses.replace(scene.joints["pin"], law=law)
+    x, y, z = ROTATING_LOAD
+    load = cj.AppliedLoad("rotor", force=(lambda t: 0.1 * x(t), lambda t: 0.1 * y(t), z))
+    scene = dataclasses.replace(
+        scene, joints={**scene.joints, "pin": pin}, forces={**scene.forces, "load": load}
+    )
+    return scene, cj.State(rotor("", CLEARANCE - 2e-6, SPEED)[2])
+
+
+def test_stages_are_limited_where_the_force_begins_before_the_surfaces_touch():
+    scene, state = rough()
+    rates = {"pin": cj.WearRates(bearing=RATE)}
+    found = cj.wear(scene, state, CYCLE, rates, 1e5, stages=3, **OPTIONS | {"tolerance": 0.5})
+    deepest = found["penetration"].values[0, :-1]
+    assert np.all(deepest < 0.0)
+    changes = np.diff(found["bearing_depth"][0].max("angle"))
+    limits = 0.2 * (deepest + scene.joints["pin"].law.onset_offset())
+    np.testing.assert_allclose(changes, limits * [0.1, 1.0], rtol=0.02)
+
+
 PARAMETERS = {
     "clearance": cj.Parameter(lambda s: s.joints["pin"].clearance, cj.Log()),
     "stiffness": cj.Parameter(lambda s: s.joints["pin"].law.stiffness.stiffness, cj.Log()),
