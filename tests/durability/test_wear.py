@@ -328,6 +328,18 @@ def test_derivatives_of_depths_are_those_of_differences():
     np.testing.assert_allclose(slopes, differences, atol=1e-4 * float(jnp.abs(slopes).max()))
 
 
+def test_asperities_wear_before_the_surfaces_touch():
+    """The worn volume is rate times power times time, where the contact is open by 3 um."""
+    signals = dict.fromkeys(SIGNALS, np.ones(3)) | {
+        **dict.fromkeys(("V x", "W x"), np.full(3, CLEARANCE - 3e-6)),
+        **dict.fromkeys(("V y", "W y", "x_along_y", "y_along_x"), np.zeros(3)),
+    }
+    pin, times = rough()[0].joints["pin"], np.array([0.0, 1.0, 2.0])
+    wall, _ = depths_from_signals(pin, np.array([RATE, RATE]), times, signals, 96)
+    volume = wall.mean() * 2.0 * np.pi * RADIUS * LENGTH
+    np.testing.assert_allclose(volume, RATE * 2.0 * 2.0, rtol=1e-12)
+
+
 def test_a_parameter_moves_a_worn_profile():
     coefficients = 1e-6 * np.cos(np.arange(8))
     directions = np.concatenate([np.ones(8), np.sin(np.arange(8))])
