@@ -123,9 +123,10 @@ def wear(
     - `stages`: largest number of stages.
     - `depth`: m; the computation also ends when the deepest point of a part has lost this depth. By
       default the depth has no limit.
-    - `path`: folder of a Zarr store of the result. Each stage is written; if the folder contains
-      an earlier result of the same scene and arguments, computation continues from there.
-      `largest_change`, `stages` and `depth` may be other ones than before.
+    - `path`: folder of a Zarr store of the result. Each stage is written, and after the last one
+      the ``ending``; if the folder contains an earlier result of the same scene and arguments,
+      computation continues from there. `largest_change`, `stages` and `depth` may be other ones
+      than before.
     - `progress`: whether to show a progress bar.
 
     **Returns:** an `xarray.Dataset` along "joint", "stage", "angle" and "body", with the names of
@@ -212,7 +213,11 @@ def wear(
             bar.update(stages_so_far.cycles[-1] - bar.n)
             if store is not None:
                 store.write(stages_so_far.dataset())
-    return stages_so_far.dataset()
+    found = stages_so_far.dataset()
+    # Only after the last stage is the attribute `ending` known.
+    if store is not None:
+        store.write(found)
+    return found
 
 
 def worn(scene: Scene, found: "xr.Dataset", stage: int = -1) -> Scene:

@@ -391,6 +391,7 @@ def test_a_store_is_continued(tmp_path):
     whole = cj.wear(*arguments, largest_change=2e-6, stages=4, **OPTIONS)
     part = cj.wear(*arguments, largest_change=2e-6, stages=2, path=tmp_path / "wear", **OPTIONS)
     assert part.attrs["ending"] == "2 stages"
+    assert cj.open_wear(tmp_path / "wear").attrs["ending"] == "2 stages"
     rest = cj.wear(*arguments, largest_change=2e-6, stages=4, path=tmp_path / "wear", **OPTIONS)
     assert rest.drop_attrs().identical(whole.drop_attrs())
     # As between the two renamings with which a stage replaces the store.
@@ -399,6 +400,15 @@ def test_a_store_is_continued(tmp_path):
     other = RATES | {"other pin": cj.WearRates(journal=2.0 * RATE)}
     with pytest.raises(ValueError, match="path"):
         cj.wear(scene, state, CYCLE, other, 3000.0, path=tmp_path / "wear", **OPTIONS)
+
+
+def test_a_store_without_a_run_is_written_too(tmp_path):
+    scene, state = whirling_and_rotating()
+    cj.wear(scene, state, CYCLE, RATES, 10.0, stages=1, path=tmp_path / "wear", **OPTIONS)
+    found = cj.open_wear(tmp_path / "wear")
+    assert found.attrs["ending"] == "1 stages" and found.sizes["stage"] == 1
+    rest = cj.wear(scene, state, CYCLE, RATES, 10.0, path=tmp_path / "wear", **OPTIONS)
+    assert rest.attrs["ending"] == "reached the cycles"
 
 
 def test_a_store_that_is_replaced_while_it_is_read_is_read_again(tmp_path, monkeypatch):
