@@ -925,8 +925,7 @@ def check_wear(
     # A row fixes the stages, whose lengths must be finite.
     finite = np.isfinite(goals).all() or (depth is not None and np.ndim(cycles) == 0)
     require(finite, "cycles", cycles, "finite", "give a `depth` that ends the computation")
-    whole = isinstance(settle, int) and settle >= 0
-    require(whole, "settle", settle, "a whole number, 0 or more", "give a number of cycles")
+    require_count("settle", settle, "give a number of cycles", zero=True)
     require_count("measured", measured, "give an even number of cycles")
     even = measured % 2 == 0
     require(even, "measured", measured, "even, as its two halves are compared", "add one")
