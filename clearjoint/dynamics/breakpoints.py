@@ -3,7 +3,8 @@
 An element declares its breakpoints, in s, by its method `breakpoints`. In a step that ends at a
 breakpoint, the element is evaluated just before the breakpoint, and in a step that starts there,
 just after it. Therefore it does not matter whether the element compares time with < or <=. "Just
-before" and "just after" mean by a few rounding errors of the time. Breakpoints must be finite.
+before" and "just after" mean by a few rounding errors of the time. A breakpoint at infinity, as of
+an element that is never switched off, has no effect.
 
 A `System` is a scene with a formulation of its equations of motion. It has its own clock, which is
 zero at its `origin`, a time of the scene. Times named t are in s on this clock; breakpoints are
@@ -200,7 +201,9 @@ def _is_after(system: System, at: Scalar, t: Scalar) -> jax.Array:
 def _rounding(system: System, at: Scalar) -> jax.Array:
     """Return the largest difference, s, at which a time counts as equal to a breakpoint `at`."""
     # On the clock of the system, a time has the rounding error of the origin too.
-    size = jnp.maximum(jnp.abs(at), jnp.maximum(jnp.abs(system.clock(0.0)), SHORTEST))
+    size = jnp.maximum(jnp.abs(system.clock(0.0)), SHORTEST)
+    # An infinite rounding error would make an infinite breakpoint equal to any time.
+    size = jnp.maximum(jnp.where(jnp.isinf(at), 0.0, jnp.abs(at)), size)
     return ROUNDINGS * jnp.finfo(jnp.result_type(float)).eps * size
 
 

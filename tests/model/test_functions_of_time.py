@@ -9,7 +9,11 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.dynamics.breakpoints import next_breakpoint, one_sided_time
+from clearjoint.dynamics.breakpoints import (
+    next_breakpoint,
+    one_sided_time,
+    since_breakpoints,
+)
 from clearjoint.extend import UNIT_X, ZERO
 from clearjoint.math.vectors import fold_constants, unpack
 from clearjoint.model.bodies import GROUND_MOTION
@@ -119,6 +123,30 @@ def test_breakpoints_near_time_zero_have_two_sides(at, origin):
     assert next_breakpoint(system, here) == np.inf
     assert system.clock(one_sided_time(system, start, here)) < at
     assert system.clock(one_sided_time(system, here, here)) > at
+
+
+@pytest.mark.parametrize("at", [[np.inf], [-np.inf], [-np.inf, 0.2, np.inf]])
+def test_infinite_breakpoints_never_occur(at):
+    system = cj.extend.System(switched(np.array(at)), cj.extend.Formulation())
+    finite = 0.2 if 0.2 in at else np.inf
+    assert next_breakpoint(system, 0.1) == finite
+    assert one_sided_time(system, 0.1, 0.15) == 0.15
+    (occurs, since), *_ = since_breakpoints(system, 0.1, 0.15).values()
+    assert not occurs and since == 0.0
+
+
+@pytest.mark.parametrize("at", [np.inf, -np.inf])
+def test_runs_with_infinite_breakpoints(at):
+    scene, state = switched(at), cj.State({"rod": cj.body_state((0.0, 0.0, 0.0))})
+    way = 0.0 if at > 0.0 else 0.5
+    found = cj.simulate(scene, state, 1.0)
+    np.testing.assert_allclose(found.final.bodies["rod"].position[0], way, rtol=1e-9)
+    stepped = cj.simulate_nonsmooth(scene, state, 1.0, step=1e-3)
+    np.testing.assert_allclose(stepped.final.bodies["rod"].position[0], way, rtol=1e-2)
+    outputs = {"x": cj.quantities.Position("rod", "x")}
+    mass = {"mass": cj.Parameter(lambda s: s.bodies["rod"].mass)}
+    result = cj.sensitivities(scene, state, 1.0, mass, outputs, [1.0])
+    np.testing.assert_allclose(result.derivatives["x"], [[-way]], rtol=1e-9)
 
 
 @pytest.mark.parametrize("how", [jnp.greater, jnp.greater_equal])

@@ -87,8 +87,8 @@ class AbstractElement(AbstractConverting):
 
         A breakpoint is a jump or kink of the force, or a kink of the angle or distance that a
         driver prescribes. Return a number, an array of any shape, or a tuple of numbers and arrays,
-        in any order. The times may be parameters: compute them from the element's fields to get
-        derivatives by them.
+        in any order. Infinite times have no effect. The times may be parameters: compute them from
+        the element's fields to get derivatives by them.
 
         Integration steps end at breakpoints, so that each step uses the function on one side only,
         and derivatives by parameters include the effect of the jump. A jump at an undeclared time
