@@ -141,7 +141,8 @@ def _usable(cache: str) -> str | None:
     """Return the folder `cache`, which is made if it does not exist. If it can't be made, or other
     users may write to it, warn and return ``None``.
 
-    A "~" at the beginning stands for the user's home folder. A path with "://", as of a cloud storage, is returned as it is: JAX handles it.
+    A "~" at the beginning stands for the user's home folder. A path with "://", as of a cloud
+    storage, is returned as it is: JAX handles it.
 
     **Raises:** `ValueError` if the path is that of a file, or leads through a file.
     """
