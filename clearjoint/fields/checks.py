@@ -260,10 +260,9 @@ def require_positive(argument: str, value: ArrayLike, remedy: str, *, zero: bool
 def require_count(argument: str, value: object, remedy: str, *, zero: bool = False) -> None:
     """Raise a ``ValueError`` unless a value is an integer, positive or, with `zero`, not negative;
     floats and bools are refused."""
-    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    fine = whole and (value >= 0 if zero else value > 0)
-    expected = "zero or positive" if zero else "positive"
-    require(bool(fine), argument, value, f"a whole number, {expected}", remedy)
+    least, expected = (0, "zero or positive") if zero else (1, "positive")
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool) and value >= least
+    require(bool(whole), argument, value, f"a whole number, {expected}", remedy)
 
 
 def require_type(
