@@ -52,7 +52,12 @@ def depths(scene: Scene, state: State) -> Depths:
 
 def outside(scene: Scene, state: State) -> set[str]:
     """Return the names of the joints with a contact that penetrates by more than `OUTSIDE`."""
-    return {name for name, family in depths(scene, state).items() if max(family.values()) > OUTSIDE}
+    by_joint = depths(scene, state)
+    return {
+        name
+        for name, family in by_joint.items()
+        if any(depth > OUTSIDE for depth in family.values())
+    }
 
 
 def centring_joints(scene: Scene, names: Iterable[str]) -> dict[str, AbstractConstraint]:
