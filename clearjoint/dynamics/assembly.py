@@ -87,7 +87,7 @@ def assemble(
     **Arguments:**
 
     - `scene`: the mechanism; `state`: the guess, of positions and velocities.
-    - `t`: s, time at which constraints that depend on time are evaluated.
+    - `t`: s, time at which constraints and forces that depend on time are evaluated.
     - `resting`: names of clearance joints whose journals are put in contact with the wall, on the
       side to which gravity and the scene's forces press them while all bodies are at rest.
 
@@ -100,7 +100,8 @@ def assemble(
     - if no state near the guess satisfies the constraints; the message names the worst constraint;
     - if `resting` is a single string;
     - if a name in `resting` is not that of a clearance joint with a centred position;
-    - if a journal in `resting` has no load across its axis.
+    - if a journal in `resting` has no load across its axis, or its joint has no position of rest
+      (its method `resting_joint` returns ``None``).
 
     >>> scene, guess = cj.mechanisms.slider_crank(clearance=None)
     >>> state = cj.assemble(scene, guess)
@@ -130,7 +131,7 @@ def _in_bearings(
     replace some clearance joints.
 
     Assembly may move further journals out of their bearings. Each of these gets an ideal joint that
-    centres it, until no journal is outside.
+    centres it, until no journal that can be centred is outside.
 
     **Arguments:** `ideal`: the ideal joints, by name of the clearance joint that each replaces; the
     further ones are added to this dictionary.
@@ -211,7 +212,7 @@ def require_representable(scene: Scene, state: State, coordinates: AbstractCoord
 
     A state that satisfies all constraints need not be representable. For example, parallel and
     antiparallel axes both satisfy the constraints of a revolute joint, but its angle as variable
-    represents only parallel axes.
+    represents only parallel axes. Only the orientations of the bodies are compared.
 
     **Raises:** `ValueError` that names the body, or the coordinates if they have no variable.
     """
