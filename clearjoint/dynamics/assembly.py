@@ -79,10 +79,11 @@ def assemble(
 
     The state is found by Newton steps. Each step is the smallest correction, in the metric of the
     mass matrix, that satisfies the linearised constraints, so that the result is approximately the
-    nearest state. A journal inside its bearing is not moved by its clearance joint. A journal that
-    penetrates the wall by more than a micrometre is put into the centre of the bearing, and gets
-    the velocity that an ideal joint would give it. A user-defined joint without a centred position
-    (its method `centred_joint` returns ``None``) is left as it is.
+    nearest state. A journal inside its bearing is not moved by its clearance joint, except along
+    the axis if the joint holds it axially. A journal that penetrates the wall by more than a
+    micrometre is put into the centre of the bearing, and gets the velocity that an ideal joint
+    would give it. A user-defined joint without a centred position (its method `centred_joint`
+    returns ``None``) is left as it is.
 
     **Arguments:**
 

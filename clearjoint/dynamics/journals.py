@@ -239,7 +239,7 @@ def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, j
     """Return the load on each constraint of a scene, N, by name of joint, while all bodies are at
     rest at time t, s.
 
-    A load is the force that the second body of the joint exerts on the first, (3,) in the axes of
+    A load is the force that the last of the joint's bodies exerts on the first, (3,) in the axes of
     the first body. Gravity, force elements, films and drivers cause it, but no contact has a force.
     In scene and states of the bodies, vectors are arrays (3,).
     """

@@ -318,10 +318,12 @@ def _transmitted(columns: tuple[Twist, ...], load: Twist, along: Speeds) -> Twis
     """Return the part of a load or momentum of carried bodies that acts on their carrier, in the
     equations for the rates r.
 
-    It has no moments about the free axes of the joint, but all forces. The reason is the choice of
-    unknowns. At constant r, the carried bodies do not follow an angular acceleration of the carrier
-    about a free axis, so a moment about this axis does no work with it. Along a free translation, r
-    is relative to the carrier, whose acceleration the carried bodies do follow at constant r.
+    It has no moments about the free axes of the joint, but all forces. (About the axis of a screw
+    it has the moment -pitch times the force along the axis, with the pitch in m/rad.) The reason is
+    the choice of unknowns. At constant r, the carried bodies do not follow an angular acceleration
+    of the carrier about a free axis, so a moment about this axis does no work with it. Along a free
+    translation, r is relative to the carrier, whose acceleration the carried bodies do follow at
+    constant r.
 
     **Arguments:** `columns`: twists of the joint's free directions, whose angular part is zero for
     a translation; `load`: its `angular` part is the moment, N m, or angular momentum about the

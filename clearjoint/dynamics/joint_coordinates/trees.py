@@ -129,7 +129,8 @@ class Inertia:
 
         - `axis`: unit vector of the rotation, or zero for a translation.
         - `whole`: momentum of these bodies for a unit of the joint's speed.
-        - `rest`: `whole` without its components about the axes of the joint.
+        - `rest`: P^T whole, the part of `whole` that the joint transmits to its carrier. For a
+          joint of several axes, this P takes the rotations about all of them from a twist.
         """
         return Inertia(
             self.mass,
