@@ -20,7 +20,7 @@ from ..fields.cautions import LeftBearingWarning, caution, quiet
 from ..fields.checks import caution_unless, require
 from ..fields.objects import on_device
 from ..math.vectors import ZERO, Condition, Scalar, pack, unpack
-from ..model.bodies import GROUND, GROUND_MOTION, BodyState, State
+from ..model.bodies import GROUND, GROUND_MOTION, NO_WRENCH, BodyState, State
 from ..model.joints.base import AbstractConstraint, AbstractContactJoint, ByLabel
 from ..model.scene import Scene
 from ..native import Native
@@ -264,6 +264,7 @@ def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, j
         load = ZERO
         for label, row in rows.items():
             # The Jacobian times the multiplier is the force on a body; its reaction is the load.
-            load = load - row.jacobian[body_names[-1]].force * dynamics.multipliers[name][label]
+            on_last = row.jacobian.get(body_names[-1], NO_WRENCH)
+            load = load - on_last.force * dynamics.multipliers[name][label]
         loads[name] = pack(dynamics.motions[body_names[0]].components(load))
     return loads

@@ -161,10 +161,9 @@ def _branch(
         first_results[:] = first_results or results
         # Later operations read the same cells whichever branch was executed. So the branch that is
         # added second, `no`, must leave its arrays in the cells of the first one, `yes`.
-        for new, old in _moved(results, first_results):
-            if not old.owned:
-                raise UnsupportedPrimitiveError("branches that give different arrays")
-            lower.write(new, old.start)
+        if not all(old.owned for _, old in _moved(results, first_results)):
+            raise UnsupportedPrimitiveError("branches that give different arrays")
+        _move_to(lower, first_results, results)
         return lower.flatten(results)
 
     outs = lower.ops.branch(condition, partial(compute, yes), partial(compute, no))
@@ -237,7 +236,7 @@ def loop(
 
     def body(values: list[Value]) -> list[Value]:
         results = iterate(arrays(values))
-        _move_back(lower, first, results)
+        _move_to(lower, first, results)
         # Carries keep their form: a vector stays a vector even if the body returns its elements.
         results = [
             Packed(lower.vector(new))
@@ -258,19 +257,16 @@ def loop(
     return arrays(ops.loop(lower.flatten(first), condition, body))
 
 
-def _move_back(lower: Lowering, carries: Sequence[Array], results: Sequence[Array]) -> None:
-    """Add the operations that end an iteration of a loop: they copy each array in memory that the
-    body returns into the cells of its carry, where the next iteration reads it.
-
-    **Arguments:** `carries`: the arrays that the loop carries from one iteration to the next;
-    `results`: the results of the body, one for each carry.
-    """
-    # Carries may exchange their cells or parts of them. They are copied to new cells first, so that
+def _move_to(lower: Lowering, places: Sequence[Array], results: Sequence[Array]) -> None:
+    """Add the operations that copy each array of `results` in memory into the cells of the array
+    with the same index in `places`, where later operations read it: carries of a loop, or results
+    of the other branch."""
+    # Arrays may exchange their cells or parts of them. They are copied to new cells first, so that
     # none is overwritten before it is read.
-    taken = [old for old in carries if isinstance(old, InMemory)]
+    taken = [old for old in places if isinstance(old, InMemory)]
     moves = [
         (lower.copied(new) if any(map(new.overlaps, taken)) else new, old)
-        for new, old in _moved(results, carries)
+        for new, old in _moved(results, places)
     ]
     for new, old in moves:
         lower.write(new, old.start)

@@ -323,6 +323,7 @@ def structural(x, y, table, k):
         "interpolated": jnp.interp(y[0], table[:, 0], y[1] * table[:, 1]),
         "searched": jnp.searchsorted(table[:, 0], y[0]),
         "iota": jnp.arange(100) * k,
+        "known infinite angle": jnp.sin(jnp.inf) + x[0],
         "polynomials": jnp.polyval(jnp.outer(x, y)[:, :, None], y**2),
     }
 
@@ -420,7 +421,8 @@ def overwritten(x, k, chosen):
     # Nothing reads x after this update, but the tail is read as a result.
     updated = lax.dynamic_update_slice(x, one, (k,))
     results = {"tail": tail, "updated": updated, "either": either}
-    return {**results, "exchanged": exchanged, "part": part}
+    swapped = lax.cond(chosen, lambda a, b: (a, b), lambda a, b: (b, a), x * 5.0, x * 7.0)
+    return {**results, "exchanged": exchanged, "part": part, "a": swapped[0], "b": swapped[1]}
 
 
 @pytest.mark.parametrize("chosen", [True, False])

@@ -163,7 +163,7 @@ def _intersection(tip: np.ndarray, foot: np.ndarray, coupler: float, rocker: flo
     across = foot - tip
     distance = float(np.linalg.norm(across))
     # The pin's position along the line between the centres, and the square of its height above it.
-    along = (coupler**2 - rocker**2 + distance**2) / (2.0 * distance)
+    along = (coupler**2 - rocker**2 + distance**2) / (2.0 * distance) if distance else math.inf
     height = coupler**2 - along**2
     expected = f"rods that span the {distance:.6g} m from the crank pin to the rocker foot"
     remedy = "choose another angle, or other lengths"

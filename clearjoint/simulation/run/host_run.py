@@ -240,9 +240,8 @@ class Run:
         progress bar; `sections`: the Poincaré sections by name; `notes`: the settings, which the
         solution contains.
 
-        **Returns:** the solution, whether Ctrl-C stopped the run before its end, and whether a
-        journal has slid out of its bearing at the end. Ctrl-C during the last segment has no
-        effect.
+        **Returns:** the solution, whether Ctrl-C was pressed, which stops the run after the current
+        segment, and whether a journal has slid out of its bearing at the end.
         """
         program, start = (self.scheme, self.folded_scene), float(now.step.t)
         # In the precision of the run. Rounded to float32, an end time such as 0.02 s may become
@@ -292,7 +291,8 @@ class Run:
                 # A segment also ends after `SAVES_A_SEGMENT` saves. So the run may have reached its
                 # end time while states are still to be saved.
                 ended = ended or (float(now.step.t) >= end and saved_count == wanted)
-                interrupted = not ended and stopped()
+                # Also in the last segment: otherwise a loop of short runs could not be interrupted.
+                interrupted = stopped()
                 if ended or interrupted:
                     break
         reductions = self.recorders[REDUCTIONS], now.records[REDUCTIONS]
