@@ -177,7 +177,7 @@ def test_a_free_pendulum_settles_at_once_with_the_period_of_the_elliptic_integra
 
 def test_a_span_with_more_crossings_than_there_is_room_for_is_refused(monkeypatch):
     monkeypatch.setattr(settle, "ROOM", 4)
-    with pytest.raises(ValueError, match="`span` must be .* crossed fewer than 16 times, but is 1.8"):
+    with pytest.raises(ValueError, match="`span` must .* fewer than 16 times, but is 1.8"):
         cj.settle(*pendulum(), section=PASSAGE, span=1.8, progress=False)
 
 
