@@ -193,7 +193,7 @@ def largest_feasible(
       the scene or the initial state. All have equal length, and their i-th values form the i-th
       draw. `quantile`: share of the draws that must satisfy the limits, from 0 to 1.
     - `lanes`: number of values in a row, at least 3.
-    - `tolerance`: relative tolerance of the value.
+    - `tolerance`: relative tolerance of the value; no smaller than rounding errors allow.
     - `progress`: whether to show a bar while lanes run.
 
     **Returns:** a `LargestFeasible`.
@@ -425,8 +425,13 @@ class _Search:
             lanes = self._refined(lanes, below=True)
         lanes = self._inspected(lanes)
         if first_violation(lanes.margins) < len(lanes.margins):
-            while self._widths(lanes)[first_violation(lanes.margins) - 1] > self.tolerance:
-                lanes = self._refined(lanes)
+            computed = 0
+            # A row adds no value if there are no floats between the last value and the violation.
+            while (
+                len(lanes.coordinates) > computed
+                and self._widths(lanes)[first_violation(lanes.margins) - 1] > self.tolerance
+            ):
+                computed, lanes = len(lanes.coordinates), self._refined(lanes)
         return self._result(lanes, unit)
 
     def _refined(self, lanes: LaneMargins, below: bool = False) -> LaneMargins:
