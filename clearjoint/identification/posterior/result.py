@@ -207,7 +207,7 @@ class Posterior(AbstractTabular):
         number = len(self.weights)
         weights = ", ".join(f"{weight:.0%}" for weight in self.weights)
         parts = [
-            f"Posterior by {self.runs} runs, {self.failed} of which failed and count as impossible "
+            f"Posterior by {self.runs} runs, {self.failed} of which failed or are impossible "
             f"({self.seconds:.2g} s, seed {self.seed})",
             estimates_table(self.means, self.standard_deviations, self.intervals, self.units)
             .replace("estimate", "mean    ", 1)
