@@ -398,7 +398,7 @@ def values_on(scale: AbstractScale, coordinates: Float[np.ndarray, " n"]) -> np.
     """Return the values at n coordinates on a scale, (n,)."""
     # A user-defined scale need not accept arrays. One call for each number would be slow, since JAX
     # may compile in each.
-    return np.asarray(jax.vmap(scale.value)(coordinates), float)
+    return np.asarray(jax.vmap(scale.value)(jnp.asarray(coordinates)), float)
 
 
 def values_at(

@@ -130,10 +130,13 @@ def end_in_step(
     return jnp.where(after.value < 0.0, hermite_root(before, after, h), 1.0)
 
 
-def _depths(law: AbstractContactLaw, start: ContactInstant, end: ContactInstant) -> list[Slope]:
+def _depths(
+    law: AbstractContactLaw, start: ContactInstant, end: ContactInstant
+) -> tuple[Slope, Slope]:
     """Return the depth, counted from the onset of the force, and its rate at two instants."""
     ahead = law.onset_offset()
-    return [Slope(at.gap.depth + ahead, at.gap.rate) for at in (start, end)]
+    before, after = (Slope(at.gap.depth + ahead, at.gap.rate) for at in (start, end))
+    return before, after
 
 
 INSTANTS = ("onset", "separation", "peak_time")
@@ -196,13 +199,14 @@ class ContactSoFar(eqx.Module):
         # The peak mostly lies inside a step, not at its ends.
         peak, depth = peak_in_step(law, start, end, h)
         stronger = peak.value > row.peak_force
-        depths, over = _depths(law, start, end), end_in_step(law, start, end, h)
+        before, after = _depths(law, start, end)
+        over = end_in_step(law, start, end, h)
         # End and exit speed are overwritten in each step, until the contact ends.
         row = ImpactRow(
             row.onset,
             t0 + h * over,
             row.entry_speed,
-            -(end.gap.rate if lands else hermite_rate(over, *depths, h)),
+            -(end.gap.rate if lands else hermite_rate(over, before, after, h)),
             jnp.where(stronger, peak.value, row.peak_force),
             jnp.where(stronger, t0 + h * peak.x, row.peak_time),
             jnp.maximum(row.largest_penetration, depth),
@@ -220,8 +224,8 @@ class ContactSoFar(eqx.Module):
         else:
             # The contact may have begun long before the end of the step, and may already recede
             # there.
-            x = hermite_root(*depths, h)
-            onset, speed = t0 + h * x, hermite_rate(x, *depths, h)
+            x = hermite_root(before, after, h)
+            onset, speed = t0 + h * x, hermite_rate(x, before, after, h)
             peaks = peak.value, t0 + h * peak.x, depth
         fresh = ImpactRow(onset, t1, speed, end.gap.rate, *peaks)
         # A contact that exists at the start of the run gets no row, because its onset is unknown.
