@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import fields
 from pathlib import Path
+from zlib import crc32
 
 import numpy as np
 import xarray as xr
@@ -88,10 +89,25 @@ def write_scene(folder: Path, scene: Scene, state: State, name: str = SCENE) -> 
         save(scene, state, folder / name)
 
 
+def file_name(name: str) -> str:
+    """Return a name for a file, without its ending, for a table or figure of any name.
+
+    A slash is replaced by "_", and a long name keeps its start and end, because file systems allow
+    names of 255 bytes. A checksum distinguishes a changed name from similar ones.
+    """
+    safe = name.replace("/", "_")
+    if len(safe.encode()) > 200:
+        safe = f"{safe[:40]}_{safe[-20:]}"
+    return safe if safe == name else f"{safe}_{crc32(name.encode()):08x}"
+
+
 def write_table(folder: Path, name: str, table: xr.Dataset) -> None:
-    """Write a dataset to the files `name`.nc (netCDF) and `name`.csv."""
-    write_netcdf(table, folder / f"{name}.nc")
-    to_frame(table).to_csv(folder / f"{name}.csv")
+    """Write a dataset to the files `name`.nc (netCDF) and `name`.csv, or to similar ones if `name`
+    can't be that of a file."""
+    file = file_name(name)
+    # The name is an attribute, because that of the file may differ from it.
+    write_netcdf(table.assign_attrs(table=name), folder / f"{file}.nc")
+    to_frame(table).to_csv(folder / f"{file}.csv")
 
 
 def read_table(folder: Path, name: str) -> xr.Dataset | None:
@@ -217,5 +233,7 @@ def _sections(folder: Path) -> dict[str, Crossings]:
         assert table is not None
         units = {str(name): row.attrs.get("units", "1") for name, row in table.items()}
         values = {name: table[name].values for name in units}
-        sections[path.stem.removeprefix(SECTION)] = Crossings(table["time"].values, values, units)
+        # Files of earlier versions lack the name of the table.
+        name = str(table.attrs.get("table", path.stem)).removeprefix(SECTION)
+        sections[name] = Crossings(table["time"].values, values, units)
     return sections

@@ -5,7 +5,6 @@ import re
 from html import escape
 from pathlib import Path
 from urllib.parse import quote
-from zlib import crc32
 
 import numpy as np
 import pandas as pd
@@ -38,6 +37,7 @@ from .folders import (
     PAGE,
     STORE,
     WEAR_STORE,
+    file_name,
     read_run,
     read_summary,
     read_table,
@@ -142,11 +142,7 @@ def _save(folder: Path, name: str, axes: Axes) -> None:
     **Arguments:** `folder`: folder of the results; `name`: name of the figure, from which that of
     the file is made.
     """
-    file = name.replace(" ", "_").replace("/", "_")
-    # File systems allow names of 255 bytes. A shortened name keeps its start and end; a checksum
-    # distinguishes it from similar ones.
-    if len(file.encode()) > 200:
-        file = f"{file[:40]}_{crc32(file.encode()):08x}_{file[-20:]}"
+    file = file_name(name.replace(" ", "_"))
     (folder / FIGURES).mkdir(exist_ok=True)
     figure = axes.get_figure(root=True)
     assert figure is not None

@@ -67,7 +67,7 @@ class SectionPart:
     - `crossing`: quantity at whose upward zero crossings the channels are recorded.
     - `channels`: recorded quantities, by name.
     - `count`: largest number of recorded crossings.
-    - `after`: time, s, before which crossings are not recorded.
+    - `after`: time, s, before which crossings are not recorded; by default all are.
 
     **Raises:** `ValueError` for a `count` that is not a positive integer.
     """
@@ -75,7 +75,7 @@ class SectionPart:
     crossing: AbstractQuantity
     channels: Mapping[str, AbstractQuantity]
     count: int = 1000
-    after: Annotated[float, "s"] = 0.0
+    after: Annotated[float | None, "s"] = None
 
     def __post_init__(self) -> None:
         require_count("count", self.count, "give a number of crossings")

@@ -449,12 +449,13 @@ class Fit(AbstractTabular):
         """Yield a warning for each combination of parameters that the data hardly determine.
 
         That is the case if a change along the combination by one standard deviation changes any
-        coordinate by more than one step of a fit may change it or, without such a limit, by more
-        than the coordinate itself.
+        coordinate by more than one step of a fit may change it or, without such a limit, as on a
+        `Linear` scale, by more than `AbstractScale.uninformative_std`.
         """
         limits = step_limits(self.parameters)
-        # Without a limit, as on a `Linear` scale, the coordinate's size serves instead.
-        sizes = np.where(np.isfinite(limits), limits, np.abs(self.coordinates))
+        pairs = zip(self.parameters.values(), self.coordinates, strict=True)
+        least = [one.scale.uninformative_std(float(u)) for one, u in pairs]
+        sizes = np.where(np.isfinite(limits), limits, least)
         for change, deviation in statistics.directions(self.best.best.jacobian):
             if np.any(deviation * np.abs(change) > sizes):
                 # Parameters with a negligible part in the combination are not named.

@@ -82,7 +82,7 @@ class LargestFeasible:
     - `alternating`: the first value that violates a limit, and the largest computed value above it
       that satisfies all limits; ``None`` if there is none.
     - `spacing`: largest distance between neighbouring values up to the first violation, relative to
-      the larger neighbour.
+      the larger neighbour (near zero, to `tolerance` times the range if that is larger).
     - `values`: (n,) all computed values, in `unit`.
     - `margins`: (n,) margin of each value. A failed run, or a peak that is NaN, has the margin
       -inf, and a peak of zero or less +inf.
@@ -193,7 +193,8 @@ def largest_feasible(
       the scene or the initial state. All have equal length, and their i-th values form the i-th
       draw. `quantile`: share of the draws that must satisfy the limits, from 0 to 1.
     - `lanes`: number of values in a row, at least 3.
-    - `tolerance`: relative tolerance of the value.
+    - `tolerance`: relative tolerance of the value, no smaller than rounding errors allow. If the
+      range contains zero, the absolute one is at least `tolerance` squared times the range.
     - `progress`: whether to show a bar while lanes run.
 
     **Returns:** a `LargestFeasible`.
@@ -425,8 +426,13 @@ class _Search:
             lanes = self._refined(lanes, below=True)
         lanes = self._inspected(lanes)
         if first_violation(lanes.margins) < len(lanes.margins):
-            while self._widths(lanes)[first_violation(lanes.margins) - 1] > self.tolerance:
-                lanes = self._refined(lanes)
+            computed = 0
+            # A row adds no value if there are no floats between the last value and the violation.
+            while (
+                len(lanes.coordinates) > computed
+                and self._widths(lanes)[first_violation(lanes.margins) - 1] > self.tolerance
+            ):
+                computed, lanes = len(lanes.coordinates), self._refined(lanes)
         return self._result(lanes, unit)
 
     def _refined(self, lanes: LaneMargins, below: bool = False) -> LaneMargins:
@@ -498,10 +504,13 @@ class _Search:
         return values[max(possible - 1, 0)], values[min(certain, len(values) - 1)]
 
     def _widths(self, lanes: LaneMargins) -> Float[np.ndarray, " m"]:
-        """Return the distances (n - 1,) of neighbouring values, relative to the larger
-        neighbour."""
+        """Return the distances (n - 1,) of neighbouring values, relative to the larger neighbour,
+        or to `tolerance` times the range if that is larger and the range contains zero."""
         values = np.array(self._values(lanes))
-        sizes = np.maximum(np.maximum(abs(values[1:]), abs(values[:-1])), np.finfo(float).tiny)
+        low, high = values[0], values[-1]
+        # The distance from zero to its neighbour is as large as the neighbour, however small.
+        least = self.tolerance * (high - low) if low <= 0.0 <= high else np.finfo(float).tiny
+        sizes = np.maximum(np.maximum(abs(values[1:]), abs(values[:-1])), least)
         return np.abs(np.diff(values)) / sizes
 
     def _values(self, lanes: LaneMargins) -> list[float]:

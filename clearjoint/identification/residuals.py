@@ -120,7 +120,8 @@ class Experiment(eqx.Module):
 
         `number`: index of the delay among the parameters.
         """
-        return jnp.asarray(self.family.scales[number].value(coordinates[..., number]))
+        # A user-defined scale need not accept arrays.
+        return jnp.vectorize(self.family.scales[number].value)(coordinates[..., number])
 
 
 @Compiled

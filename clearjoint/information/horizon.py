@@ -23,6 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from ..fields.cautions import level_of_the_user
 from ..fields.checks import require, require_positive
 from ..model.bodies import State
 from ..model.scene import Scene
@@ -163,7 +164,7 @@ class FitHorizon:
                 f"which the first ends before {1e3 * self.single_shot:.4g} ms: "
                 "identify(..., grow=[...]).",
                 UserWarning,
-                stacklevel=2,
+                stacklevel=level_of_the_user(),
             )
 
     def __str__(self) -> str:

@@ -67,9 +67,9 @@ class AbstractScale(abc.ABC):
     def value(self, coordinate: Scalar) -> Scalar:
         """Return the parameter's value at a coordinate.
 
-        JAX must be able to differentiate the function. Posteriors, also that of a fit
-        (`Fit.posterior`), and fits with a delay on this scale pass arrays of coordinates, too, of
-        which each entry must be converted.
+        JAX must be able to differentiate the function, and to vectorise it (`jax.vmap`).
+
+        **Arguments:** `coordinate`: a single number.
         """
 
     @abc.abstractmethod
@@ -394,6 +394,13 @@ def step_limits(parameters: Mapping[str, Parameter]) -> np.ndarray:
     The limit is `AbstractScale.max_step`; it may be infinite.
     """
     return np.array([parameter.scale.max_step for parameter in parameters.values()])
+
+
+def values_on(scale: AbstractScale, coordinates: Float[np.ndarray, " n"]) -> np.ndarray:
+    """Return the values at n coordinates on a scale, (n,)."""
+    # A user-defined scale need not accept arrays. One call for each number would be slow, since JAX
+    # may compile in each.
+    return np.asarray(jax.vmap(scale.value)(jnp.asarray(coordinates)), float)
 
 
 def values_at(

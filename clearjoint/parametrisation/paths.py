@@ -31,7 +31,8 @@ Leaf = jax.Array | np.ndarray | float
 class Number:
     """Location of a number in a scene or a state, which are PyTrees.
 
-    Indexing a location, as in ``location[1]``, returns the location of a component.
+    Indexing a location, as in ``location[1]``, returns the location of a component, or of several
+    for a slice, which cannot be indexed further.
 
     - `leaf`: index of the array in the list of `jax.tree.leaves`.
     - `component`: indices into that array; empty for the whole array.
@@ -46,6 +47,11 @@ class Number:
 
     def __getitem__(self, key: Index | tuple[Index, ...]) -> "Number":
         keys = key if isinstance(key, tuple) else (key,)
+        # After a slice, a further index would count along the slice, but all indices are applied to
+        # the array at once.
+        whole = all(isinstance(one, int | np.integer) for one in self.component)
+        expected, remedy = "indexed no further after a slice", "give one index, as in inertia[1]"
+        require(whole, "path", [*self.component, *keys], expected, remedy)
         return Number(self.leaf, (*self.component, *keys))
 
 

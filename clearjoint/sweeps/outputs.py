@@ -133,8 +133,7 @@ class Layout:
         for part in ("axes", "coordinates"):
             object.__setattr__(self, part, tuple(map(_with_array, getattr(self, part))))
         for part in ("settings", "notes"):
-            texts = {_netcdf_name(name): text for name, text in getattr(self, part).items()}
-            object.__setattr__(self, part, texts)
+            object.__setattr__(self, part, _netcdf_named(getattr(self, part)))
         require_array_names("variables", self.variables, "name every result")
         # A dataset has one namespace for variables, labels and dimensions, and a store has a folder
         # for each variable and each array of labels beside the folder `BY_LANE`. A dimension with
@@ -223,10 +222,18 @@ def _with_array(coordinate: Coordinate) -> Coordinate:
     return Coordinate(coordinate.name, np.array(values.tolist(), dtype=str))
 
 
-def _netcdf_name(name: str) -> str:
-    """Return the name of an attribute in a form that netCDF allows: with "_" in place of slashes
-    and apostrophes, and without spaces at the end."""
-    return name.translate({ord(c): "_" for c in "/'"}).rstrip()
+def _netcdf_named(attributes: Mapping[str, str]) -> dict[str, str]:
+    """Return attributes by names that netCDF allows: with "_" in place of slashes and apostrophes,
+    without spaces at the end, and with a number behind a name that has occurred."""
+    named: dict[str, str] = {}
+    for name, text in attributes.items():
+        allowed = unique = name.translate({ord(c): "_" for c in "/'"}).rstrip()
+        number = 1
+        while unique in named:
+            number += 1
+            unique = f"{allowed} ({number})"
+        named[unique] = text
+    return named
 
 
 SAVED = "saved"

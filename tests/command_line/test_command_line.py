@@ -14,7 +14,7 @@ import xarray as xr
 from click.testing import CliRunner
 
 import clearjoint as cj
-from clearjoint.command_line import fitting, reports, running, wearing
+from clearjoint.command_line import fitting, folders, reports, running, wearing
 from clearjoint.command_line.endings import understandable
 from clearjoint.command_line.folders import formulation_of, read_run
 from clearjoint.command_line.program import clearjoint
@@ -497,6 +497,15 @@ def test_a_run_writes_tables_figures_and_a_page(folder):
         path.unlink()
     assert invoke("report", str(out)).exit_code == 0
     assert sorted((out / "figures").glob("*.png")) == pictures
+
+
+@pytest.mark.parametrize("name", ["a b", "x/mm", "x" * 300])
+def test_tables_of_any_name_are_written_and_read(name, tmp_path):
+    crossings = cj.results.Crossings(np.array([0.1, 0.2]), {"y": np.array([1.0, 2.0])})
+    folders.write_table(tmp_path, f"{folders.SECTION}{name}", crossings.to_xarray())
+    assert len(list(tmp_path.glob("section *.csv"))) == 1
+    assert list(folders._sections(tmp_path)) == [name]
+    assert folders.file_name("x/mm") != folders.file_name("x_mm") == "x_mm"
 
 
 @pytest.mark.slow

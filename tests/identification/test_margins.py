@@ -49,6 +49,21 @@ def test_rows_narrow_where_a_margin_jumps_and_where_it_passes_zero(function):
     assert len(rows) <= 5
 
 
+def test_a_tolerance_below_rounding_errors_ends_at_neighbouring_floats():
+    limit = 1.23456789012345  # more digits than those of a value without rounding errors
+    found, rows = searched(lambda x: 1.0 if x < limit else -1.0, tolerance=1e-17)
+    assert found.interval == (np.nextafter(limit, 0.0), limit)
+    assert len(rows) < 30
+
+
+@pytest.mark.parametrize("between", [(-1.0, 1.0), (0.0, 1.0), (-1.0, 0.0)])
+def test_a_violation_that_begins_beside_zero_is_found_in_few_rows(between):
+    least = 0.0 if between[1] == 0.0 else 5e-324
+    found, rows = searched(lambda x: 1.0 if x < least else -1.0, between=between)
+    low, high = found.interval
+    assert low <= 0.0 <= high and high - low < 1e-5 and len(rows) < 12
+
+
 def test_the_first_violation_counts_and_later_passes_are_reported():
     """A violation below the first one of the first row."""
     found, _ = searched(lambda x: -1.0 if 4.2 < x < 4.6 or x > 5.5 else 1.0)

@@ -1,6 +1,8 @@
 """Growth of differences, ways from wrong guesses, and the horizons of a fit by a single run."""
 
+import inspect
 import warnings
+from functools import partial
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -8,6 +10,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint import plot
+from clearjoint.fields.checks import conditions_of
 from clearjoint.information import error_growth as growth
 from clearjoint.information.horizon import PATH_POINTS, blocked_records, offsets
 from clearjoint.quantities import JournalOffset
@@ -160,6 +163,15 @@ def test_the_warning_gives_numbers_and_the_remedy(found):
     limited = cj.results.FitHorizon(**(vars(found) | {"numerical": 0.005}))
     with pytest.warns(UserWarning, match="ends at 5 ms.*from 5 ms on, integration errors"):
         limited.warn_if_beyond(0.005)
+
+
+def test_the_warning_names_the_line_of_the_user(found):
+    """Functions of the package, such as `identify`, call the method."""
+    # Without the frame of the check of shapes, which only tests have.
+    method = inspect.unwrap(type(found).warn_if_beyond)
+    with pytest.warns(UserWarning, match="too long") as caught:
+        conditions_of(partial(method, found, np.inf))
+    assert caught[0].filename == __file__
 
 
 def test_the_report_names_limits_guesses_and_the_worth_of_longer_records(found):

@@ -112,6 +112,15 @@ def test_an_index_beyond_a_tuple_is_refused():
         value_at({"stiffnesses": (1.0, 2.0)}, lambda t: t["stiffnesses"][2])
 
 
+@pytest.mark.parametrize("first", [slice(0, 2), ..., (0, slice(1, 3))])
+def test_an_index_after_a_slice_is_refused(first):
+    """It would count along the slice."""
+    tree = {"matrix": np.arange(9.0).reshape(3, 3)}
+    assert np.size(value_at(tree, lambda t: t["matrix"][first])) > 1
+    with pytest.raises(ValueError, match="`path` must be indexed no further after a slice"):
+        value_at(tree, lambda t: t["matrix"][first][1])
+
+
 def test_a_parameter_without_a_value_is_refused(scene):
     made = cj.Parameter(cj.Parameter.change(lambda scene, state, x: (scene, state), 1.0).variation)
     with pytest.raises(ValueError, match=r"`value` must be.*MadeByFunction.*is None: pass"):

@@ -2,6 +2,7 @@
 
 from dataclasses import fields
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -120,6 +121,44 @@ def test_a_step_past_the_end_of_a_contact_has_its_peak_and_its_end():
     assert float(force.x) == pytest.approx(0.3, abs=2e-3)
     over = float(end_in_step(law, start, end, length))
     assert 0.11e-3 + over * length == pytest.approx(0.3e-3, rel=1e-3)
+
+
+def test_onset_and_peak_of_a_contact_that_begins_inside_a_step_are_those_in_the_step():
+    """Steps without landing: the contact recedes when its first step ends, and has had its peak."""
+    law, t0, t1, onset = cj.laws.Hertz(1e9), 0.05e-3, 0.28e-3, 0.1e-3
+
+    def at(t: float) -> ContactInstant:
+        depth = 1e-6 - (t - 0.2e-3) ** 2 * 100.0
+        gap = cj.extend.Gap(jnp.asarray(depth), jnp.asarray(-200.0 * (t - 0.2e-3)))
+        return ContactInstant(gap, jnp.asarray(-200.0), None)
+
+    contact = ContactSoFar(at(t0), jnp.asarray(False), NO_IMPACT)
+    contact, _, _ = contact.after(law, t0, t1, at(t1), lands=False)
+    contact, over, row = contact.after(law, t1, 0.35e-3, at(0.35e-3), lands=False)
+    assert bool(contact.begun) is False and bool(over)
+    assert float(row.onset) == pytest.approx(onset, rel=1e-4)
+    assert float(row.separation) == pytest.approx(0.3e-3, rel=1e-4)
+    assert float(row.entry_speed) == pytest.approx(0.02, rel=1e-3)
+    assert float(row.exit_speed) == pytest.approx(0.02, rel=1e-3)
+    assert float(row.peak_force) == pytest.approx(1.0, rel=1e-5)
+    assert float(row.peak_time) == pytest.approx(0.2e-3, rel=1e-2)
+    assert float(row.largest_penetration) == pytest.approx(1e-6, rel=1e-9)
+
+
+def test_impacts_of_steps_across_onsets_are_those_of_steps_that_end_there():
+    scene, state = dropped_rod()
+    scene = eqx.tree_at(lambda scene: scene.joints["pin"].law, scene, cj.laws.Hertz(1e9))
+
+    def impacts(settings: cj.Settings) -> cj.results.Impacts:
+        run = cj.simulate(scene, state, 0.1, settings, cj.Saving(impacts=True), progress=False)
+        assert run.impacts is not None
+        return run.impacts
+
+    here = impacts(cj.Settings(rtol=1e-5, landing_tolerance=None))
+    there = impacts(cj.Settings())
+    assert len(here) == len(there) >= 8
+    for name in ("onset", "entry_speed", "exit_speed", "peak_force", "peak_time"):
+        np.testing.assert_allclose(getattr(here, name), getattr(there, name), rtol=0.01)
 
 
 def test_a_contact_touches_beyond_the_onset_of_its_force_or_with_an_entry_speed():

@@ -175,6 +175,12 @@ def test_a_free_pendulum_settles_at_once_with_the_period_of_the_elliptic_integra
     assert settled.periods <= 10 and "periodic after" in str(settled)
 
 
+def test_a_span_with_more_crossings_than_there_is_room_for_is_refused(monkeypatch):
+    monkeypatch.setattr(settle, "ROOM", 4)
+    with pytest.raises(ValueError, match="`span` must .* fewer than 16 times, but is 1.8"):
+        cj.settle(*pendulum(), section=PASSAGE, span=1.8, progress=False)
+
+
 @pytest.mark.slow
 def test_a_damped_pendulum_comes_to_rest_and_one_that_has_not_is_said_to():
     scene, state = pendulum(0.5)

@@ -145,6 +145,9 @@ def test_results_go_into_netcdf(few, path):
         assert found.attrs["scene.bodies.rotor.mass"] == "1.0"
     noted = layout(notes={"output a/b of 'arm' ": "x"})
     assert list(noted.notes) == ["output a_b of _arm_"]
+    alike = layout(notes={"a'b": "1", "a_b": "2", "a/b": "3"})
+    assert alike.notes == {"a_b": "1", "a_b (2)": "2", "a_b (3)": "3"}
+    assert layout(notes=alike.notes).notes == alike.notes
 
 
 GAIN = 1.0

@@ -430,3 +430,15 @@ def test_a_store_that_is_read_only_is_read(partial, path, monkeypatch):
     store.write_grid()
     assert store.missing() == {}
     assert {file: file.stat().st_mtime_ns for file in path.rglob("*")} == files
+
+
+def test_a_store_that_is_read_only_keeps_an_outdated_grid(path, monkeypatch):
+    compute(opened(path, layout()))
+    outdated = (path / "result" / "zarr.json").stat().st_mtime_ns
+    store = opened(path, layout())
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "access", lambda *_: False)
+        store.write_grid()
+    assert (path / "result" / "zarr.json").stat().st_mtime_ns == outdated
+    store.write_grid()
+    assert (path / "result" / "zarr.json").stat().st_mtime_ns > outdated

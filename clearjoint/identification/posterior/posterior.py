@@ -16,7 +16,7 @@ from ...fields.checks import require
 from ...measurements.series import Measurements
 from ...model.bodies import State
 from ...model.scene import Scene
-from ...parametrisation.parameter import Parameter, check_parameters
+from ...parametrisation.parameter import Parameter, check_parameters, values_on
 from ...simulation.run.terminal import ProgressBar, telling_of_compiling
 from ...simulation.step import presets
 from ...simulation.step.settings import Settings, settings_or
@@ -336,7 +336,7 @@ def _prior(
         if log_prior is None:
             return np.zeros(len(points))
         pairs = zip(parameters.items(), points.T, strict=True)
-        values = {name: np.asarray(p.scale.value(row), float) for (name, p), row in pairs}
+        values = {name: values_on(p.scale, row) for (name, p), row in pairs}
         found = np.asarray(log_prior(values), float)
         expected, remedy = f"of shape ({len(points)},)", "return a number for each value"
         require(found.shape == (len(points),), "log_prior", found.shape, expected, remedy)

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ...export.datasets import AbstractTabular, Labelled, labelled_dataset, texts
-from ...parametrisation.parameter import Parameter
+from ...parametrisation.parameter import Parameter, values_on
 from ..report import estimates_table
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ class Posterior(AbstractTabular):
     def samples(self) -> dict[str, Float[np.ndarray, " n"]]:
         """Values of each parameter by name, (n,), in `units`."""
         pairs = zip(self.parameters.items(), self.coordinates.T, strict=True)
-        return {name: np.asarray(p.scale.value(row), float) for (name, p), row in pairs}
+        return {name: values_on(p.scale, row) for (name, p), row in pairs}
 
     @property
     def means(self) -> dict[str, float]:
@@ -207,7 +207,7 @@ class Posterior(AbstractTabular):
         number = len(self.weights)
         weights = ", ".join(f"{weight:.0%}" for weight in self.weights)
         parts = [
-            f"Posterior by {self.runs} runs, {self.failed} of which failed and count as impossible "
+            f"Posterior by {self.runs} runs, {self.failed} of which failed or are impossible "
             f"({self.seconds:.2g} s, seed {self.seed})",
             estimates_table(self.means, self.standard_deviations, self.intervals, self.units)
             .replace("estimate", "mean    ", 1)

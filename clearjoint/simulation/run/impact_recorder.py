@@ -21,6 +21,7 @@ from ...math.interpolation import (
     Point,
     Quintic,
     Slope,
+    hermite_rate,
     hermite_root,
     hermite_value,
     higher,
@@ -125,10 +126,17 @@ def end_in_step(
     The depth is interpolated by the cubic through depths and rates at `start`, where the contact
     must exist, and at `end`.
     """
-    # Depths are counted from the onset of the force.
+    before, after = _depths(law, start, end)
+    return jnp.where(after.value < 0.0, hermite_root(before, after, h), 1.0)
+
+
+def _depths(
+    law: AbstractContactLaw, start: ContactInstant, end: ContactInstant
+) -> tuple[Slope, Slope]:
+    """Return the depth, counted from the onset of the force, and its rate at two instants."""
     ahead = law.onset_offset()
     before, after = (Slope(at.gap.depth + ahead, at.gap.rate) for at in (start, end))
-    return jnp.where(after.value < 0.0, hermite_root(before, after, h), 1.0)
+    return before, after
 
 
 INSTANTS = ("onset", "separation", "peak_time")
@@ -176,11 +184,12 @@ class ContactSoFar(eqx.Module):
     row: ImpactRow
 
     def after(
-        self, law: AbstractContactLaw, t0: Scalar, t1: Scalar, end: ContactInstant
+        self, law: AbstractContactLaw, t0: Scalar, t1: Scalar, end: ContactInstant, lands: bool
     ) -> tuple["ContactSoFar", Condition, ImpactRow]:
         """Return the contact after a further step, from t0 to t1, s.
 
-        **Arguments:** `law`: the contact's law; `end`: the contact at t1.
+        **Arguments:** `law`: the contact's law; `end`: the contact at t1; `lands`: whether steps
+        end at onsets and ends of contacts.
 
         **Returns:** the contact after the step; whether a contact that began in an earlier step of
         the run ended in this step; and its row, which is valid only in this case.
@@ -190,26 +199,35 @@ class ContactSoFar(eqx.Module):
         # The peak mostly lies inside a step, not at its ends.
         peak, depth = peak_in_step(law, start, end, h)
         stronger = peak.value > row.peak_force
+        before, after = _depths(law, start, end)
+        over = end_in_step(law, start, end, h)
         # End and exit speed are overwritten in each step, until the contact ends.
         row = ImpactRow(
             row.onset,
-            t0 + h * end_in_step(law, start, end, h),
+            t0 + h * over,
             row.entry_speed,
-            -end.gap.rate,
+            -(end.gap.rate if lands else hermite_rate(over, before, after, h)),
             jnp.where(stronger, peak.value, row.peak_force),
             jnp.where(stronger, t0 + h * peak.x, row.peak_time),
             jnp.maximum(row.largest_penetration, depth),
         )
         begins = touches & jnp.logical_not(touched)
-        # Depth beyond the onset of the force over its rate: steps end just after an onset, so the
-        # rate hardly changes in this time.
-        since_onset = (end.gap.depth + law.onset_offset()) / end.gap.rate
-        # The peaks of a contact that began in this step are minus infinity, so that its first whole
-        # step, the next one, sets them. Mostly steps end at onsets, and hardly any part of the
-        # contact is in this step.
-        nothing = jnp.full_like(row.peak_force, -jnp.inf)
-        onset, speed = t1 - since_onset, end.speed()
-        fresh = ImpactRow(onset, t1, speed, end.gap.rate, nothing, t1, nothing)
+        if lands:
+            # Depth beyond the onset of the force over its rate: steps end just after an onset, so
+            # the rate hardly changes in this time.
+            since_onset = (end.gap.depth + law.onset_offset()) / end.gap.rate
+            onset, speed = t1 - since_onset, end.speed()
+            # The peaks of a contact that began in this step are minus infinity, so that its first
+            # whole step, the next one, sets them. Hardly any part of the contact is in this step.
+            nothing = jnp.full_like(row.peak_force, -jnp.inf)
+            peaks = nothing, t1, nothing
+        else:
+            # The contact may have begun long before the end of the step, and may already recede
+            # there.
+            x = hermite_root(before, after, h)
+            onset, speed = t0 + h * x, hermite_rate(x, before, after, h)
+            peaks = peak.value, t0 + h * peak.x, depth
+        fresh = ImpactRow(onset, t1, speed, end.gap.rate, *peaks)
         # A contact that exists at the start of the run gets no row, because its onset is unknown.
         begun = touches & (begins | self.begun)
         contact = ContactSoFar(end, begun, choose(begins, fresh, row))
@@ -260,11 +278,13 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
         """Return the record after an attempt; it is unchanged if the step was not accepted."""
         now, system, kept = step_outcome.now, step_outcome.system, step_outcome.kept
         t0, t1, laws = step_outcome.before.t, step_outcome.after.t, now.scene.laws()
+        lands = step_outcome.method.landing is not None
         ends = self._instants(step_outcome.method, system, now, step_outcome.after)
 
         def after(name: str, label: str) -> ContactRecord:
             one = record[name][label]
-            contact, over, row = one.contact.after(laws[name][label], t0, t1, ends[name][label])
+            law, end = laws[name][label], ends[name][label]
+            contact, over, row = one.contact.after(law, t0, t1, end, lands)
             # A row is written if the contact ended in this step, and the row is to be recorded.
             written = kept & over
             if self.window is not None:

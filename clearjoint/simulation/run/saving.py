@@ -29,8 +29,8 @@ class Saving:
     - `impacts`: keep a table of impacts, with one row for each finished contact, in
       `solution.impacts`. A contact that exists at the start of the run has no row. If steps do not
       end at contact events, because the `landing_tolerance` of the `Settings` is ``None``, contacts
-      that begin and end within one step have no row, and of other contacts, the part in the step in
-      which they begin does not count for their peaks.
+      that begin and end within one step have no row, and the times and speeds of onsets and ends
+      are interpolated inside steps.
     - `sections`: Poincaré sections by name, each a `Section`, whose crossings are kept in
       `solution.sections`.
     - `outputs`: reductions by name, such as `Peak`, which are updated at every accepted step. Their

@@ -10,6 +10,7 @@ run. Lanes are computed side by side, and in the run every lane would have to co
 in every step.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -178,7 +179,7 @@ class Section:
       The names become those of arrays in results and files.
     - `count`: largest number of crossings; later ones are not kept.
     - `after`: s, time of the scene (not since the start of the run) before which crossings are
-      ignored, to leave out a transient.
+      ignored, to leave out a transient; by default none are.
 
     **Raises:** `ValueError` if `crossing` is not a function; if `channels` is not a mapping, is
     empty, or has a value that is not such a pair; for a name that is not a non-empty string,
@@ -197,25 +198,31 @@ class Section:
     crossing: Quantity
     channels: Channels
     count: int
-    after: float = 0.0
+    after: float | None = None
 
     def __post_init__(self) -> None:
         require_quantity("crossing", self.crossing)
         check_channels(self.channels)
         require_count("count", self.count, "pass a number of crossings")
-        require_finite("after", self.after)
+        if self.after is not None:
+            require_finite("after", self.after)
+
+    @property
+    def _earliest(self) -> jax.Array:
+        """Time of the scene, s, before which crossings are ignored."""
+        return on_device(-math.inf if self.after is None else self.after)
 
     @property
     def recorder(self) -> SectionRecorder:
         """The recorder that tabulates the channels at the crossings of this section in a run."""
         channels = tuple((name, quantity) for name, (quantity, _) in self.channels.items())
-        return SectionRecorder(self.crossing, on_device(self.after), channels, self.count)
+        return SectionRecorder(self.crossing, self._earliest, channels, self.count)
 
     @property
     def state_recorder(self) -> SectionRecorder:
         """The recorder that tabulates the states at the crossings of this section in a lane. Its
         buffer is emptied during the run, so it may have fewer than `count` rows."""
-        return SectionRecorder(self.crossing, on_device(self.after), None, ROWS)
+        return SectionRecorder(self.crossing, self._earliest, None, ROWS)
 
     def check(self, scene: Scene) -> None:
         """Check that a scene has the elements that `crossing` and `channels` name.

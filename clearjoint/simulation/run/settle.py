@@ -112,6 +112,8 @@ SETTLED_STATISTICS = 0.1
 """Two spans of a motion count as having the same statistics if their means, and their standard
 deviations, differ by at most this part of the range of the motion. It leaves room for the scatter
 of the statistics of a chaotic motion over finitely many periods."""
+ROOM = PHASES * BLOCK
+"""Number of crossings of a section for which there is room in a block of periods."""
 CONFIRMING = 3
 """Smallest number of successive periods that must each equal an earlier one in a motion that counts
 as periodic, since a single period may resemble an earlier one by chance. A motion that counts as
@@ -303,9 +305,10 @@ def settle(
     **Returns:** a `Settled`. A motion that does not settle, or a run that fails, raises no error;
     `kind` of the result tells.
 
-    **Raises:** `ValueError` unless either `period`, or `section` with `span`, is given, and for
-    other invalid arguments, such as an initial state that violates the constraints;
-    `RunInterrupted`, a `KeyboardInterrupt` with the motion so far, after Ctrl-C.
+    **Raises:** `ValueError` unless either `period`, or `section` with `span`, is given; for a
+    section that is crossed 16 times or more in a span; and for other invalid arguments, such as an
+    initial state that violates the constraints. `RunInterrupted`, a `KeyboardInterrupt` with the
+    motion so far, after Ctrl-C.
     """
     require_count("periods", periods, "allow some hundred")
     require_count("largest_multiple", largest_multiple, "1 looks for the drive's period alone")
@@ -325,7 +328,7 @@ def settle(
             sections = {}
             if section is not None:
                 # A run may have more than `BLOCK` crossings, because the span is a rough guess.
-                sections[SECTION] = replace(section, count=PHASES * BLOCK, after=time)
+                sections[SECTION] = replace(section, count=ROOM, after=time)
             save, end = Saving(times, sections=sections), float(times[-1])
             options = {"start_time": time, "throw": False, "progress": False}
             try:
@@ -343,6 +346,11 @@ def settle(
             if section is None:
                 strobe = strobe_of(motion.states, PHASES)
             else:
+                # Without the crossings that were lost, the motion would not be found to repeat.
+                few = len(block.sections[SECTION]) < ROOM
+                expected = f"a time in which the section is crossed fewer than {PHASES} times"
+                remedy = "give a time in s in which the section is crossed about once"
+                require(few, "span", span, expected, remedy)
                 crossings = motion.sections[SECTION]
                 strobe = section_strobe(crossings.times, [*crossings.values.values()])
                 # The transient has other times between crossings than the last periods.

@@ -369,7 +369,11 @@ class SweepStore:
 
     def write_grid(self) -> None:
         """Write the grid, the results along the axes for other programs, if the one on disk is
-        outdated."""
+        outdated and the store can be written to."""
+        # A store that can only be read serves sweeps whose lanes are all done, and `missing`
+        # refuses others.
+        if not os.access(self.path, os.W_OK):
+            return
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # `dataset` warns of damaged files.
             results = _labelled(self.path, contents_of(self.path))
