@@ -220,14 +220,19 @@ def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
 def legend_label(dataset: xr.Dataset, variable: str, axis: str) -> str:
     """Return the legend's text for an output of a sweep, such as "peak force, clearance 0.2 mm".
 
-    The text has the output's name, and the name and value of each swept parameter of which a single
-    value is selected in the data set, since the curve belongs to these values.
+    The text has the output's name, and the name and value of each coordinate of the data set, such
+    as a swept parameter or a body, of which a single value is selected, since the curve belongs to
+    these values.
 
     **Arguments:** `variable`: name of the output; `axis`: name of the drawn axis.
     """
     texts = [shown(variable.replace("_", " "))]
     for name, coordinate in dataset.coords.items():
-        if coordinate.ndim == 0 and name != axis:  # a single value is selected
+        if coordinate.ndim > 0 or name == axis:  # no single value is selected
+            continue
+        if coordinate.dtype.kind not in "biuf":  # a text, such as the name of a body
+            texts.append(shown(f"{str(name).replace('_', ' ')} {coordinate.values}"))
+        else:
             value, label, _ = scaled(coordinate)
             has_unit = coordinate.attrs.get("units", "1") != "1"
             title, _, unit = label.rpartition(", ") if has_unit else (label, "", "")

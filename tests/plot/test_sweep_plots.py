@@ -132,6 +132,13 @@ def test_against_a_zipped_sweep():
         plot.against(data, "peak_force")
 
 
+def test_selected_texts_are_in_the_legend():
+    data = failing().assign_coords(body="the_$ball$", component="x")
+    axes = plot.against(data, "peak_force")
+    expected = r"peak force, restitution 0.4, body the_\$ball\$, component x"
+    assert legend(axes)[0] == expected
+
+
 def test_running_median_omits_gaps():
     positions = np.array([4.0, 1.0, 2.0, 3.0, 5.0])
     values = np.array([40.0, 10.0, np.nan, 90.0, 50.0])
