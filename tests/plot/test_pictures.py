@@ -12,6 +12,7 @@ from matplotlib.colors import to_rgba
 import clearjoint as cj
 from clearjoint import plot
 from clearjoint.export.datasets import setting_notes
+from clearjoint.plot.report_page import joint_rows
 from tests.support.dropped_rod import dropped_rod
 from tests.support.tumbling_bearing import CLEARANCE, TIMES, solution_of
 
@@ -372,6 +373,24 @@ def test_a_report_has_all_panels_and_tables(tumbling, tmp_path):
     assert orbit.get_aspect() == 1.0
     with pytest.raises(ValueError, match=r"`file` must be with the suffix .png or .pdf"):
         plot.report(scene, solution, tmp_path / "page.doc")
+
+
+def test_a_report_lists_play_and_friction_of_lubricated_joints_and_of_shoulders():
+    law, friction = cj.laws.Hertz(1e9), cj.frictions.RegularisedCoulomb(0.2)
+    sizes = {"bearing_radius": 10e-3, "clearance": 50e-6, "journal_length": 20e-3, "law": law}
+    dry, film = cj.ClearanceJoint("ground", "rod", **sizes), cj.films.CaponeFilm(0.02)
+    rubbing = replace(dry, friction=friction)
+    faces = replace(dry, axial=cj.EndPlay(1e-4, law, friction, radius=8e-3))
+    joints = {
+        "bare": dry,
+        "wall": cj.LubricatedJoint(rubbing, film),
+        "faces": faces,
+        "faces with film": cj.LubricatedJoint(faces, film),
+    }
+    scene = cj.Scene({"rod": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, joints)
+    cells = {name: (play, text) for name, _, _, play, _, text in joint_rows(scene, 9)}
+    assert cells.pop("bare") == ("50 µm", "none")
+    assert set(cells.values()) == {("50 µm", "RegularisedCoulomb, µ 0.2")}
 
 
 @pytest.mark.slow

@@ -17,6 +17,7 @@ from ...math.rotations import unit
 from ...math.smoothing import norm_and_direction, ramp
 from ...math.vectors import UNIT_Z, Scalar, Vector, unpack
 from ..bodies import Wrench
+from ..contact.friction import FrictionLaw
 from ..contact.laws import (
     AbstractContactLaw,
     AbstractLawAround,
@@ -171,6 +172,11 @@ class LubricatedJoint(AbstractContactJoint):
     def clearance(self) -> Single:
         """Radial clearance, m."""
         return self.dry.clearance
+
+    @property
+    def friction(self) -> FrictionLaw | None:
+        """Friction law of the contact with the wall; ``None`` for no friction."""
+        return self.dry.friction
 
     pair = _of_dry_joint("pair")
     attachments = _of_dry_joint("attachments")
