@@ -135,8 +135,9 @@ def poincare_section_of_lane(
 
     **Returns:** the axes, see `plot.poincare_section`.
 
-    **Raises:** `ValueError` for unknown names, for several lanes, for a `clearance` with channels
-    that are not lengths, and if all crossings are earlier than `after`.
+    **Raises:** `ValueError` for unknown names, for several lanes, for a lane that has not run yet,
+    for a `clearance` with channels that are not lengths, and if all crossings are earlier than
+    `after`.
 
     >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
     >>> x, speed = cj.quantities.Position("ball", "x"), cj.quantities.Velocity("ball", "x")
@@ -151,6 +152,9 @@ def poincare_section_of_lane(
     require_names(lane, (*names, f"{section}_count", f"{section}_time"))
     count = lane[f"{section}_count"]
     require(count.ndim == 0, "lane", count.dims, "a single lane", "select one: dataset.isel(...)")
+    # The count of a pending lane is negative.
+    expected, remedy = "a lane that has run", "continue the sweep first, or select another lane"
+    require(int(count) >= 0, "lane", f"{section}_count = {int(count)}", expected, remedy)
     # The arrays of a lane may have space for more crossings than it has.
     recorded = slice(int(count))
     drawn = [

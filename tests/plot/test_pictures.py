@@ -310,6 +310,9 @@ def test_sections_of_a_run_and_of_a_lane():
         np.testing.assert_allclose(points, [(1, 2), (2, 4), (3, 6)])
     with pytest.raises(ValueError, match=r"`channels` must be two of .*\['x', 'y'\]"):
         plot.poincare_section(crossings, section, ("x", "z"))
+    pending = swept().isel(clearance=0).assign(top_count=-1)
+    with pytest.raises(ValueError, match="`lane` must be a lane that has run"):
+        plot.poincare_section_of_lane(pending, "top", ("x", "y"))
 
 
 def test_an_orbit_has_the_observed_clearance(turning):
