@@ -30,7 +30,7 @@ from .style import (
     scaled,
     tick_logarithm,
 )
-from .sweeps import is_successful, mark_failed, only_axis, require_names
+from .sweeps import is_successful, mark_failed, only_axis, require_names, require_several_values
 
 
 def poincare_map(
@@ -246,8 +246,8 @@ def bifurcation(
     exceeds 12 times the smallest one; that of the parameter also if its values form a geometric
     series.
 
-    **Raises:** `ValueError` for unknown names, without `axis` for a sweep with several axes, and
-    for several values of an axis that is not drawn.
+    **Raises:** `ValueError` for unknown names, without `axis` for a sweep with several axes, for an
+    axis of which a single value is selected, and for several values of an axis that is not drawn.
 
     >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
     >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
@@ -260,6 +260,7 @@ def bifurcation(
     axis = only_axis(dataset, axis)
     variable = f"{section}_{channel}"
     require_names(dataset, (variable, axis))
+    require_several_values(dataset, (axis,))
     axes = axes_or_new(axes)
     succeeded = is_successful(dataset)
     crossings = f"{section}_number"  # the dimension of the data set along the crossings of a lane

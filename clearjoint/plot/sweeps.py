@@ -48,9 +48,7 @@ def of_lanes(dataset: xr.Dataset, variable: str, along: tuple[str, ...]) -> xr.D
     selected, and for an output whose dimensions are not exactly these axes.
     """
     require_names(dataset, (variable, *along))
-    single = [axis for axis in along if not dataset[axis].dims]
-    expected = "a swept parameter with more than one value left"
-    require(not single, "axis", single, expected, "draw the output before that value is selected")
+    require_several_values(dataset, along)
     # Axes that vary together share the dimension "lane".
     dims = tuple(dataset[axis].dims[0] for axis in along)
     found, expected = dataset[variable].dims, f"a number for each value of {along}"
@@ -101,6 +99,13 @@ def require_names(dataset: xr.Dataset, names: tuple[str, ...]) -> None:
     unknown = [name for name in names if name not in dataset.variables]
     expected = f"names out of {sorted(map(str, dataset.variables))}"
     require(not unknown, "dataset", unknown, expected, "pass names of this sweep")
+
+
+def require_several_values(dataset: xr.Dataset, along: tuple[str, ...]) -> None:
+    """Raise `ValueError` if a single value of one of these axes of a sweep is selected."""
+    single = [axis for axis in along if not dataset[axis].dims]
+    expected = "a swept parameter with more than one value left"
+    require(not single, "axis", single, expected, "draw the output before that value is selected")
 
 
 def against(

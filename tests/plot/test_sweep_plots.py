@@ -214,6 +214,10 @@ def test_orbit_lies_in_the_clearance_circle():
         (lambda data: plot.against(data.isel(restitution=0), "force"), "force"),
         (lambda data: plot.against(data, "peak_force", "speed"), r"\['speed'\]"),
         (lambda data: plot.against(data.isel(clearance=0), "impacts", "clearance"), "value left"),
+        (
+            lambda data: plot.bifurcation(data.isel(clearance=0), "hit", "speed", "clearance"),
+            r"`axis` must be .* value left, but is \['clearance'\]",
+        ),
         (lambda data: plot.power_law_exponent(data, "peak_force", "speed"), r"\['speed'\]"),
         (lambda data: plot.parameter_map(data, "peak_force", "speed", "mass"), "'mass', 'speed'"),
         (lambda data: plot.orbit(data, "orbit", 1e-3), "a single lane"),
