@@ -143,16 +143,25 @@ def limit_to_window(
     return (index >= first) & (index <= last)
 
 
-def inside(times: np.ndarray, window: TimeSpan | None) -> np.ndarray:
-    """Return a mask (N,) that is true for those of the times (N,) that lie in the window or at its
-    ends, or for all times if `window` is None. Times and window have the same unit.
+def inside(
+    values: np.ndarray,
+    window: tuple[float, float] | None,
+    argument: str = "window",
+    contents: str = "observed times",
+    remedy: str = "widen it, or observe at more instants",
+) -> np.ndarray:
+    """Return a mask (N,) that is true for those of the values (N,), such as times, that lie in the
+    window or at its ends, or for all values if `window` is None. Both have the same unit.
 
-    **Raises:** `ValueError` if no time lies in the window.
+    **Arguments:** `argument`, `contents`, `remedy`: name of the window, text for the values, and
+    advice, in the error message.
+
+    **Raises:** `ValueError` if no value lies in the window.
     """
     first, last = (-np.inf, np.inf) if window is None else window
-    mask = (times >= first) & (times <= last)
-    expected, remedy = "an interval with observed times", "widen it, or observe at more instants"
-    require(window is None or mask.any(), "window", window, expected, remedy)
+    mask = (values >= first) & (values <= last)
+    expected = f"an interval with {contents}"
+    require(window is None or mask.any(), argument, window, expected, remedy)
     return mask
 
 

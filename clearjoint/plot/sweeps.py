@@ -301,7 +301,7 @@ def convergence(
     colour = next_colour(axes) if colour is None else colour
     x = scaled(dataset[axis], axes.get_xlabel())
     y = scaled(of_lanes(dataset, variable, (axis,)), axes.get_ylabel())
-    used = inside(dataset[axis].values, within)
+    used = inside(dataset[axis].values, within, "within", "swept values", "widen it")
     rate, factor = _power_law(x.values[used], y.values[used])
     # Adding zero makes the "-0.00" of a small negative rate "0.00".
     text = f"rate {round(rate, 2) + 0.0:.2f}"
@@ -337,7 +337,7 @@ def power_law_exponent(
     0.500
     """
     axis = only_axis(dataset, axis)
-    used = inside(dataset[axis].values, within)
+    used = inside(dataset[axis].values, within, "within", "swept values", "widen it")
     values = of_lanes(dataset, variable, (axis,)).values
     return _power_law(dataset[axis].values[used], values[used])[0]
 

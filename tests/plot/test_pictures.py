@@ -130,8 +130,10 @@ def test_the_area_of_the_loop_is_the_dissipated_energy():
     assert axes.get_legend().get_texts()[0].get_text() == "impact 1 at 0.0 ms: 1.26 mJ"
     with pytest.raises(ValueError, match="`impacts` must be at least one impact"):
         plot.hysteresis(seen, impacts.of("pin", "W"))
-    with pytest.raises(ValueError, match="`observation` must be of three or more instants"):
-        plot.hysteresis(seen_contact(depth[:1], np.zeros(1), force[:1]), impacts)
+    few = seen_contact(depth[:1], np.zeros(1), force[:1])
+    for rare in (few, eqx.tree_at(lambda seen: seen.times, few, np.array([5.0]))):
+        with pytest.raises(ValueError, match="`observation` must be .* observe every step"):
+            plot.hysteresis(rare, impacts)
     with pytest.raises(ValueError, match="`count` must be"):
         plot.hysteresis(seen, impacts, count=0)
     with pytest.raises(ValueError, match="`window` must be an interval with observed times"):

@@ -192,6 +192,9 @@ def test_convergence_finds_the_rate():
     expected = 5e3 * (line.get_xdata() * 1e-3) ** 0.4 * 1.4
     assert line.get_ydata() == pytest.approx(expected)
     assert plot.power_law_exponent(failing(), "peak_force") == pytest.approx(0.4)
+    for find in (plot.convergence, plot.power_law_exponent):
+        with pytest.raises(ValueError, match="`within` must be an interval with swept values"):
+            find(failing(), "peak_force", within=(2.0, 3.0))
 
 
 def test_orbit_lies_in_the_clearance_circle():
