@@ -5,7 +5,7 @@ import itertools
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache, partial
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from os import PathLike
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -73,8 +73,18 @@ def _note(value: object) -> str | int | float:
 
 @cache
 def versions() -> dict[str, str]:
-    """Return the versions of clearjoint, JAX and diffrax as texts, under "version of <name>"."""
-    return {f"version of {name}": version(name) for name in ("clearjoint", "jax", "diffrax")}
+    """Return the versions of clearjoint, JAX and diffrax as texts, under "version of <name>".
+
+    The version of a package that is not installed, such as a source tree on PYTHONPATH, is
+    "unknown".
+    """
+    found = {}
+    for name in ("clearjoint", "jax", "diffrax"):
+        try:
+            found[f"version of {name}"] = version(name)
+        except PackageNotFoundError:
+            found[f"version of {name}"] = "unknown"
+    return found
 
 
 COMPONENT = "component"

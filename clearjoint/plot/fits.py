@@ -166,13 +166,13 @@ def record_length(report: Identifiability, *, axes: Axes | None = None) -> Axes:
     scale: for the scale `Log` the relative error, for `Linear` the error in multiples of the
     scale's `unit`. The line is thin and faint where the standard deviation exceeds `report.limits`,
     above which an estimate carries no information; dotted horizontal lines show these limits. A
-    line begins at the length from which on the record determines the parameter at all.
+    line begins at the first end of the record at which it determines the parameter at all.
 
     **Arguments:** `report`: from `cj.identifiability`; pass `report.of("probe")` to draw the
     accuracy by the sensor "probe" alone. `axes`: axes to draw on, new ones by default.
 
-    **Returns:** the axes; time of the record's last sample in ms, which is the record's length if
-    the run starts at time 0; standard deviation on a logarithmic scale.
+    **Returns:** the axes; time of the record's last sample in ms, which is the record's length only
+    if the run starts at time 0; standard deviation on a logarithmic scale.
 
     >>> report = cj.identifiability(scene, state, unknown, probe)
     >>> axes = plot.record_length(report)
@@ -191,7 +191,7 @@ def record_length(report: Identifiability, *, axes: Axes | None = None) -> Axes:
         axes.axhline(limit, color=GREY, linewidth=0.8, linestyle=":", label=label)
     axes.set_yscale("log")
     axes.legend(frameon=False)
-    return dress(axes, "length of the record, ms", "standard deviation")
+    return dress(axes, "end of the record, ms", "standard deviation")
 
 
 def growth(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:

@@ -269,7 +269,8 @@ def _loop(observation: Observation, impacts: Impacts, index: int) -> tuple[np.nd
     instants.
     """
     contact = observed.contact(observation, impacts.joint[index], impacts.contact[index])
-    in_impact = inside(observation.times, (impacts.onset[index], impacts.separation[index]))
+    times, onset, separation = observation.times, impacts.onset[index], impacts.separation[index]
+    in_impact = (times >= onset) & (times <= separation)
     remedy = "observe every step: cj.observe(scene, solution, solution.steps)"
     samples = int(in_impact.sum())
     require(samples >= 3, "observation", samples, "of three or more instants in the impact", remedy)

@@ -20,7 +20,9 @@ from matplotlib.transforms import ScaledTranslation
 
 from ..fields.checks import require, require_type
 from ..fields.drawn_text import literal, shown
+from ..model.clearance_joints.clearance import ClearanceJoint
 from ..model.clearance_joints.journal_bases import HasJournal
+from ..model.clearance_joints.lubricated import LubricatedJoint
 from ..model.contact.laws import whole_law
 from ..model.joints.base import AbstractConstraint, AbstractContactJoint
 from ..model.scene import Scene
@@ -83,10 +85,14 @@ def _joint_row(name: str, joint: AbstractConstraint | AbstractContactJoint) -> C
         return head
     # Contacts with equal laws share one text: the keys of a dictionary are unique and ordered.
     laws = dict.fromkeys(_law(whole_law(law)) for law in joint.laws().values())
-    # A joint without the field `friction`, such as a lubricated one, shows its bristle laws only.
+    # A joint without the field `friction`, such as a user-defined one, shows its bristle laws only.
     friction = getattr(joint, "friction", None)
-    frictions = [friction] if friction is not None else joint.bristle_laws().values()
-    texts = dict.fromkeys(_law(law) for law in frictions)
+    frictions = [friction] if friction is not None else [*joint.bristle_laws().values()]
+    # Shoulders, which stop the journal's axial motion, may have a friction law of their own.
+    dry = joint.dry if isinstance(joint, LubricatedJoint) else joint
+    if isinstance(dry, ClearanceJoint) and (face := dry.axial.shoulder_friction()) is not None:
+        frictions += [face[0]]
+    texts = dict.fromkeys(map(_law, frictions))
     return (*head, _play(joint), " / ".join(laws), " / ".join(texts) or "none")
 
 
@@ -109,8 +115,11 @@ def _single_number(owner: object, field: str) -> float | None:
 
 def _play(joint: AbstractContactJoint) -> str:
     """Return the joint's clearance, play or backlash with its unit, such as "0.5 mm"; "yes" if the
-    joint has no field of one of these names that is a single number with a unit."""
+    joint has neither a journal nor a field of one of these names that is a single number with a
+    unit."""
     units = {field.name: field.metadata.get("unit", "") for field in fields(joint)}
+    if isinstance(joint, HasJournal):  # its clearance may be a property
+        units["clearance"] = "m"
     texts = []
     for name in ("clearance", "play", "backlash"):
         if units.get(name) and (play := _single_number(joint, name)) is not None:

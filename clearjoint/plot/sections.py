@@ -30,7 +30,7 @@ from .style import (
     scaled,
     tick_logarithm,
 )
-from .sweeps import is_successful, mark_failed, only_axis, require_names
+from .sweeps import is_successful, mark_failed, only_axis, require_names, require_several_values
 
 
 def poincare_map(
@@ -135,8 +135,9 @@ def poincare_section_of_lane(
 
     **Returns:** the axes, see `plot.poincare_section`.
 
-    **Raises:** `ValueError` for unknown names, for several lanes, for a `clearance` with channels
-    that are not lengths, and if all crossings are earlier than `after`.
+    **Raises:** `ValueError` for unknown names, for several lanes, for a lane that has not run yet,
+    for a `clearance` with channels that are not lengths, and if all crossings are earlier than
+    `after`.
 
     >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
     >>> x, speed = cj.quantities.Position("ball", "x"), cj.quantities.Velocity("ball", "x")
@@ -151,6 +152,9 @@ def poincare_section_of_lane(
     require_names(lane, (*names, f"{section}_count", f"{section}_time"))
     count = lane[f"{section}_count"]
     require(count.ndim == 0, "lane", count.dims, "a single lane", "select one: dataset.isel(...)")
+    # The count of a pending lane is negative.
+    expected, remedy = "a lane that has run", "continue the sweep first, or select another lane"
+    require(int(count) >= 0, "lane", f"{section}_count = {int(count)}", expected, remedy)
     # The arrays of a lane may have space for more crossings than it has.
     recorded = slice(int(count))
     drawn = [
@@ -242,8 +246,8 @@ def bifurcation(
     exceeds 12 times the smallest one; that of the parameter also if its values form a geometric
     series.
 
-    **Raises:** `ValueError` for unknown names, without `axis` for a sweep with several axes, and
-    for several values of an axis that is not drawn.
+    **Raises:** `ValueError` for unknown names, without `axis` for a sweep with several axes, for an
+    axis of which a single value is selected, and for several values of an axis that is not drawn.
 
     >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
     >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
@@ -256,6 +260,7 @@ def bifurcation(
     axis = only_axis(dataset, axis)
     variable = f"{section}_{channel}"
     require_names(dataset, (variable, axis))
+    require_several_values(dataset, (axis,))
     axes = axes_or_new(axes)
     succeeded = is_successful(dataset)
     crossings = f"{section}_number"  # the dimension of the data set along the crossings of a lane

@@ -143,16 +143,25 @@ def limit_to_window(
     return (index >= first) & (index <= last)
 
 
-def inside(times: np.ndarray, window: TimeSpan | None) -> np.ndarray:
-    """Return a mask (N,) that is true for those of the times (N,) that lie in the window or at its
-    ends, or for all times if `window` is None. Times and window have the same unit.
+def inside(
+    values: np.ndarray,
+    window: tuple[float, float] | None,
+    argument: str = "window",
+    contents: str = "observed times",
+    remedy: str = "widen it, or observe at more instants",
+) -> np.ndarray:
+    """Return a mask (N,) that is true for those of the values (N,), such as times, that lie in the
+    window or at its ends, or for all values if `window` is None. Both have the same unit.
 
-    **Raises:** `ValueError` if no time lies in the window.
+    **Arguments:** `argument`, `contents`, `remedy`: name of the window, text for the values, and
+    advice, in the error message.
+
+    **Raises:** `ValueError` if no value lies in the window.
     """
     first, last = (-np.inf, np.inf) if window is None else window
-    mask = (times >= first) & (times <= last)
-    expected, remedy = "an interval with observed times", "widen it, or observe at more instants"
-    require(window is None or mask.any(), "window", window, expected, remedy)
+    mask = (values >= first) & (values <= last)
+    expected = f"an interval with {contents}"
+    require(window is None or mask.any(), argument, window, expected, remedy)
     return mask
 
 
@@ -220,14 +229,19 @@ def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
 def legend_label(dataset: xr.Dataset, variable: str, axis: str) -> str:
     """Return the legend's text for an output of a sweep, such as "peak force, clearance 0.2 mm".
 
-    The text has the output's name, and the name and value of each swept parameter of which a single
-    value is selected in the data set, since the curve belongs to these values.
+    The text has the output's name, and the name and value of each coordinate of the data set, such
+    as a swept parameter or a body, of which a single value is selected, since the curve belongs to
+    these values.
 
     **Arguments:** `variable`: name of the output; `axis`: name of the drawn axis.
     """
     texts = [shown(variable.replace("_", " "))]
     for name, coordinate in dataset.coords.items():
-        if coordinate.ndim == 0 and name != axis:  # a single value is selected
+        if coordinate.ndim > 0 or name == axis:  # no single value is selected
+            continue
+        if coordinate.dtype.kind not in "biuf":  # a text, such as the name of a body
+            texts.append(shown(f"{str(name).replace('_', ' ')} {coordinate.values}"))
+        else:
             value, label, _ = scaled(coordinate)
             has_unit = coordinate.attrs.get("units", "1") != "1"
             title, _, unit = label.rpartition(", ") if has_unit else (label, "", "")

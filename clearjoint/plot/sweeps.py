@@ -48,9 +48,7 @@ def of_lanes(dataset: xr.Dataset, variable: str, along: tuple[str, ...]) -> xr.D
     selected, and for an output whose dimensions are not exactly these axes.
     """
     require_names(dataset, (variable, *along))
-    single = [axis for axis in along if not dataset[axis].dims]
-    expected = "a swept parameter with more than one value left"
-    require(not single, "axis", single, expected, "draw the output before that value is selected")
+    require_several_values(dataset, along)
     # Axes that vary together share the dimension "lane".
     dims = tuple(dataset[axis].dims[0] for axis in along)
     found, expected = dataset[variable].dims, f"a number for each value of {along}"
@@ -101,6 +99,13 @@ def require_names(dataset: xr.Dataset, names: tuple[str, ...]) -> None:
     unknown = [name for name in names if name not in dataset.variables]
     expected = f"names out of {sorted(map(str, dataset.variables))}"
     require(not unknown, "dataset", unknown, expected, "pass names of this sweep")
+
+
+def require_several_values(dataset: xr.Dataset, along: tuple[str, ...]) -> None:
+    """Raise `ValueError` if a single value of one of these axes of a sweep is selected."""
+    single = [axis for axis in along if not dataset[axis].dims]
+    expected = "a swept parameter with more than one value left"
+    require(not single, "axis", single, expected, "draw the output before that value is selected")
 
 
 def against(
@@ -296,7 +301,7 @@ def convergence(
     colour = next_colour(axes) if colour is None else colour
     x = scaled(dataset[axis], axes.get_xlabel())
     y = scaled(of_lanes(dataset, variable, (axis,)), axes.get_ylabel())
-    used = inside(dataset[axis].values, within)
+    used = inside(dataset[axis].values, within, "within", "swept values", "widen it")
     rate, factor = _power_law(x.values[used], y.values[used])
     # Adding zero makes the "-0.00" of a small negative rate "0.00".
     text = f"rate {round(rate, 2) + 0.0:.2f}"
@@ -332,7 +337,7 @@ def power_law_exponent(
     0.500
     """
     axis = only_axis(dataset, axis)
-    used = inside(dataset[axis].values, within)
+    used = inside(dataset[axis].values, within, "within", "swept values", "widen it")
     values = of_lanes(dataset, variable, (axis,)).values
     return _power_law(dataset[axis].values[used], values[used])[0]
 

@@ -282,7 +282,8 @@ class Angle(AbstractBodyQuantity):
     as the direction passes there.
 
     **Raises:** `ValueError` for a direction that is not three finite numbers or has zero length,
-    and for a `reference` or an `axis` whose components are proportional to those of `about`.
+    and for a `reference`, or an `axis` without a `reference`, whose components are proportional to
+    those of `about`.
 
     >>> angle = cj.quantities.Angle("crank", about=(0, 0, 1))
     >>> angle.unit, angle.period == 2 * np.pi
@@ -297,15 +298,18 @@ class Angle(AbstractBodyQuantity):
 
     def __check_init__(self):
         require_axis("about", self.about)
-        for name in ("reference", "axis"):
-            direction = getattr(self, name)
-            if direction is not None:
-                require_axis(name, direction)
-                sine = np.linalg.norm(np.cross(self.about, direction))
-                lengths = np.linalg.norm(self.about) * np.linalg.norm(direction)
-                # The margin, a sine of 1e-9, is far above rounding errors.
-                expected = f"a direction that is not parallel to `about` = {self.about}"
-                require(bool(sine > 1e-9 * lengths), name, direction, expected, "choose another")
+        if self.axis is not None:
+            require_axis("axis", self.axis)
+        # The direction of zero angle has the components of `axis` if `reference` is left out.
+        name = "axis" if self.reference is None else "reference"
+        zero = getattr(self, name)
+        if zero is not None:
+            require_axis(name, zero)
+            sine = np.linalg.norm(np.cross(self.about, zero))
+            lengths = np.linalg.norm(self.about) * np.linalg.norm(zero)
+            # The margin, a sine of 1e-9, is far above rounding errors.
+            expected = f"a direction that is not parallel to `about` = {self.about}"
+            require(bool(sine > 1e-9 * lengths), name, zero, expected, "choose another")
 
     def __call__(self, now: Instant) -> Scalar:
         """Return the angle, rad within (-pi, pi]."""

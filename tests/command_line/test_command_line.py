@@ -112,6 +112,11 @@ def test_a_scene_is_invoke(folder):
         assert part in outcome.output
 
 
+def test_constraint_errors_have_units_of_lengths_and_of_angles(rotor):
+    expected = "largest constraint error: 0 m or rad, rate 0 m/s or rad/s\n"
+    assert expected in invoke("check", "rotor.toml").output
+
+
 def test_check_describes_a_study(folder):
     output = invoke("check", "study.toml").output
     assert "run: 0 s to 0.03125 s" in output

@@ -1,5 +1,6 @@
 """Results as datasets, data frames and files: names, units, and numbers to the last bit."""
 
+from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import xarray as xr
 
 import clearjoint as cj
 from clearjoint.dynamics.formulation import Formulation
+from clearjoint.export import datasets
 from clearjoint.export.datasets import setting_notes
 from clearjoint.simulation.results.nonsmooth_solution import ContactTotals
 from clearjoint.simulation.results.observe import AccelerationSeries, ContactObservation, Load
@@ -136,6 +138,17 @@ def test_every_number_has_a_unit_and_the_whole_says_where_it_comes_from(result):
     assert unlabelled == without
     assert all("in m" in found[name].attrs["long_name"] for name in without)
     assert "clearjoint 0" in found.attrs["source"] and found.attrs["title"]
+
+
+def test_a_package_that_is_not_installed_has_an_unknown_version(monkeypatch):
+    def version(name: str) -> str:
+        if name == "clearjoint":  # in a source tree on PYTHONPATH
+            raise PackageNotFoundError(name)
+        return "1.2"
+
+    monkeypatch.setattr(datasets, "version", version)
+    versions = datasets.versions.__wrapped__()  # without the cache
+    assert versions["version of clearjoint"] == "unknown" and versions["version of jax"] == "1.2"
 
 
 def test_netcdf_gives_back_every_bit(result, tmp_path: Path):

@@ -227,5 +227,5 @@ def test_figures_have_labels_and_mark_what_is_limited(found):
     assert "integration fails" in [text.get_text() for text in axes.texts]
     assert plot.integration_error(limited).get_yscale() == "log"
     drawn = plot.record_length(found.information)
-    assert drawn.get_xlabel() == "length of the record, ms"
+    assert drawn.get_xlabel() == "end of the record, ms"
     plt.close("all")

@@ -276,8 +276,12 @@ def test_ledger_closes_in_all_modes():
 
 def test_reports_name_the_law_of_the_whole_length():
     scene = overhung(3, cj.laws.LankaraniNikravesh(0.7, 2e9))
-    (row,) = joint_rows(scene, 1)
-    assert row[4] == "LankaraniNikravesh, c 0.7"
+    dry = scene.joints["pin"]
+    film = cj.LubricatedJoint(dry, cj.films.CaponeFilm(0.02), transition=1e-6)
+    lubricated = cj.Scene(scene.bodies, {"pin": film})
+    for one in (scene, lubricated):
+        (row,) = joint_rows(one, 1)
+        assert row[4] == "LankaraniNikravesh, c 0.7"
 
 
 def test_derivative_by_the_clearance_is_that_of_differences():

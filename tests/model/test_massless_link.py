@@ -61,3 +61,6 @@ def test_shoulders_are_refused():
         cj.MasslessLink("a", "b", clearance=1e-3, journal_length=0.1, axial=cj.EndPlay(1e-3, law))
     with pytest.raises(ValueError, match=r"`clearance`.*0\.0"):
         cj.MasslessLink("a", "b", clearance=0.0, journal_length=0.1)
+    for axial in (cj.FreeAxially, None, "free"):
+        with pytest.raises(ValueError, match="`axial` must be an AbstractAxialPolicy"):
+            cj.MasslessLink("a", "b", clearance=1e-3, journal_length=0.1, axial=axial)

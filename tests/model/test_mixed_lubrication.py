@@ -1,5 +1,6 @@
 """Asperities beside a film: their pressure and force by quadrature, and Stribeck's curve."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -100,6 +101,18 @@ def test_forces_are_in_equilibrium_where_both_carry():
     film = -radial * normal + tangential * along
     dry = -asperities * normal - MU * asperities * along
     np.testing.assert_allclose(film + dry, [0.0, LOAD], atol=1e-3 * LOAD)
+
+
+def test_an_equilibrium_at_a_wall_with_a_profile_is_refused():
+    """A run computes the contact with the profile. A film is that of circles in both."""
+    oval = cj.profiles.Harmonics([0.0, 1e-6])
+    dry = dataclasses.replace(DRY, bearing_profile=oval)
+    with pytest.raises(ValueError, match="`joint` must be .*, but is 'with bearing_profile': "):
+        cj.carried_journal(cj.LubricatedJoint(dry, JOINT.film), (0.0, -LOAD), 0.5)
+    blended = cj.LubricatedJoint(dry, JOINT.film, transition=1e-6)
+    circular = cj.LubricatedJoint(DRY, JOINT.film, transition=1e-6)
+    found, expected = (cj.carried_journal(one, (0.0, -1.0), 50.0) for one in (blended, circular))
+    np.testing.assert_allclose(found.offset, expected.offset, rtol=1e-12)
 
 
 def test_the_ledger_of_a_run_closes():

@@ -12,6 +12,7 @@ from matplotlib.colors import to_rgba
 import clearjoint as cj
 from clearjoint import plot
 from clearjoint.export.datasets import setting_notes
+from clearjoint.plot.report_page import joint_rows
 from tests.support.dropped_rod import dropped_rod
 from tests.support.tumbling_bearing import CLEARANCE, TIMES, solution_of
 
@@ -129,8 +130,10 @@ def test_the_area_of_the_loop_is_the_dissipated_energy():
     assert axes.get_legend().get_texts()[0].get_text() == "impact 1 at 0.0 ms: 1.26 mJ"
     with pytest.raises(ValueError, match="`impacts` must be at least one impact"):
         plot.hysteresis(seen, impacts.of("pin", "W"))
-    with pytest.raises(ValueError, match="`observation` must be of three or more instants"):
-        plot.hysteresis(seen_contact(depth[:1], np.zeros(1), force[:1]), impacts)
+    few = seen_contact(depth[:1], np.zeros(1), force[:1])
+    for rare in (few, eqx.tree_at(lambda seen: seen.times, few, np.array([5.0]))):
+        with pytest.raises(ValueError, match="`observation` must be .* observe every step"):
+            plot.hysteresis(rare, impacts)
     with pytest.raises(ValueError, match="`count` must be"):
         plot.hysteresis(seen, impacts, count=0)
     with pytest.raises(ValueError, match="`window` must be an interval with observed times"):
@@ -309,6 +312,9 @@ def test_sections_of_a_run_and_of_a_lane():
         np.testing.assert_allclose(points, [(1, 2), (2, 4), (3, 6)])
     with pytest.raises(ValueError, match=r"`channels` must be two of .*\['x', 'y'\]"):
         plot.poincare_section(crossings, section, ("x", "z"))
+    pending = swept().isel(clearance=0).assign(top_count=-1)
+    with pytest.raises(ValueError, match="`lane` must be a lane that has run"):
+        plot.poincare_section_of_lane(pending, "top", ("x", "y"))
 
 
 def test_an_orbit_has_the_observed_clearance(turning):
@@ -372,6 +378,24 @@ def test_a_report_has_all_panels_and_tables(tumbling, tmp_path):
     assert orbit.get_aspect() == 1.0
     with pytest.raises(ValueError, match=r"`file` must be with the suffix .png or .pdf"):
         plot.report(scene, solution, tmp_path / "page.doc")
+
+
+def test_a_report_lists_play_and_friction_of_lubricated_joints_and_of_shoulders():
+    law, friction = cj.laws.Hertz(1e9), cj.frictions.RegularisedCoulomb(0.2)
+    sizes = {"bearing_radius": 10e-3, "clearance": 50e-6, "journal_length": 20e-3, "law": law}
+    dry, film = cj.ClearanceJoint("ground", "rod", **sizes), cj.films.CaponeFilm(0.02)
+    rubbing = replace(dry, friction=friction)
+    faces = replace(dry, axial=cj.EndPlay(1e-4, law, friction, radius=8e-3))
+    joints = {
+        "bare": dry,
+        "wall": cj.LubricatedJoint(rubbing, film),
+        "faces": faces,
+        "faces with film": cj.LubricatedJoint(faces, film),
+    }
+    scene = cj.Scene({"rod": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, joints)
+    cells = {name: (play, text) for name, _, _, play, _, text in joint_rows(scene, 9)}
+    assert cells.pop("bare") == ("50 µm", "none")
+    assert set(cells.values()) == {("50 µm", "RegularisedCoulomb, µ 0.2")}
 
 
 @pytest.mark.slow

@@ -132,6 +132,13 @@ def test_against_a_zipped_sweep():
         plot.against(data, "peak_force")
 
 
+def test_selected_texts_are_in_the_legend():
+    data = failing().assign_coords(body="the_$ball$", component="x")
+    axes = plot.against(data, "peak_force")
+    expected = r"peak force, restitution 0.4, body the_\$ball\$, component x"
+    assert legend(axes)[0] == expected
+
+
 def test_running_median_omits_gaps():
     positions = np.array([4.0, 1.0, 2.0, 3.0, 5.0])
     values = np.array([40.0, 10.0, np.nan, 90.0, 50.0])
@@ -185,6 +192,9 @@ def test_convergence_finds_the_rate():
     expected = 5e3 * (line.get_xdata() * 1e-3) ** 0.4 * 1.4
     assert line.get_ydata() == pytest.approx(expected)
     assert plot.power_law_exponent(failing(), "peak_force") == pytest.approx(0.4)
+    for find in (plot.convergence, plot.power_law_exponent):
+        with pytest.raises(ValueError, match="`within` must be an interval with swept values"):
+            find(failing(), "peak_force", within=(2.0, 3.0))
 
 
 def test_orbit_lies_in_the_clearance_circle():
@@ -207,6 +217,10 @@ def test_orbit_lies_in_the_clearance_circle():
         (lambda data: plot.against(data.isel(restitution=0), "force"), "force"),
         (lambda data: plot.against(data, "peak_force", "speed"), r"\['speed'\]"),
         (lambda data: plot.against(data.isel(clearance=0), "impacts", "clearance"), "value left"),
+        (
+            lambda data: plot.bifurcation(data.isel(clearance=0), "hit", "speed", "clearance"),
+            r"`axis` must be .* value left, but is \['clearance'\]",
+        ),
         (lambda data: plot.power_law_exponent(data, "peak_force", "speed"), r"\['speed'\]"),
         (lambda data: plot.parameter_map(data, "peak_force", "speed", "mass"), "'mass', 'speed'"),
         (lambda data: plot.orbit(data, "orbit", 1e-3), "a single lane"),

@@ -175,6 +175,15 @@ def test_angle_about_a_slanted_axis_is_that_of_the_projection():
     assert back @ seen == pytest.approx(lengths, rel=1e-12)
 
 
+def test_angle_of_a_horizontal_body_axis_with_the_components_of_the_fixed_axis():
+    tilt = Rotation.from_euler("y", 90.0, degrees=True)  # turns the body's z axis to the global x
+    turn = Rotation.from_rotvec((0.0, 0.0, 0.3)) * tilt
+    scene = cj.Scene({"arm": cj.Body(1.0, (1.0, 1.0, 1.0))})
+    body = cj.body_state((0, 0, 0), turn.as_quat(scalar_first=True))
+    angle = q.Angle("arm", about=(0, 0, 1), reference=(1, 0, 0), axis=(0, 0, 1))
+    assert angle(instant(scene, cj.State({"arm": body}))) == pytest.approx(0.3)
+
+
 def test_joint_angle_counts_from_the_shortest_turn_between_the_axes():
     """About an axis with different components in the two frames."""
     axis, here = np.array([1.0, -2.0, -2.0]) / 3.0, np.array([0.6, 0.0, -0.8])
@@ -343,6 +352,10 @@ def test_derivatives_are_those_of_differences():
         (
             lambda: q.Angle("a", (0, 0, 1), axis=(0, 0, 2)),
             "`axis` must be .* not parallel",
+        ),
+        (
+            lambda: q.Angle("a", (0, 0, 1), reference=(0, 0, 2), axis=(1, 0, 0)),
+            "`reference` must be .* not parallel",
         ),
         (lambda: q.Eccentricity("pin", "v"), "`base` must be one of .*'v'"),
     ],

@@ -10,13 +10,14 @@ import optimistix
 from jaxtyping import Complex, Float, PyTree
 
 from ...compilation import Compiled
-from ...fields.checks import require_positive, require_shape
+from ...fields.checks import require, require_positive, require_shape
 from ...fields.objects import on_device, optional_quantity, quantity
 from ...fields.types import ArrayLike, Single
 from ...math.rotations import unit
 from ...math.smoothing import norm_and_direction, ramp
 from ...math.vectors import UNIT_Z, Scalar, Vector, unpack
 from ..bodies import Wrench
+from ..contact.friction import FrictionLaw
 from ..contact.laws import (
     AbstractContactLaw,
     AbstractLawAround,
@@ -172,6 +173,11 @@ class LubricatedJoint(AbstractContactJoint):
         """Radial clearance, m."""
         return self.dry.clearance
 
+    @property
+    def friction(self) -> FrictionLaw | None:
+        """Friction law of the contact with the wall; ``None`` for no friction."""
+        return self.dry.friction
+
     pair = _of_dry_joint("pair")
     attachments = _of_dry_joint("attachments")
     contacts = _of_dry_joint("contacts")
@@ -314,11 +320,11 @@ class CarriedJournal(NamedTuple):
 def carried_journal(joint: LubricatedJoint, load: ArrayLike, speed: Scalar) -> CarriedJournal:
     """Compute the equilibrium of a loaded journal in its film, and the stiffness and damping there.
 
-    The bearing is at rest, the axes are parallel, and profiles are ignored: journal and bearing
-    count as circles. The search for the equilibrium is limited to eccentricities below the
-    clearance. For a joint with a `transition`, contact with the wall does not add to the force.
-    Without it, contact adds the force of the joint's law, but only the elastic force of a law that
-    uses the entry speed. The eccentricity ratio is not limited to the joint's `largest_ratio`.
+    The bearing is at rest, and the axes are parallel. The search for the equilibrium is limited to
+    eccentricities below the clearance. For a joint with a `transition`, contact with the wall does
+    not add to the force, so that profiles of the dry joint have no effect. Without it, contact adds
+    the force of the joint's law between circles, but only the elastic force of a law that uses the
+    entry speed. The eccentricity ratio is not limited to the joint's `largest_ratio`.
 
     ```python
     import clearjoint as cj
@@ -330,7 +336,7 @@ def carried_journal(joint: LubricatedJoint, load: ArrayLike, speed: Scalar) -> C
 
     **Arguments:**
 
-    - `joint`: the lubricated joint.
+    - `joint`: the lubricated joint; without a `transition`, its dry joint may not have profiles.
     - `load`: (2,) N, external force on the journal along x and y, two directions across the axis
       z that form a right-handed frame.
     - `speed`: angular velocity of the journal about z, rad/s, positive.
@@ -338,9 +344,16 @@ def carried_journal(joint: LubricatedJoint, load: ArrayLike, speed: Scalar) -> C
     **Returns:** `CarriedJournal` with the offset, (2,) m, the stiffness, (2, 2) N/m, the damping,
     (2, 2) N s/m, in the same directions as the load, and the moment, N m.
 
-    **Raises:** `ValueError` if the load doesn't have the shape (2,) or is not finite, or the speed
-    is not a positive number; `RuntimeError` if the search for the equilibrium doesn't converge.
+    **Raises:** `ValueError` if the load doesn't have the shape (2,) or is not finite, the speed is
+    not a positive number, or the contact of the joint is that of profiles; `RuntimeError` if the
+    search for the equilibrium doesn't converge.
     """
+    fields = "bearing_profile", "journal_profile"
+    given = [name for name in fields if getattr(joint.dry, name) is not None]
+    # The contact in `_load` is that of circles, whereas a run computes that of the profiles.
+    fine, expected = joint.transition is not None or not given, "without profiles in its dry joint"
+    remedy = "leave out the profiles, or give the joint a `transition`"
+    require(fine, "joint", f"with {' and '.join(given)}", expected, remedy)
     require_shape("load", load, (2,), "give its components across the axis in N")
     require_positive("speed", speed, "give rad/s, with the axis such that it is positive")
     return _solve_equilibrium(joint, on_device(load), on_device(speed))

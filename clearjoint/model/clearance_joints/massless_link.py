@@ -7,6 +7,7 @@ from ...fields.objects import quantity
 from ...fields.types import Single, Triple
 from ...math.rotations import transverse_axes, unit
 from ...math.vectors import Scalar, Vector
+from ..contact.laws import require_instance
 from ..joints.base import AbstractConstraint, Attachment, Motions, Row, require_distinct
 from ..joints.constraint_rows import distance_row, point_in_plane
 from ..pen import AbstractPen, Marker
@@ -38,7 +39,7 @@ class MasslessLink(AbstractConstraint):
     in which the journal is displaced towards the intended side of the bearing.
 
     **Raises:** `ValueError` if a value is outside its range, both bodies are the same, or `axial`
-    has shoulders.
+    is of another class or has shoulders.
 
     >>> link = cj.MasslessLink("ground", "arm", clearance=0.5e-3, journal_length=20e-3)
     >>> link.body_names(), float(link.clearance)
@@ -57,6 +58,7 @@ class MasslessLink(AbstractConstraint):
 
     def __check_init__(self):
         require_distinct(self.bearing_body, self.journal_body)
+        require_instance("axial", self.axial, AbstractAxialPolicy)
         fine, expected = self.axial.shoulder_law() is None, "FreeAxially() or FixedAxially()"
         remedy = "use a ClearanceJoint for shoulders, which are contacts"
         require(fine, "axial", type(self.axial).__name__, expected, remedy)

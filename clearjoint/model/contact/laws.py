@@ -576,8 +576,11 @@ class WeightedLaw(AbstractLawAround):
 
 
 def whole_law(law: AbstractContactLaw) -> AbstractContactLaw:
-    """Return the law of the whole contact for a `WeightedLaw`, and any other law unchanged.
+    """Return the law inside of any `AbstractLawAround`, and any other law unchanged.
 
-    Reports show this law: for a `ClearanceJoint` with `line_points`, the one that the user gave.
+    Reports show this law: for a `ClearanceJoint` with `line_points`, or a `LubricatedJoint` with a
+    `transition`, the one that the user gave.
     """
-    return law.law if isinstance(law, WeightedLaw) else law
+    while isinstance(law, AbstractLawAround):
+        law = law.law
+    return law
