@@ -189,7 +189,7 @@ class Exploration:
     - `points`: (n, p) coordinates; the first row is the minimum at which the fit's own search
       ended, before the fit moves to a lower one.
     - `chi_squared`: (n,) at the points.
-    - `minima`: this minimum, then the points at which local searches ended.
+    - `minima`: the run at this minimum, then the best run of each local search.
     - `rounds`: number of rounds in which points were drawn.
     - `settled`: whether the last round widened every interval by less than a twentieth and found no
       new minimum, and noise explains the lowest chi squared.
@@ -220,7 +220,8 @@ class Exploration:
 def intervals(
     minima: Sequence[RunMisfit], lowest: float
 ) -> tuple[Float[np.ndarray, "k p"], Float[np.ndarray, "k p"]]:
-    """Return lower and upper ends of the 95 % intervals around each of several minima, (k, p) each.
+    """Return lower and upper ends of the 95 % intervals around each of several minima, (k, p) each,
+    in coordinates.
 
     A parameter's interval contains the values for which chi squared, minimised over the other
     parameters by the minimum's covariance, is at most `RISE` above `lowest`. Minima whose own chi
