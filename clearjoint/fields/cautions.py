@@ -57,7 +57,8 @@ class NotCarriedOverWarning(UserWarning):
 
 
 class PoorFitWarning(UserWarning):
-    """Warns that the residuals of a fit are far above the measurements' noise.
+    """Warns that the residuals of a fit are far above the measurements' noise, that the best run of
+    a fit fails, or that the test of a fit's covariance has failed.
 
     Silence it with ``warnings.filterwarnings("ignore", category=clearjoint.PoorFitWarning)``.
 

@@ -55,7 +55,7 @@ def as_number(value: object, argument: str = "value", unit: str = "1") -> np.nda
     **Arguments:** `value`: a number, an array, or nested lists of numbers. `argument`, `unit`: name
     and unit of the value in the error message.
 
-    **Raises:** `ValueError` if the value does not consist of numbers; texts and bools are none.
+    **Raises:** `ValueError` if the value does not consist of numbers; texts and bools are refused.
     """
     if isinstance(value, jax.Array):
         return value
@@ -89,7 +89,9 @@ def concrete(value: object) -> np.ndarray | None:
 
 
 def as_shown(value: Any) -> Any:
-    """Return numbers and arrays as Python numbers and nested lists, for printing; other values
+    """Return NumPy numbers and arrays as Python numbers and nested lists, for printing.
+
+    Lists and tuples are converted entry by entry. Other values, also JAX arrays, are returned
     unchanged.
 
     A number that differs by a few roundings from its form with 14 digits is replaced by that form.
@@ -175,7 +177,7 @@ def require_numbers(
     expected: str,
     remedy: str,
 ) -> None:
-    """Check a condition on the first of several values, which may depend on the other values.
+    """Check a condition on the first of several values. The condition may depend on the others.
 
     **Arguments:** `condition`: function of all values as arrays, whose result may be traced.
     `argument`: name of the first value. `expected`: may contain `{0}`, `{1}` and so on, which are
@@ -200,8 +202,8 @@ def errors_about(subject: str) -> Iterator[None]:
 def _shown(value: object) -> str:
     """Return a value as text for an error message.
 
-    A text of more than `LONGEST` characters is cut off, and its length is added. An array, list or
-    tuple of more than `LONGEST` entries is replaced by its shape or number of entries.
+    A text of more than `LONGEST` characters is cut off, and its length is added. A NumPy array of
+    more than `LONGEST` entries is replaced by its shape, and a list or tuple by its length.
     """
     if isinstance(value, np.ndarray) and value.size > LONGEST:
         return f"an array of shape {value.shape}"

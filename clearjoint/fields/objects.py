@@ -1,6 +1,6 @@
 """Objects whose fields are declared, checked, converted to arrays and printed.
 
-User-defined subclasses need only annotate their fields.
+User-defined subclasses of `AbstractConverting` need only annotate their fields.
 """
 
 import inspect
@@ -87,9 +87,10 @@ def quantity(
 ) -> Any:
     """Declare a field of a user-defined element, law or quantity that holds a number or an array.
 
-    Values are converted to arrays of 64-bit floats. They are checked against the declaration when
-    an object is made and again before runs. Of values that JAX traces, only the shape is checked,
-    except that a sweep checks the numbers of all its runs.
+    Numbers of Python and NumPy are converted to NumPy arrays of 64-bit floats; JAX arrays are kept.
+    Values are checked against the declaration when an object is made and again before runs. Of
+    values that JAX traces, only the shape is checked, except that a sweep checks the numbers of all
+    its runs.
 
     **Arguments:**
 
@@ -124,7 +125,8 @@ def optional_quantity(unit: str, **options: Any) -> Any:
     """Declare a field as `quantity` does, whose default is ``None``.
 
     ``None`` stands for an effect that is absent, and that compiled programs therefore don't
-    compute. `unit` and `options` are those of `quantity`.
+    compute. `unit` and `options` are arguments of `quantity`: all others except `default` and
+    `converter` are allowed, also `shape` and `positive`.
 
     >>> class Damper(extend.AbstractForce):
     ...     damping: float | None = extend.optional_quantity("N s/m", positive=True)
@@ -167,8 +169,8 @@ class AbstractReadable(eqx.Module):
 
     def __init_subclass__(cls, **options: object):
         super().__init_subclass__(**options)
-        # Give the converters of `quantity` fields the names and units of these fields, which
-        # `quantity` does not know: a value that is no number raises an error that names its field.
+        # Give the converters of `quantity` fields the units and names of these fields; `quantity`
+        # does not know the names. Thus the error for a value that is no number names its field.
         for name, field in list(vars(cls).items()):
             converter = field.metadata.get("converter") if isinstance(field, Field) else None
             if converter is not None and converter in (as_number, _as_optional_number):
@@ -206,6 +208,7 @@ class AbstractReadable(eqx.Module):
             ) from None
 
     def __repr__(self) -> str:
+        # A result code prints its name only while its number is an array: it is left unchanged.
         return eqx.tree_pformat(
             jax.tree.map(_plain, self, is_leaf=lambda node: isinstance(node, RESULTS))
         )
@@ -246,7 +249,7 @@ NAMES = (str, bool, "str", "bool")
 class AbstractConverting(AbstractReadable):
     """Base class of PyTree classes that accept Python numbers and store arrays.
 
-    A field of a subclass that has only an annotation is
+    A field of a subclass that declares neither ``static=True`` nor a converter is
 
     - static if it is annotated as `str` or `bool`, as for the name of a body;
     - otherwise numeric: numbers, tuples and lists are converted to 64-bit arrays, so that a change
@@ -308,7 +311,8 @@ def with_arrays(tree: PyTree) -> PyTree:
     otherwise be part of the program, which would be compiled for each of its values. Traced numbers
     are not converted, nor are numbers in Equinox modules of other packages in fields without a
     converter, since these may be meant as parts of the program. Python's bools are parts of the
-    program, so that a class may branch on them.
+    program, so that a class may branch on them. If all leaves are 64-bit NumPy arrays or JAX arrays
+    of floats, the PyTree itself is returned, and its JAX arrays keep their precision.
     """
     leaves, structure = jax.tree.flatten(tree)
     # Usually nothing is left to convert.

@@ -48,7 +48,8 @@ WIDENINGS = (1.0, 2.0, 4.0)
 """Factors on the standard errors of a covariance for the normal distributions from which points
 are drawn."""
 KEPT = 32
-"""Minimum number of points with the smallest chi squared from which the next round draws."""
+"""Minimum number of points with the smallest chi squared from which the next round draws; in any
+case they are at most half the points of the first round."""
 WORTH = 3.0
 """Rise of chi squared, relative to `RISE`, up to which points are worth exploring, even if they are
 more than `KEPT`."""
@@ -188,7 +189,7 @@ class Exploration:
     - `points`: (n, p) coordinates; the first row is the minimum at which the fit's own search
       ended, before the fit moves to a lower one.
     - `chi_squared`: (n,) at the points.
-    - `minima`: this minimum, then the points at which local searches ended.
+    - `minima`: the run at this minimum, then the best run of each local search.
     - `rounds`: number of rounds in which points were drawn.
     - `settled`: whether the last round widened every interval by less than a twentieth and found no
       new minimum, and noise explains the lowest chi squared.
@@ -219,7 +220,8 @@ class Exploration:
 def intervals(
     minima: Sequence[RunMisfit], lowest: float
 ) -> tuple[Float[np.ndarray, "k p"], Float[np.ndarray, "k p"]]:
-    """Return lower and upper ends of the 95 % intervals around each of several minima, (k, p) each.
+    """Return lower and upper ends of the 95 % intervals around each of several minima, (k, p) each,
+    in coordinates.
 
     A parameter's interval contains the values for which chi squared, minimised over the other
     parameters by the minimum's covariance, is at most `RISE` above `lowest`. Minima whose own chi
@@ -252,11 +254,11 @@ def explore(
 
     The first round draws `number` points from normal distributions with the given covariances, with
     once, twice and four times their standard errors. Each further round draws half as many points
-    among the lowest points so far, and as many again around the lowest minimum if that has moved or
-    if noise doesn't explain its chi squared. After every round, local searches start from some of
-    the lowest points that are far from each other and from the known minima. The exploration ends
-    when the intervals have settled and noise explains the lowest chi squared, or after `rounds`
-    rounds.
+    among the lowest points so far, and as many again around the lowest minimum if the last round
+    lowered its chi squared by more than 3.84 or if noise doesn't explain it. In every round, local
+    searches start from some of the lowest points that are far from each other and from the known
+    minima. The exploration ends when the intervals have settled and noise explains the lowest chi
+    squared, or after `rounds` rounds.
 
     **Arguments:**
 
@@ -322,7 +324,8 @@ def explore(
         kept = np.concatenate([kept, np.array(near).reshape(-1, p)])
         # A covariance in p dimensions needs p + 1 neighbours; twice as many make it less random.
         fresh = drawn_among(kept, number // 2, 2 * (p + 1), bounds, generator)
-        # If the minimum has moved, the first points were drawn around the wrong one.
+        # If a much lower minimum has been found, the first points were drawn around the wrong one.
+        # If noise doesn't explain its chi squared, an even lower one may be near.
         if decrease > RISE or explored.lowest > likely:
             again = around(best.coordinates, [best.covariance, *covariances[1:]], number // 2)
             fresh = np.concatenate([fresh, again])
@@ -346,7 +349,8 @@ def inside(minimum: RunMisfit, point: Float[np.ndarray, " p"]) -> bool:
 ROUNDS = 6
 """Maximum number of rounds in which an exploration draws points."""
 STEPS_DOWN = 15
-"""Maximum number of runs of a local search."""
+"""Maximum number of runs of a local search in the exploration; the final search in the lowest
+minimum has four times as many."""
 NEAR, NEAREST = 0.03, 1e-3
 """Gauss-Newton step, in standard errors, at which a local search ends, and at which the final
 search in the lowest minimum ends."""
@@ -381,8 +385,9 @@ class LikelihoodCheck:
     - `runs`: number of runs with and without derivatives, those of the posterior not included;
       `seconds`: s, computing time of all runs.
     - `difference`: chi squared at the estimates in a run without derivatives, less that in the run
-      with derivatives; 0 if the test passed. An absolute value above 1 means that integration
-      errors exceed the noise.
+      with derivatives; 0 if the test passed. The two runs differ by integration errors only. They
+      are too large if the absolute value is above 1, the rise of chi squared at a distance of one
+      standard error.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
     >>> fit = cj.identify(
@@ -460,15 +465,16 @@ def check(
 ) -> LikelihoodCheck:
     """Test the covariance of a fit by runs around its best run.
 
-    If the test fails, explore chi squared there and compute a small posterior. `identify` calls
-    this after its searches.
+    If the test fails, explore chi squared there and, if noise explains the lowest chi squared,
+    compute a small posterior. `identify` calls this after its searches.
 
     **Arguments:**
 
     - `best`: the best run of the fit.
     - `runs`: the scene to run; `data`: the samples with which to compare it.
     - `parameters`, `units`: the parameters and the units of their values, by name.
-    - `number`: number of points in the first round of an exploration.
+    - `number`: number of points in the first round of an exploration. The number of points of the
+      posterior and its largest number of runs are proportional to it.
     - `on_iteration`: function that is called with every iteration of the local searches.
 
     **Raises:** `KeyboardInterrupt` if the user interrupts it.
@@ -567,8 +573,9 @@ def _small_posterior(
         found = drawn_posterior(lanes, parameters, units, box, uniform, points, 0, most_runs)
     except (TooManyRunsError, ImpossiblePointsError):
         return None  # The fit keeps its other intervals.
-    # Warnings say that the box cuts the posterior off, or that few runs have a weight. Points that
-    # do not come near the lowest minimum have missed it.
+    # Warnings say that the box cuts the posterior off, that the data hardly determine a parameter,
+    # or that few runs have a weight. Points that do not come near the lowest minimum have missed
+    # it.
     nearest = found.coordinates[found.log_likelihood.argmax()]
     rise = float(lanes.chi_squared(nearest[None], lanes.count)[0, -1]) - lowest
     return None if found.warnings or rise > RISE else found

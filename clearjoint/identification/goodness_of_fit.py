@@ -35,10 +35,13 @@ class Direction(NamedTuple):
 
 
 def directions(jacobian: Float[np.ndarray, "M p"]) -> list[Direction]:
-    """Return p directions along which the estimates err independently, the most uncertain first.
+    """Return p directions along which the estimates err independently.
 
-    With M < p residuals there are only M directions. A direction without effect on the residuals
-    gets a very large but finite deviation.
+    They are the principal axes of the estimates' errors in scaled coordinates: the unit of each is
+    the standard error that its parameter would have if all others were known. The axis with the
+    largest error in these units is the first, so that the deviations of the directions need not
+    decrease. With M < p residuals there are only M directions. A direction without effect on the
+    residuals gets a very large but finite deviation.
 
     **Arguments:** `jacobian`: (M, p) derivatives of the residuals, in standard deviations of the
     noise, by the coordinates.

@@ -136,9 +136,9 @@ def identify(
     the best fit so far, on Ctrl-C. A search that fails raises no error: see `Fit.ending` and
     `Fit.warnings`.
 
-    **Warns:** `PoorFitWarning` if the residuals are far above the noise, with the remedies of
-    `Fit.advice`, and if the test of the covariance has failed; `UserWarning` if the record is
-    longer than `horizon` allows.
+    **Warns:** `PoorFitWarning` if the residuals are far above the noise or the best run does not
+    reach the last sample, with the remedies of `Fit.advice`, and if the test of the covariance has
+    failed; `UserWarning` if the record is longer than `horizon` allows.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
     >>> fit = cj.identify(
@@ -374,8 +374,8 @@ class _Problem:
 
 
 def _warn(fits: Sequence[Fit]) -> None:
-    """Emit a `PoorFitWarning` if residuals of a fit are far above the noise, and one if the test of
-    a fit's covariance has failed.
+    """Emit a `PoorFitWarning` if residuals of a fit are far above the noise or its best run fails,
+    and one if the test of a fit's covariance has failed.
 
     With several such fits, the warning shows the first and tells their number.
     """
