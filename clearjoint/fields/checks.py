@@ -55,7 +55,8 @@ def as_number(value: object, argument: str = "value", unit: str = "1") -> np.nda
     **Arguments:** `value`: a number, an array, or nested lists of numbers. `argument`, `unit`: name
     and unit of the value in the error message.
 
-    **Raises:** `ValueError` if the value does not consist of numbers; texts and bools are refused.
+    **Raises:** `ValueError` if the value does not consist of numbers; texts, bools, dates and complex numbers
+    are refused.
     """
     if isinstance(value, jax.Array):
         return value
@@ -70,8 +71,8 @@ def as_number(value: object, argument: str = "value", unit: str = "1") -> np.nda
         "pass a float, a list of floats or an array",
     )
     try:
-        # NumPy would convert strings and bools to floats without an error.
-        unfit = value is None or np.asarray(value).dtype.kind in "USb"
+        # NumPy would convert strings, bools, dates and complex numbers to floats without an error.
+        unfit = value is None or np.asarray(value).dtype.kind in "USbcmM"
         numbers = None if unfit else np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         numbers = None

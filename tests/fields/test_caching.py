@@ -1,5 +1,7 @@
 """Results that are cached by numbers."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import jax
 import numpy as np
 import pytest
@@ -53,3 +55,10 @@ def test_the_least_recently_used_results_are_removed(counted):
     assert len(calls) == KEPT + 1
     function(0.0)
     assert len(calls) == KEPT + 2
+
+
+def test_threads_share_a_full_cache():
+    function = cached_by_numbers(lambda x: 2.0 * x)
+    numbers = np.arange(2.0 * KEPT)
+    with ThreadPoolExecutor(8) as pool:
+        assert list(pool.map(function, np.tile(numbers, 8))) == [*np.tile(2.0 * numbers, 8)]

@@ -12,7 +12,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint import extend
-from clearjoint.fields.checks import as_shown
+from clearjoint.fields.checks import as_number, as_shown
 from clearjoint.result_codes import RESULTS
 from tests.support.public_names import MODULES
 from tests.support.rooms import DOORS
@@ -92,6 +92,12 @@ def test_public_modules_list_neither_modules_nor_types_of_numpy(module):
     assert modules <= {*DOORS, "densities", "plot", "quantities", "testing", "style"}
     callables = [value for value in listed.values() if inspect.isroutine(value)]
     assert not [one for one in callables if "numpy._typing" in str(inspect.signature(one))]
+
+
+@pytest.mark.parametrize("value", [np.array([1.0 + 2.0j]), np.array(["2026-01-01"], "M8[D]"), True])
+def test_only_real_numbers_are_numbers(value):
+    with pytest.raises(ValueError, match="`mass` must be a number or an array of numbers"):
+        as_number(value, "mass", "kg")
 
 
 def test_a_list_may_contain_a_traced_number():
