@@ -31,14 +31,16 @@ PATIENCE = 15
 """Number of successive rejected steps after which a search ends. Each rejection multiplies the
 damping by four, so that the last of these steps are negligibly short."""
 SHORT = 1e-3
-"""Length of the next step, its largest component, relative to the tolerance, below which a search
-ends. Both are in scaled coordinates, whose unit is about a standard deviation of an estimate."""
+"""A search ends if the largest component of the next step is less than this fraction of the
+tolerance. The two are comparable: the step is in scaled coordinates, whose unit is about a standard
+deviation of an estimate, and the tolerance is in standard deviations."""
 NEARLY = 0.1
 """Gauss-Newton step in standard deviations. A search that finds no better point counts as converged
 below this step, because integration errors prevent a higher accuracy."""
 UNDETERMINED = 1e-12
 """Singular value of the Jacobian, relative to the largest, below which the data don't determine a
-direction in the parameters' coordinates."""
+direction in the parameters' coordinates. Also the norm of a column, relative to the largest, below
+which it is not used to scale its coordinate."""
 
 
 class Ending(Enum):
@@ -59,14 +61,19 @@ class Ending(Enum):
 class Iteration:
     """One run of a search, as passed to the function `progress` of `identify`.
 
-    - `number`: number of the run in its search, from 0; each window of growing windows, and each
-      local search of the test of the covariance, is a search of its own.
-    - `accepted`: whether this is the best run so far.
-    - `chi_squared`: sum of the squared residuals of this run.
+    - `number`: number of the run in its search, from 0. With growing windows (argument `grow` of
+      `identify`) each window is a search of its own, and so is each local search of the test of the
+      covariance (argument `check_runs`).
+    - `accepted`: whether this run becomes the best so far, from which the search continues. Its chi
+      squared must have decreased by at least 1 % of what the linear model predicts; the first run
+      is always accepted.
+    - `chi_squared`: sum of the squared residuals of this run, with those of the prior in a window
+      before the last.
     - `coordinates`: (p,) values of the parameters in this run on their scales, such as logarithms.
     - `decrement`: length of the Gauss-Newton step from the best run so far, in standard deviations
       of the estimates.
-    - `trust`: trust in the linear model, the inverse of the Levenberg-Marquardt damping.
+    - `trust`: trust in the linear model, the inverse of the Levenberg-Marquardt damping of the next
+      step.
 
     >>> step = cj.results.Iteration(3, True, 101.2, np.zeros(2), decrement=0.1, trust=1.0)
     >>> step.accepted
@@ -101,9 +108,9 @@ class Search:
 
     - `start`: (p,) coordinates of the start.
     - `windows`: the successive searches over growing windows of the record.
-    - `best`: the run with the smallest misfit in the last window. After an interruption in a
-      shorter window, or in the first run of a later one, it is a run over the whole record at the
-      best coordinates so far.
+    - `best`: the best run of the last window, which is the last one accepted. After an interruption
+      in a shorter window, or in the first run of a later one, it is a run over the whole record at
+      the best coordinates so far.
     """
 
     start: Float[np.ndarray, " p"]
@@ -117,7 +124,7 @@ class Search:
 
     @property
     def evaluations(self) -> int:
-        """Number of runs in all windows."""
+        """Number of iterations in all windows."""
         return sum(len(window.iterations) for window in self.windows)
 
 
@@ -231,11 +238,12 @@ def search_with_damping(
 
     - `evaluate`: function that returns residuals and Jacobian at coordinates (p,).
     - `start`: (p,) coordinates; `step_limits`: (p,) largest change of each coordinate in one step.
-    - `tolerance`: Gauss-Newton step, in standard deviations of the estimates, at which to end.
-    - `max_iterations`: maximum number of evaluations.
+    - `tolerance`: Gauss-Newton step, in standard deviations of the estimates, below which to end.
+    - `max_iterations`: maximum number of evaluations, 1 or more.
     - `on_iteration`: function that is called with an `Iteration` after each evaluation.
 
-    **Returns:** the best evaluation, all iterations, and the reason why the search ended.
+    **Returns:** the best evaluation, all iterations, and the reason why the search ended. This is
+    never `Ending.FAILED`: the caller must check whether the best run reaches the last sample.
     """
     iterations: list[Iteration] = []
     best = latest = evaluate(start)

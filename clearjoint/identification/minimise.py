@@ -79,7 +79,8 @@ def minimise(
       that JAX can differentiate.
     - `parameters`: the free parameters by name; the search starts from the `value` of each
       parameter, or if that is ``None`` from the number in the scene or its initial state.
-    - `outputs`: functions of an `Instant` by name, evaluated at `times` (N,), s, rising.
+    - `outputs`: functions of an `Instant` by name, evaluated at `times` (N,), s, which must not
+      decrease. The run ends at the last of them.
     - `settings`: settings of the integration; by default `clearjoint.presets.derivatives`.
     - `optimiser`: an optax optimiser of the parameters' coordinates on their scales; by default
       `optax.adam(0.05)`, which changes each coordinate by about 0.05 in a step.
@@ -88,9 +89,10 @@ def minimise(
 
     **Returns:** a `Minimum`, for the run with the smallest objective.
 
-    **Raises:** `ValueError` for no parameters or no outputs, for times that decrease or are before
-    the start, for `iterations` below 1, for settings with which derivatives can't be computed, and
-    if the first run fails or its objective is not finite.
+    **Raises:** `ValueError` for an invalid scene or state, for no parameters, for no outputs or
+    outputs that the scene doesn't have, for times that decrease or are before the start, for
+    `iterations` below 1, for settings with which derivatives can't be computed, and if the first
+    run fails or its objective is not finite.
 
     >>> def squares(outputs):
     ...     return jnp.sum((outputs["x"] - 0.1 * jnp.cos(12.0 * times)) ** 2)

@@ -40,8 +40,9 @@ from ..simulation.step.method import Scheme
 from ..simulation.step.settings import Settings, check_span, checked_times, settings_or
 
 APART = 1e-7
-"""Time, s, from a sample to either end of the central difference that gives the rate of a delayed
-output: short compared with the duration of a contact, long compared with the rounding of times."""
+"""Time, s, from a delayed time to either end of the central difference that gives the rate of a
+delayed output: short compared with the duration of a contact, long compared with the rounding of
+times."""
 UNREACHED = 1e6
 """Residual, in standard deviations, of a sample that the run did not reach: large enough that an
 optimiser rejects the step."""
@@ -79,8 +80,9 @@ class Experiment(eqx.Module):
     def run(self, coordinates: ArrayLike, end_time: Scalar) -> Sampled:
         """Run the scene at coordinates (p,) of the parameters.
 
-        An output with a delay is evaluated at `times` minus this delay. With negative delays, the
-        run ends later than `end_time`, by the absolute value of the most negative one.
+        An output with a delay is evaluated at `times` minus this delay, or at the start of the run
+        if this is earlier. With negative delays, the run ends later than `end_time`, by the
+        absolute value of the most negative one.
 
         **Arguments:** `end_time`: s, time of the last sample to compare.
 
@@ -173,9 +175,10 @@ def _delayed(
     inside: jax.Array,
     sampled: Sampled,
 ) -> Sampled:
-    """Return outputs (T,) and derivatives (T, p) by name, at the times minus the outputs' delays.
+    """Return a run with its outputs (T,) and derivatives (T, p) at the sample times minus the
+    outputs' delays.
 
-    Outputs are NaN at times that the run did not reach.
+    Outputs are NaN at times that the run did not reach, and `reached` is true throughout.
 
     **Arguments:** `coordinates`: (p,) of the parameters; `rising`, `indices`, `inside`: times and
     indices from `_instants`; `sampled`: the run's outputs at the `rising` times.
@@ -228,9 +231,10 @@ def experiment(
     measured quantity by name; `times`: (N,) s, at which to evaluate them; `settings`: by default
     `clearjoint.presets.derivatives`.
 
-    **Raises:** `ValueError` for no parameters, for no outputs or outputs that the scene doesn't
-    have, for times that decrease or are before the start, for a delay of an unknown output, for two
-    delays of one output, and for settings with which derivatives can't be computed.
+    **Raises:** `ValueError` for an invalid scene or state, for no parameters, for no outputs or
+    outputs that the scene doesn't have, for times that decrease or are before the start, if the
+    last time is not after the start, for a delay of an unknown output, for two delays of one
+    output, and for settings with which derivatives can't be computed.
     """
     check_parameters(parameters)
     require(len(parameters) > 0, "parameters", {}, "at least one Parameter", PASS_PARAMETERS)
@@ -289,7 +293,7 @@ def check_start(start_time: float, times: np.ndarray) -> None:
 
     **Arguments:** `start_time`: of the run, s; `times`: of the samples, (T,) s, rising.
 
-    **Raises:** `ValueError` otherwise.
+    **Raises:** `ValueError` if it does.
     """
     expected = f"no later than the first sample, at {times[0]} s"
     remedy = "start earlier, or leave samples out by measurements.between(...)"
@@ -418,8 +422,9 @@ def run_misfit(
 ) -> RunMisfit:
     """Run the scene once and return its residuals and their Jacobian.
 
-    **Arguments:** `runs`: the scene to run; `data`: the samples to compare; `end_time`: s, time of
-    the last of them; `coordinates`: (p,) of the parameters.
+    **Arguments:** `runs`: the scene to run; `data`: the samples to compare, at the times of `runs`
+    and with series in the order of `runs.names`; `end_time`: s, time of the last of them;
+    `coordinates`: (p,) of the parameters.
     """
     run = runs.run(coordinates, end_time)
     residuals, jacobian = map(np.asarray, _weighted(runs, run, data))

@@ -264,8 +264,9 @@ class Identifiability:
     def condition(self) -> float:
         """Condition number of `rows` with their columns scaled to unit length.
 
-        If it is large, the data hardly determine some combination of the parameters. It is infinite
-        if a parameter has no effect on the data, and NaN if none has one.
+        If it is large, the data hardly determine some combination of the parameters. If a parameter
+        has no effect on the data, it is infinite, or very large because of rounding; if none has
+        one, it is NaN.
         """
         return float(information.condition(self.root))
 
@@ -273,9 +274,9 @@ class Identifiability:
     def correlation(self) -> Float[np.ndarray, "p p"]:
         """Correlation of the estimated coordinates, (p, p).
 
-        It is NaN if the Fisher information is exactly singular, for example if a parameter has no
-        effect on the data. If it is singular except for rounding, correlations of the parameters
-        that are not determined are near 1 or -1.
+        It is meaningful only if `rank` is p. Otherwise, the correlations of a parameter without any
+        effect on the data are NaN, and those of other parameters that are not determined are near 1
+        or -1 or NaN. Correlations of determined parameters may then be NaN or wrong.
         """
         return information.correlation(information.covariance(self.root))
 

@@ -111,8 +111,8 @@ def covariance(rows: Float[np.ndarray, "N p"], floor: float = 0.0) -> Float[np.n
 
     **Arguments:** `rows`: derivatives (N, p), N >= p, or a root (p, p); `floor`: smallest singular
     value relative to the largest, for columns of unit length. Smaller ones are raised to this
-    value, so that the covariance is finite. With zero, the covariance of a singular F has
-    infinities or NaN.
+    value, so that the covariance is finite. With zero, the covariance of a singular F is useless:
+    its elements are infinite, NaN or dominated by rounding errors.
     """
     lengths, values, directions = _equilibrated(rows)
     # The largest singular value is at least 1 unless all columns are zero; 1 replaces it then.

@@ -51,7 +51,10 @@ def hermite_value(x: Scalar, start: Slope, end: Slope, h: Scalar) -> Scalar:
 
 
 def hermite_rate(x: Scalar, start: Slope, end: Slope, h: Scalar) -> Scalar:
-    """Return the rate at x of the cubic with the given values and rates at the ends of a step."""
+    """Return the rate at x of the cubic with the given values and rates at the ends of a step.
+
+    The length of the step must not be zero.
+    """
     y = 1.0 - x
     slope = 6.0 * x * y * (end.value - start.value) / h
     return slope + y * (1.0 - 3.0 * x) * start.rate + x * (3.0 * x - 2.0) * end.rate

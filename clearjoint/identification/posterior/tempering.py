@@ -18,9 +18,10 @@ The points of the result and the evidence come from rounds of importance samplin
 mixture of normal distributions around the weighted points of the round before (O. Cappé et al.,
 *Population Monte Carlo*, 2004).
 
-This module runs no scene: likelihoods are an argument. They come from lanes of native code, which
-no function that JAX traces can call; and the samplers of libraries such as BlackJAX trace the
-likelihood and know only powers of the likelihood. Hence this implementation.
+This module runs no scene: likelihoods are an argument. They come from native code, which computes
+many runs side by side and which no function that JAX traces can call; and the samplers of libraries
+such as BlackJAX trace the likelihood and know only powers of the likelihood. Hence this
+implementation.
 """
 
 import math
@@ -31,8 +32,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 KEPT = 0.5
-"""Effective number of points, relative to their number, to which a step along the record may reduce
-the cloud. It determines the length of the step."""
+"""Effective number of points, 1 / (sum of their squared weights), to which a step along the record
+may reduce the cloud, relative to the number of points. It determines the length of the step."""
 AHEAD = 1.5
 """Number of times over which points are run, relative to the number in the likelihood. Runs beyond
 the likelihood serve the next steps."""
@@ -49,9 +50,10 @@ CLOUD, SHARE = 100, 5
 """The cloud has `CLOUD` points, or the number of points to draw divided by `SHARE` if that is more,
 but no more points than are to be drawn."""
 FIRST, GROWTH, MOST, ROUNDS = 2, 3, 10, 5
-"""Sizes of the importance sampling: number of runs of the first round relative to the number of
-points to draw; largest number of runs of a round relative to the round before and to the number of
-points; and largest number of rounds."""
+"""Sizes of the importance sampling. `FIRST`: number of draws in the first round, relative to the
+number of points of the result. `GROWTH`, `MOST`: largest number of draws in a later round, relative
+to the round before and to the number of points of the result. `ROUNDS`: largest number of rounds.
+Draws outside the box take no run."""
 WIDER = 2.0
 """Factor on the standard deviations of the distributions from which importance sampling draws."""
 RIDGE = 1e-10
@@ -127,7 +129,8 @@ class Drawn:
     - `points`: (n, p) coordinates; `chi_squared`: (n,) of the whole record.
     - `log_evidence`: logarithm of the mean of exp(-chi squared / 2) over the prior; `error`: its
       standard error.
-    - `effective`: effective number of the weighted runs from which the points were drawn.
+    - `effective`: effective number of the weighted runs from which the points were drawn, 1 / (sum
+      of their squared weights).
     - `steps`: number of steps along the record.
     """
 
@@ -345,6 +348,8 @@ def mutated(
 
     **Arguments:** `cloud`: the points, and `weights`: (n,) of sum 1; `reached`: number of times in
     the likelihood.
+
+    **Returns:** n points of equal weight.
     """
     mixture = Mixture.around(cloud.points, weights)
     moved = cloud.taken(resampled(weights, generator))

@@ -23,8 +23,8 @@ def reached(curves: np.ndarray, keep: int, excess: float) -> float:
     record, fewer points fit about as well as the best.
 
     **Arguments:** `curves`: (n, T + 1) chi squared of n points, cumulated over the first 0 to T
-    sample times; `keep`: a number of points; `excess`: largest difference between chi squared of a
-    point in the set and the smallest chi squared.
+    sample times; `keep`: a number of points, at most n; `excess`: largest difference between chi
+    squared of a point in the set and the smallest chi squared.
     """
     last = curves.shape[1] - 1
     beyond = np.flatnonzero(_gap(curves, keep) > excess)

@@ -32,11 +32,13 @@ TOGETHER = 64
 class SideBySide:
     """Runs of an experiment as lanes, and the samples with which they are compared.
 
-    Screenings and posteriors compute chi squared at many points by it, without derivatives. A point
-    is the coordinates of the p parameters: their values on their scales.
+    Screenings, posteriors and the test of a fit's covariance compute chi squared at many points by
+    it, without derivatives. A point is the coordinates of the p parameters: their values on their
+    scales.
 
     - `runs`: scene with its parameters, and the measured outputs.
-    - `data`: the samples of S series at T times; more times without samples follow as padding.
+    - `data`: the samples of S series, in the order of `runs.names`, at the times of `runs`: T times
+      with samples, followed by times without samples as padding.
     """
 
     runs: Experiment
@@ -186,7 +188,8 @@ class SideBySide:
         """Data that all lanes share: the method, the outputs, and the part of the scene that is
         independent of the parameters."""
         runs = self.runs
-        # The lanes compute no reductions, sections or impacts; they only save states.
+        # The lanes record the outputs at given times, but no reductions, such as peak values, no
+        # crossings of sections and no impacts.
         plan = Plan(runs.scheme, {}, {}, True, runs.max_steps)
         folded_scene = fold_constants(runs.family.base[0], self._varied)
         return Common(plan, folded_scene, runs.start_time, {}, {LOG: runs.outputs}, LOG)

@@ -52,20 +52,21 @@ class Screening:
 
     Every round runs a number of points, coordinates of the parameters, without derivatives. The
     round uses the part of the record at whose end `keep` points still fit about as well as the
-    best, and keeps these points. The next round draws points among the kept ones. Screening ends at
-    the end of the record.
+    best, and keeps these points. The next round runs these again, with new points drawn among them.
+    Screening ends at the end of the record, or after `rounds` rounds.
 
     **Arguments:**
 
     - `number`: number of new points in a round. The first round, which fills the box evenly, has
-      four times as many. Use more for more than three or four parameters.
+      four times as many. Use a larger number for more than three or four parameters.
     - `spread`: half the width of the box, in the coordinates of the scales (on a `Log` scale, 1 is
       a factor of e in both directions): one number, or a dictionary by name of the parameter, in
       which missing parameters have width 0.
     - `keep`: number of points that are kept in a round.
     - `finish`: number of starts among the points kept last: the best, and others far from it.
-    - `smoothing`: number of consecutive samples over which residuals are averaged, so that the
-      misfit of a predicted and a measured peak depends on how far apart in time they are.
+    - `smoothing`: number of consecutive sample times over which the residuals of each series are
+      averaged, so that the misfit of a predicted and a measured peak depends on how far apart in
+      time they are. A series without a sample at one of these times counts with zero there.
     - `rounds`: maximum number of rounds. If runs were too short to choose among the points, the
       same points run over more of the record, which counts as another round.
     - `passes`: maximum number of passes. A pass is a whole screening, followed by a fit from each
