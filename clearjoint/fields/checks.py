@@ -55,8 +55,8 @@ def as_number(value: object, argument: str = "value", unit: str = "1") -> np.nda
     **Arguments:** `value`: a number, an array, or nested lists of numbers. `argument`, `unit`: name
     and unit of the value in the error message.
 
-    **Raises:** `ValueError` if the value does not consist of numbers; texts, bools, dates and complex numbers
-    are refused.
+    **Raises:** `ValueError` if the value does not consist of numbers; texts, bools, dates and
+    complex numbers are refused.
     """
     if isinstance(value, jax.Array):
         return value
