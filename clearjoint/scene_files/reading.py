@@ -70,7 +70,7 @@ class Reader:
         values that are allowed; `location`: location of the value.
 
         **Returns:** an object, a tuple, a dictionary, an array, a number, a text, true or false; or
-        ``None``, for the text "none" where no texts are allowed.
+        ``None``, for JSON's null, and for the text "none" where no texts are allowed.
 
         **Raises:** `ValueError` if the content is not as expected.
         """
