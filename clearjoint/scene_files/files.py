@@ -167,10 +167,10 @@ def save(scene: Scene, state: State, path: FilePath, *, schema: bool = False) ->
     - `schema`: whether to write the JSON Schema (`scene_schema`) to the same folder, by which
       editors complete and check the file: "pendulum.schema.json" for "pendulum.toml".
 
-    **Raises:** `ValueError` for another suffix, for a state that lacks bodies of the scene or has
-    others, and for a value that a file can't hold: a function, NaN, a number that JAX traces, or an
-    object that its class does not make again from its fields. The message names the location of the
-    value. `OSError` if the file can't be written.
+    **Raises:** `ValueError` for another suffix, for a state that lacks bodies of the scene, has
+    others or infinite numbers, and for a value that a file can't hold: a function, NaN, a number
+    that JAX traces, or an object that its class does not make again from its fields. The message
+    names the location of the value. `OSError` if the file can't be written.
 
     >>> cj.save(*cj.mechanisms.double_pendulum(), "pendulum.toml")
     >>> scene, state = cj.load("pendulum.toml")
