@@ -335,7 +335,8 @@ class AbstractReaction(AbstractJointQuantity):
         """Return the force and moment of the joint's constraints on the body, as a wrench.
 
         It is the sum of the constraint rows' Jacobians times their Lagrange multipliers: a force, N
-        in global axes, and a moment about the centre of mass, N m in body axes.
+        in global axes, and a moment about the centre of mass, N m in body axes. The joint must have
+        constraint rows.
         """
         dynamics, wrench = now.absolute_dynamics, NO_WRENCH
         for label, row in dynamics.rows[self.joint].items():
@@ -433,10 +434,12 @@ class ReactionMoment(AbstractReaction):
 class FilmForce(AbstractJointQuantity):
     """Force of a joint's lubricant film on its journal, N: its magnitude or a global component.
 
+    It is the force that `film_wrenches` returns for the joint's second body, the journal's, or zero
+    if it returns none for this body.
+
     **Arguments:** `joint`: name of a joint with a film: `LubricatedJoint`, or a user-defined joint
-    whose class overrides `film_wrenches`. The wrenches that this method returns must contain one on
-    the joint's second body, the journal's; otherwise the run raises a `KeyError`. `component`: "x",
-    "y", "z" in global axes, or ``None``, the default, for the magnitude.
+    whose class overrides `film_wrenches`. `component`: "x", "y", "z" in global axes, or ``None``,
+    the default, for the magnitude.
 
     **Raises:** `ValueError` for another component.
 

@@ -41,8 +41,8 @@ class Expectation:
     """Values that an argument of a constructor, or an entry of a table or list, may have in a file.
 
     They are derived from the annotation of the argument, and from the unit and shape of the field
-    with its name. Numbers need no entry: they are refused only where nothing but `options` is
-    allowed, and otherwise the constructor checks them.
+    with its name. Numbers need no entry: they are refused only if there are `options` but neither
+    `shapes` nor `classes`. Otherwise the constructor checks them.
 
     - `unit`: SI unit of numbers; None if no unit is declared.
     - `shapes`: shapes that arrays of numbers may have, () for a single number; empty if unknown.

@@ -261,7 +261,8 @@ def parse(text: str, suffix: str, file: str) -> Document:
     **Arguments:** `suffix`: ".toml" or ".json"; `file`: path of the file, for messages.
 
     **Raises:** `ValueError` with line and column for text that is not valid; also for more than
-    `DEEPEST` nested tables and lists, and for JSON that is not an object.
+    `DEEPEST` nested tables and lists, for JSON that is not an object, and for a whole number of
+    more digits than Python converts (4300 by default).
     """
     try:
         is_deep = suffix == ".toml" and DEEP_KEY.search(text) is not None

@@ -167,10 +167,10 @@ def save(scene: Scene, state: State, path: FilePath, *, schema: bool = False) ->
     - `schema`: whether to write the JSON Schema (`scene_schema`) to the same folder, by which
       editors complete and check the file: "pendulum.schema.json" for "pendulum.toml".
 
-    **Raises:** `ValueError` for another suffix, for a state that lacks bodies of the scene or has
-    others, and for a value that a file can't hold: a function, NaN, a number that JAX traces, or an
-    object that its class does not make again from its fields. The message names the location of the
-    value. `OSError` if the file can't be written.
+    **Raises:** `ValueError` for another suffix, for a state that lacks bodies of the scene, has
+    others or infinite numbers, and for a value that a file can't hold: a function, NaN, a number
+    that JAX traces, or an object that its class does not make again from its fields. The message
+    names the location of the value. `OSError` if the file can't be written.
 
     >>> cj.save(*cj.mechanisms.double_pendulum(), "pendulum.toml")
     >>> scene, state = cj.load("pendulum.toml")
@@ -230,9 +230,9 @@ def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
     static method that makes an object: ``kind = "Body.rod"``, ``kind = "Spline.through"``.
     ``{axis = [0, 0, 1], angle = "30 deg"}`` may replace the Euler parameters of an orientation.
     Numbers are in SI units, or texts with another unit that pint reads. "none" is ``None``. Bodies
-    without a state start at rest; their positions and orientations are found by following the
-    joints from the ground, and `assemble` then closes loops. It may also move the bodies whose
-    states the file has. In a scene of more than 50 bodies, each body needs a state.
+    without a state are placed at rest by following the joints from the ground. Then `assemble`
+    closes loops, and corrects velocities that contradict the joints and drivers. It may also change
+    the states that the file has. In a scene of more than 50 bodies, each body needs a state.
 
     User-defined classes are passed in `classes`: a file never imports or runs code. `quantity`
     declares the units of their fields. The file above needs

@@ -70,7 +70,7 @@ class Reader:
         values that are allowed; `location`: location of the value.
 
         **Returns:** an object, a tuple, a dictionary, an array, a number, a text, true or false; or
-        ``None``, for the text "none" where no texts are allowed.
+        ``None``, for JSON's null, and for the text "none" where no texts are allowed.
 
         **Raises:** `ValueError` if the content is not as expected.
         """
@@ -263,5 +263,5 @@ def number_of_text(text: str, unit: str | None, location: FileLocation) -> float
             f"{location}: found {text!r}, expected {expected}: write a unit of this dimension, "
             f"or a plain number in {unit}."
         ) from error
-    # The product of the decimal digits is exact; float() rounds it once.
+    # Decimal numbers have 28 digits in products, a float 17: only float() rounds noticeably.
     return float(Decimal(digits) * Decimal(repr(factor))) if math.isfinite(number) else number

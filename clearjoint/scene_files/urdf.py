@@ -141,7 +141,8 @@ def load_urdf(
         - ``"backlash"``, an angle in rad, and arguments of a `Backlash`, which is added to the
           scene with a name such as "elbow backlash"; the joint stays. By default its
           `torsional_stiffness` is such that the joint's effort limit in the file deflects the
-          surfaces in contact (flanks) by a tenth of the backlash.
+          surfaces in contact (flanks) by a tenth of the backlash. Without an effort limit, a
+          `torsional_stiffness` or a `law` must be given.
     - `gravity`: (3,) m/s^2, or ``None``.
 
     **Returns:** the scene, and its state at rest with all joints at zero.

@@ -60,7 +60,7 @@ class Plan(eqx.Module):
     - `reductions`, `sections`, `impacts`: reductions such as a peak force, recorders of the
       crossings of sections, and recorders of impacts, each by the name of its output.
     - `saves`: whether states are saved at given times.
-    - `max_steps`: largest number of attempts in a lane.
+    - `max_steps`: largest number of attempted steps, accepted or rejected, in a lane.
     """
 
     scheme: Scheme
@@ -71,7 +71,8 @@ class Plan(eqx.Module):
     impacts: dict[str, ImpactRecorder] = eqx.field(default_factory=dict)
 
     def loop(self, system: System, request: "LaneRequest") -> RunLoop:
-        """Return the loop that advances a lane by one attempt at a time and records its outputs.
+        """Return the loop that advances a lane by one attempted step at a time and records its
+        outputs.
 
         **Arguments:** `system`: equations of motion of the lane's scene; `request`: the end time,
         and the number of rows that each log may still get.
@@ -161,7 +162,8 @@ class Outcome(eqx.Module):
 
     - `time`: s, the time at which the run ended; `result`: its result code.
     - `attempts`, `accepted`: numbers of steps that were tried, and that were accepted.
-    - `final`: the state at the end, in scalar form.
+    - `final`: the state at the end. The function `outcome` returns it in scalar form; in results
+      that the scheduler hands over, it is packed.
     - `results[name][part]`: results of the reductions, by the name of the output and of the result,
       such as `results["force"]["time"]`.
     """
@@ -345,8 +347,8 @@ class Common(eqx.Module):
     """Data that all lanes of a batch share.
 
     - `plan`: integration method and outputs.
-    - `folded_scene`: the scene, of which each lane replaces the leaves in `Task.varied`. Components
-      that are exactly 0 or 1 in all lanes are marked as constants.
+    - `folded_scene`: the scene, of which each lane replaces the leaves in `Task.varied`. In the
+      other leaves, components of vectors that are exactly 0 or 1 are marked as constants.
     - `start_time`: s, start of all runs.
     - `capacity[log]`: largest number of rows of each log of crossings or impacts.
     - `channels[log][name]`: quantities (scalar functions of a state, such as a position) whose

@@ -1,4 +1,4 @@
-"""Scheduler of lanes: it puts the runs of a batch into the columns of compiled loops.
+"""Scheduler of lanes: it puts lanes, the runs of a batch, into the columns of compiled loops.
 
 A loop advances a group of lanes side by side, each in its column of the group's memory, which is an
 array (cells, columns) of 8 bytes a cell. When a lane has ended, its column gets the next lane. Each
@@ -73,8 +73,8 @@ class Ended:
     - `lanes`: (n,), the numbers of the lanes.
     - `outcome`: end times, result codes, numbers of steps, final states and reductions.
     - `logs[log]`: a pair for each log. The first entry has the recorded columns by name, (n, rows,
-      ...), with NaN behind the rows that a lane has recorded; the second has the numbers of
-      recorded rows, (n,).
+      ...), for the largest number of rows of the log, `Batch.lengths[log]`, with NaN behind the
+      rows that a lane has recorded; the second has the numbers of recorded rows, (n,).
     """
 
     lanes: np.ndarray
@@ -165,8 +165,8 @@ class Batch:
         the progress several times a second. Both are called in the thread that calls `run`.
 
         **Raises:** `KeyboardInterrupt` after Ctrl-C, when all threads have stopped and `on_ended`
-        has received all lanes that had ended; also the error of a thread or a callback, after which
-        the other threads stop.
+        has received all lanes that had ended; a second Ctrl-C raises it without waiting for these
+        lanes. Also the error of a thread or a callback, after which the other threads stop.
         """
         if not lanes:
             return
@@ -294,7 +294,8 @@ class _LaneSlot:
 
 _Record: TypeAlias = tuple[int, np.ndarray, dict[str, tuple[np.ndarray, int]]]
 """A lane that has ended: its number, the cells of its outcome, (cells,), and for each log the cells
-of the recorded blocks, (blocks, cells), with the number of rows."""
+of its result columns, (blocks, cells), one row for each block of recorded rows, with the number of
+recorded rows."""
 
 
 @dataclass
