@@ -160,8 +160,8 @@ def wear(
     which no run can start; if the run of the first stage fails, its two halves differ by more than
     `tolerance`, or it wears nothing although only `depth` ends the computation; if the state at the
     end of a run does not fit the drives at `start_time`, so that `cycle` is not their period; if
-    `largest_change` is not given, and a force begins before its law's `onset_offset`; and for a
-    store of another computation.
+    `largest_change` is not given, and a law has a force at a larger distance of the surfaces than
+    its `onset_offset` states; and for a store of another computation.
 
     ```python
     import clearjoint as cj
