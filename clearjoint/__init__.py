@@ -1,12 +1,12 @@
 """Differentiable simulation of mechanisms whose revolute joints have clearance.
 
-A `Scene` holds bodies, joints and forces by name, a `State` their initial state; `simulate` returns
-one motion, `sweep` many, `sensitivities` derivatives by parameters, `identify` parameters from
-measurements. Contact laws are in `clearjoint.laws`, friction laws in `clearjoint.frictions`, films
-in `clearjoint.films`, profiles of bearings in `clearjoint.profiles`, ready mechanisms in
-`clearjoint.mechanisms`, measurable quantities in `clearjoint.quantities`, figures in
-`clearjoint.plot`, types of results in `clearjoint.results`, and base classes for elements of your
-own in `clearjoint.extend`. All numbers are in SI units.
+A `Scene` holds bodies, joints and forces by name, a `State` their initial state; `simulate`
+computes one motion, `sweep` selected results of many, `sensitivities` derivatives by parameters,
+`identify` parameters from measurements. Contact laws are in `clearjoint.laws`, friction laws in
+`clearjoint.frictions`, films in `clearjoint.films`, profiles of bearings in `clearjoint.profiles`,
+ready mechanisms in `clearjoint.mechanisms`, measurable quantities in `clearjoint.quantities`,
+figures in `clearjoint.plot`, types of results in `clearjoint.results`, and base classes for
+elements of your own in `clearjoint.extend`. All numbers are in SI units.
 
 **Glossary**
 
@@ -23,14 +23,14 @@ own in `clearjoint.extend`. All numbers are in SI units.
 | eccentricity | distance of a base's centre from the bearing's axis, m |
 | element | a joint, force or driver of a scene |
 | entry speed | penetration rate at the onset of the present contact, m/s; contact laws use it |
-| event | an onset or end of a contact, a breakpoint, or a section crossing |
+| event | an onset or end of a contact, or a breakpoint |
 | film | lubricant between journal and bearing |
 | fingerprint | digest by which a store recognises the sweep that it holds |
 | folded constant | vector component that is exactly 0 or 1 and compiled as such |
 | landing | the adjustment of a step so that it ends at an event |
 | lane | one run of a sweep, computed in a slot beside other runs |
 | onset | instant at which a contact's force begins |
-| output | a number of each run of a sweep, such as a peak force |
+| output | a result that a run, or each run of a sweep, keeps by name, such as a peak force |
 | path | function that selects a number: `lambda scene: scene.joints["pin"].clearance` |
 | penetration | depth of a contact, m, positive where the surfaces overlap |
 | profile | deviation of a bearing's wall or a journal from its circle, around the axis |
@@ -39,7 +39,7 @@ own in `clearjoint.extend`. All numbers are in SI units.
 | residual | prediction less measurement, over the noise |
 | result code | how a run ended, one of `RESULTS` |
 | saltation | jump of derivatives across an event |
-| section | Poincaré section: quantities where another one crosses zero |
+| section | Poincaré section: quantities at the instants at which another one rises through zero |
 | segment | sequence of steps that compiled code takes before it returns to Python |
 | slot | position of a lane in a processor's vector |
 | step, attempt | an accepted time step; a trial that may be rejected |
@@ -234,4 +234,5 @@ __dir__ = _without_modules(
     "results",
     "testing",
 )
+# Last of all, since the objects in all modules that have been imported are recorded.
 _remember_contents()

@@ -35,7 +35,8 @@ def description(study: Study) -> Iterator[str]:
     sections [run], [sweep], [fit] and [wear].
 
     **Raises:** `ValueError`, after the lines about the scene, for a state with which the scene
-    can't run, and for a section that names unknown bodies, joints, forces or numbers.
+    can't run, and for wrong entries of a section, such as names of unknown bodies, joints, forces
+    or numbers.
     """
     scene, state, start = study.scene, study.state, study.parts.run.start
     report = constraint_report(scene, state, start)
@@ -105,7 +106,8 @@ def _length(value: object) -> str:
 def _require_satisfied(report: ConstraintReport) -> None:
     """Check that the state satisfies the constraints.
 
-    **Arguments:** `report`: values of the constraints, m or rad, and their rates, m/s or rad/s.
+    **Arguments:** `report`: values of the constraints, in m, rad or without unit, and their rates
+    per second.
 
     **Raises:** `ValueError` if the value of a constraint, or its rate, exceeds
     `ACCEPTED_VIOLATION`, 1e-6, beyond which no run may start. It names the violated constraints, at
@@ -120,10 +122,12 @@ def _require_satisfied(report: ConstraintReport) -> None:
 
 
 def _sections(study: Study) -> Iterator[str]:
-    """Yield a line for each section of the study, and check that the scene has the elements and
-    numbers that the section names.
+    """Check the sections of the study, and yield a line for each; a section [run] without an `end`
+    has no line.
 
-    **Raises:** `ValueError` with the location in the file for those that it does not have.
+    **Raises:** `ValueError` for elements and numbers that a section names and the scene does not
+    have, with the location in the file, and for other wrong entries, such as an `end` that is not
+    after the start.
     """
     run, fit = study.parts.run, study.parts.fit
     study.check_elements(run.outputs, "run", "outputs")

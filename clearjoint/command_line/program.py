@@ -303,8 +303,8 @@ def _compute(
     out: Path | None,
     **options: str | None,
 ) -> None:
-    """Call the function that computes a command, print the result in a line, and exit with its
-    code. The line ends with the path of the page, or tells that nothing was written.
+    """Call the function that computes a command, print its result, and exit with its code. The last
+    line ends with the path of the page or, if there is no page, tells that nothing was written.
 
     **Arguments:** `command`: name of the command and of its section in a study; `function`:
     computes, given the study and the folder of the results; `out`: this folder, by default

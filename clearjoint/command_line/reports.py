@@ -45,10 +45,12 @@ from .folders import (
 
 
 def _draw_run(folder: Path, scene: Scene, solution: Solution) -> None:
-    """Draw the figures of a run: path of the journal (orbit) and forces of each clearance joint,
-    energies, outputs, Poincaré sections, and the report on one page.
+    """Draw the figures of a run: the path of each journal in its bearing (orbit), forces of each
+    joint with contacts, energies, outputs and Poincaré sections; and write the report on one page,
+    `plot.report`.
 
-    **Arguments:** `folder`: folder of the results, with the table of outputs if there are any.
+    **Arguments:** `folder`: folder of the results, which has the summary, and the table of outputs
+    if there are any; `solution`: the run, with saved states.
     """
     observed = observe(scene, solution)
     for name, joint in scene.contact_joints().items():
@@ -207,7 +209,8 @@ def write_sweep_report(folder: Path, dataset: xr.Dataset) -> None:
     An output is drawn over the first axis. For two axes there is a curve for each value of the
     second axis or, if these are more than six, a map of colours over both; for more axes there is a
     note instead of a figure. If the axes are zipped, so that they vary together, outputs are drawn
-    over the first one only. The channels of Poincaré sections are drawn if there is one axis only.
+    over the first one only. The channels of Poincaré sections are drawn over a single axis, or over
+    the first one of zipped axes; there is no figure of them otherwise.
 
     **Arguments:** `folder`: folder of the results; `dataset`: result of the sweep.
     """
@@ -236,8 +239,8 @@ def write_sweep_report(folder: Path, dataset: xr.Dataset) -> None:
 
 
 def write_fit_report(folder: Path, found: Fit) -> None:
-    """Draw the figures of a fit, measured series with predictions and the correlations of the
-    estimated parameters, and write its page."""
+    """Draw the figures of a fit, and write its page. The figures are the measured series with their
+    predictions and, for two or more estimated parameters, the correlations of these."""
     _save(folder, "fitted", plot.fitted(found)[0, 0])
     if len(found.parameters) > 1:
         _save(folder, "correlations", plot.correlations(found))
@@ -373,7 +376,8 @@ def lane_table(dataset: xr.Dataset) -> pd.DataFrame:
 
 
 def _write_view(folder: Path, scene: Scene, solution: Solution) -> None:
-    """Write the page with the 3D animation, or a note if the extra for it is not installed."""
+    """Write the page with the 3D animation, or print a note if the packages for it are not
+    installed."""
     try:
         view(scene, solution).save(folder / VIEW)
     except ImportError as error:

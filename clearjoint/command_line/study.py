@@ -1,8 +1,9 @@
 """Study files and scene files: their sections, the numbers that they name, and how they are read.
 
-The fields of each dataclass are the keys of a table in the file. `Annotated[float, "s"]` declares
-the unit of a number, which may be written as a text with another unit, such as "2 ms". A path is a
-text such as "joints.pin.clearance" that names a number of the scene or, as in
+The fields of `StudyParts` are the keys of a study file besides "scene", and the fields of the
+dataclasses `RunPart`, `SweepPart` and so on are the keys of its tables. `Annotated[float, "s"]`
+declares the unit of a number, which may be written as a text with another unit, such as "2 ms". A
+path is a text such as "joints.pin.clearance" that names a number of the scene or, as in
 "state.bodies.crank.position[0]", of the initial state.
 """
 
@@ -146,7 +147,7 @@ class SweepPart:
     - `axes`: numbers that vary, with their values, by name.
     - `outputs`: reductions such as `Peak`, or an `ImpactTable`, by name. The Poincaré sections of
       [run] are computed too.
-    - `end`: s, end of the runs; that of [run] unless given.
+    - `end`: s, end of the runs; that of [run] unless given. They begin at the `start` of [run].
     - `preset`, `settings`: preset, and settings that replace single ones of it. If neither is
       given, both are those of [run]; if only `settings` is given, the preset is "default".
     - `zipped`: whether lane k has the k-th value of every axis, instead of all combinations.
@@ -466,7 +467,8 @@ class Study:
         """Return the time at which runs end, s: `section_end` or, if that is None, the end in the
         section [run].
 
-        **Raises:** `ValueError` if there is neither, and for an end that is not after the start.
+        **Raises:** `ValueError` if there is neither, and for an end that is not after the `start`
+        of the section [run].
         """
         end = self.parts.run.end if section_end is None else section_end
         if end is None:

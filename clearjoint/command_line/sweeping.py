@@ -1,7 +1,7 @@
-"""`clearjoint sweep`: run a scene for many values of its numbers, each run in a lane.
+"""`clearjoint sweep`: run a scene for many values of its numbers.
 
-The store of a sweep keeps the lanes that have ended, so that the same command continues an
-interrupted sweep.
+The runs are called lanes. The store of a sweep keeps the lanes that have ended, so that the same
+command continues an interrupted sweep.
 """
 
 from pathlib import Path
@@ -132,8 +132,9 @@ def _values(part: AxisPart, found: FoundPath, location: FileLocation) -> np.ndar
 def _summary(dataset: xr.Dataset, code: int) -> tuple[Summary, str]:
     """Return the entries of the summary, and the result as one line of text.
 
-    The entries are the numbers of lanes, by how they ended, and the sizes of the axes. The line has
-    the largest of all outputs that are forces.
+    The entries are how the sweep ended, the numbers of lanes, by how they ended, and the sizes of
+    the axes. The line has numbers of lanes and steps, and the largest of all outputs that are
+    forces.
 
     **Arguments:** `dataset`: result of the sweep; `code`: its exit code, which tells whether it was
     interrupted.

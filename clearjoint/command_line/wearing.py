@@ -32,8 +32,9 @@ def wear(study: Study, folder: Path) -> CommandResult:
 
     **Arguments:** `folder`: folder of the results, which is made if it does not exist.
 
-    **Returns:** the exit code, 1 if a stage failed, 130 after Ctrl-C and 0 otherwise, and the text
-    to print: the table of stages, and a line with the numbers of stages and cycles and the depths.
+    **Returns:** the exit code and the text to print. The code is 130 after Ctrl-C, 1 if the result
+    of `clearjoint.wear` has a `failure`, such as a stage whose run failed, and 0 otherwise. The
+    text is the table of stages, and a line with the numbers of stages and cycles and the depths.
 
     **Raises:** `ValueError` for a study without this section, and for wrong entries in it.
     `KeyboardInterrupt` if Ctrl-C interrupts the computation before its store exists.

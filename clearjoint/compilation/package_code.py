@@ -1,10 +1,12 @@
 """Digest of the package's source files, and a check that this process runs their code.
 
 The digest is part of the key of each saved program, so that a program is loaded only by processes
-with the same code. It is that of the files at the time when the import began. An error is raised
-instead if the files have changed since then, because the package was upgraded or edited while the
-process ran, or if a function, class or constant of the package was replaced after the import. This
-module imports only Python's standard library, so that it can be imported before all others.
+with the same code. It is that of the files at the time when the import began. `source_digest`
+raises an error instead if the files have changed since then, because the package was upgraded or
+edited while the process ran. It compares them at its first call, and again when further modules of
+the package have been imported. It also raises the error if a function, class or constant of the
+package was replaced after the import. This module imports only Python's standard library, so that
+it can be imported before all others.
 """
 
 import hashlib

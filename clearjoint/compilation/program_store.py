@@ -29,9 +29,9 @@ _is_on = False
 def keep_programs(keep: bool = True) -> None:
     """Set whether whole native programs are saved in JAX's compilation cache.
 
-    A whole program consists of machine code and the layout of its arguments and results. A later
-    process loads it without tracing the function. The machine code alone is saved either way,
-    which spares only the compilation.
+    Native programs are those that `clearjoint.native` compiles. A whole program consists of machine
+    code and the layout of its arguments and results. A later process loads it without tracing the
+    function. The machine code alone is saved either way, which spares only the compilation.
     """
     global _is_on
     _is_on = keep

@@ -105,7 +105,8 @@ def wear(
       the computation. Or a rising array, (n,), that fixes the stages: the number of cycles before
       each stage after the first one, such as ``found["cycles"][1:]`` of an earlier result with
       slightly different parameters. `largest_change` then has no effect.
-    - `settings`: of the runs; by default `clearjoint.presets.default`.
+    - `settings`: of the runs; by default `clearjoint.presets.default` and, for the further runs
+      that compute derivatives, `clearjoint.presets.derivatives`.
     - `parameters`: with respect to which the depths are differentiated, by names of your choice;
       they may select no number of a profile that wears. The logarithms of the positive wear rates
       are additional parameters, with names such as "pin bearing rate". The derivatives are those at
@@ -136,7 +137,7 @@ def wear(
     - ``bearing_depth``, ``journal_depth``: m, (joint, stage, angle), about the axis of each part
       from its x axis (see `clearjoint.quantities.JournalOffset`).
     - ``bearing_rate``, ``journal_rate``: depth per cycle in the stage, m, likewise; NaN in the
-      last stage, which has no run.
+      last stage, which has no run, or none that was used.
     - ``bearing_depth_derivative``, ``journal_rate_derivative`` and so on: the derivatives of these
       with respect to the parameters' coordinates, along the additional dimension "parameter". Only
       with `parameters`.
@@ -158,8 +159,9 @@ def wear(
     fit the scene and the state, or that has the name of a wear rate; for an initial state with
     which no run can start; if the run of the first stage fails, its two halves differ by more than
     `tolerance`, or it wears nothing although only `depth` ends the computation; if the state at the
-    end of a run does not fit the drives at `start_time`, so that `cycle` is not their period; and
-    for a store of another computation.
+    end of a run does not fit the drives at `start_time`, so that `cycle` is not their period; if
+    `largest_change` is not given, and a law has a force at a larger distance of the surfaces than
+    its `onset_offset` states; and for a store of another computation.
 
     ```python
     import clearjoint as cj
@@ -450,12 +452,14 @@ class _Stages:
     """The stages computed so far.
 
     - `names`: of the J joints that wear. `parameters`: names of the p parameters.
-    - `areas`: (J, 2) m^2, of the bearing's wall and of the journal's surface.
+    - `areas`: (J, 2) m^2, of the bearing's wall and of the journal's surface, along the length of
+      the journal.
     - `cycles`: number of cycles before each stage.
     - `depths`: for each stage, (1 + p, J, 2, samples) m, the depths that have worn off before it,
       bearing before journal, and their derivatives with respect to the p `parameters`.
-    - `rates`, `extremes`: for each stage except the last one, which has no run yet, the depth per
-      cycle and its derivatives, of the same shape, and the `extremes` of `_Measured`.
+    - `rates`: for each stage except the last one, which has no run yet, the depth per cycle, m, and
+      its derivatives, in arrays of the same shape. `extremes`: for the same stages, those of
+      `_Measured`.
     - `state`: from which the next run starts.
     - `failure`: why no further stage can be computed; empty for none.
     - `ending`: why the computation ended; empty while it goes on.
@@ -503,8 +507,9 @@ class _Stages:
         depth ends the computation. `largest_change`: as in `wear`.
 
         **Raises:** `ValueError` if the first run can't start, fails, differs in wear between its
-        halves, or wears nothing while the number of cycles is infinite; and in any later stage if
-        the state at the end of a run doesn't fit the start of the next one.
+        halves, or wears nothing while the number of cycles is infinite; in any later stage if the
+        state at the end of a run doesn't fit the start of the next one; and in all stages as
+        `_length`.
         """
         scene = _with_depths(scene, self.names, self.depths[-1])
         try:
@@ -586,7 +591,8 @@ class _Stages:
         for `CHANGE_BY_PENETRATION` times the largest penetration of each joint of the `scene`,
         measured from the onset of the force.
 
-        **Raises:** `ValueError` if a joint has a force, but doesn't reach the onset of its law.
+        **Raises:** `ValueError` if `largest_change` is ``None`` and a joint wears without reaching
+        the penetration at which the force begins according to its law's `onset_offset`.
         """
         length = left
         # Each joint limits the stage by its own penetration.

@@ -34,8 +34,9 @@ m ("V penetration"); and the four components of `PlanarAxes`, those of the journ
 along the bearing's.
 """
 TIMES_IN_PROGRAM = 4096
-"""The number of times, less one, is rounded up to a multiple of this number. A program is compiled
-for each number of times, so this limits how many are compiled for runs of different lengths."""
+"""The number of times of the quadrature, less one, is rounded up to a multiple of this number. A
+program is compiled for each number of times, so this limits how many are compiled for runs of
+different lengths."""
 
 Signals = Mapping[str, Float[jax.Array | np.ndarray, " T"]]
 """Values of `SIGNALS` at T times, by name."""
@@ -81,6 +82,7 @@ def quadrature_times(
 
     The intervals are the steps of the run from `start` to `end`, divided into equal parts of at
     most `longest`, s. At the even indices are the ends of intervals, at the odd ones the middles.
+    `solution` must have all steps saved.
     """
     assert solution.steps is not None, "`wear` saves all steps"
     ends = np.asarray(solution.steps.times)
@@ -164,9 +166,9 @@ def _depths(
 ) -> Float[jax.Array, "2 samples"]:
     """Return the result of `depths_from_signals`; the arguments are the same.
 
-    It is compiled once for each number of instants. `depths_from_signals` is a separate function
-    because it first pads the T instants to one of few numbers, and only padded arrays shall reach
-    the compiled program.
+    It is compiled once for each number T of times. `depths_from_signals` is a separate function
+    because it first pads the times to one of few numbers T, and only padded arrays shall reach the
+    compiled program.
     """
     axes = PlanarAxes(*(signals[name][:, None] for name in PlanarAxes._fields))
     radii = joint.bearing_radius, joint.journal_radius
