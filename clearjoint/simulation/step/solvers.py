@@ -298,11 +298,10 @@ def ready_solver(
     """Return a solver whose method `step` can be called directly, without the preparations that
     `diffrax.diffeqsolve` makes.
 
-    Explicit Runge-Kutta methods become `UnrolledExplicit`. Other Runge-Kutta methods without a
-    `scan_kind` loop over their stages by `lax.scan`, which forward differentiation supports, unlike
-    diffrax's default. Implicit methods iterate
-    their stages to `rtol` and `atol` (in the SI unit of each variable), unless their root finder
-    has tolerances of its own.
+    Explicit Runge-Kutta methods become `UnrolledExplicit`. Other Runge-Kutta methods, unless their
+    `scan_kind` is set, loop over their stages by `lax.scan`, which forward differentiation
+    supports. Implicit methods iterate their stages to `rtol` and `atol` (in the SI unit of each
+    variable), unless their root finder has tolerances of its own.
     """
     solver = unrolled(solver)
     if isinstance(solver, diffrax.AbstractRungeKutta) and solver.scan_kind is None:

@@ -357,6 +357,9 @@ def _second_rates(
 
     They follow from the rates of the variables `y`, which `UnrolledExplicit` keeps as its state.
     With other solvers the result is zero.
+
+    **Arguments:** `gaps`: penetration and its rate of each contact, of which only the structure is
+    used.
     """
     if gaps and isinstance(method.solver, UnrolledExplicit):
         return system.second_rates(y.motion, solver_state.motion)

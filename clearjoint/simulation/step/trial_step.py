@@ -105,7 +105,7 @@ class Trial(eqx.Module):
     - `time_map`: function that gives the elapsed part of the step's time at each of the solver's
       stages (see `.time_map`); ``None`` if time is uniform in the step.
     - `outcome`: result of the step; `tangents`: its derivatives, ``None`` in runs without tangents.
-    - `gaps`: the contact gaps at the end of the step.
+    - `gaps`: penetration, m, and its rate, m/s, of each contact at the end of the step.
     - `finite`: whether the variables and errors of `outcome` and `tangents` are finite. If not, the
       variables are those at the start of the step, and the errors are `REJECTED_ERROR`.
     - `solver_result`: the solver's own result code.
