@@ -104,8 +104,9 @@ def disturbed_axes(
     - `start_time`: s, of the runs.
     - `members`: number of successive lanes with equal values of `axes`.
 
-    **Returns:** the given axes, and an axis for each component of a velocity or spin that differs
-    from that of the undisturbed state.
+    **Returns:** the given axes, and an axis, named such as "arm velocity x" or "arm spin z", for
+    each component of a velocity or spin that differs in any lane from that of the undisturbed
+    state.
 
     The disturbances satisfy the constraints of the scene with the values of `axes`, whose Jacobian
     is computed once for each block of `members` lanes. If `members` is 1 and `axes` change only

@@ -68,8 +68,7 @@ def sobol_indices(
     power of two up to their number, because the estimator requires a power of two. ``failed``
     counts the failed runs.
 
-    **Raises:** `ValueError` for unsupported arguments, and if fewer than two groups have no failed
-    run.
+    **Raises:** `ValueError` for unsupported arguments, and if fewer than two groups are left.
 
     **Warns:** `UserWarning` if groups are left out; also as `sweep` does, such as of failed runs.
 
@@ -124,13 +123,17 @@ def _groups(p: int, count: int, seed: int) -> np.ndarray:
 def _indices(groups: np.ndarray, confidence: float, seed: int) -> dict[str, np.ndarray]:
     """Return first-order and total indices of an output, and the ends of their intervals.
 
+    Groups with a value that is not finite are left out.
+
     **Arguments:** `groups`: (n, p + 2) the output in each run, NaN for failed runs; `confidence`:
     level of the intervals; `seed`: of the bootstrap.
 
     **Returns:** arrays (p,) by name: the indices by the names in `ORDERS`, and the ends of their
     intervals by these names with "_low" and "_high" appended.
 
-    **Raises:** `ValueError` if fewer than two groups have no failed run.
+    **Raises:** `ValueError` if fewer than two groups are left.
+
+    **Warns:** `UserWarning` if fewer than n groups are used.
     """
     from scipy import stats
 

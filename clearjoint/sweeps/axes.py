@@ -103,8 +103,9 @@ class Axis:
         **Arguments:**
 
         - `make`: function that receives the scene, the initial state and one value, and returns the
-          changed pair (scene, state). It may change numbers only, not names or shapes of arrays. A
-          lane for which it changes more, or raises a `ValueError`, is not run.
+          changed pair (scene, state). Scene and state already have the values of the axes that come
+          before this one in the sweep. The function may change numbers only, not names or shapes of
+          arrays. A lane for which it changes more, or raises a `ValueError`, is not run.
         - `values`: (n,), in `unit`.
         - `unit`: text that labels the values in the results.
 
@@ -139,9 +140,10 @@ class Lanes:
     """The scenes and initial states of all lanes of a sweep.
 
     - `scene`, `state`: the scene and initial state that the user passed.
-    - `varied`: PyTree like `scene`; a leaf is ``True`` where the number differs between lanes.
-    - `scenes`: PyTree like `scene`; a varied leaf is an array (lanes, ...), another leaf is
-      ``None``.
+    - `varied`: PyTree like `scene`; a leaf is ``True`` if any lane has other numbers there than
+      `scene`.
+    - `scenes`: PyTree like `scene`; a leaf that is ``True`` in `varied` is an array (lanes, ...),
+      any other is ``None``.
     - `states`: PyTree like `state`; every leaf is an array (lanes, ...).
     - `bad`: error messages by number of the lane, for lanes with invalid values. These lanes don't
       run, and their numbers are those of `scene` and `state`.

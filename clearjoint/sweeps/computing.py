@@ -33,10 +33,11 @@ ROUNDS = 3
 """Number of attempts to compute the lanes that are missing in the store. More than one is needed
 only if another process writes to the store at the same time."""
 WRITE_PERIOD = 10.0
-"""Longest time, s, for which a lane that has ended waits for the other lanes of its chunk before it
-is written. It limits the loss if the process is killed."""
+"""Time, s, after which lanes that have ended are written without waiting for the other lanes of
+their chunks. It limits the loss if the process is killed. On a slow disk, `WRITE_SHARE` makes lanes
+wait longer."""
 WRITE_SHARE = 0.1
-"""Largest share of the time that writing incomplete chunks may take."""
+"""Largest share of the sweep's time that writing incomplete chunks may take."""
 STORED = "stored"
 """Description of the progress bar, which counts the lanes in the store."""
 
@@ -66,7 +67,7 @@ def compute_missing(
     - `progress`: whether to show a progress bar.
 
     **Raises:** `ValueError` for an unsuitable executor; `ChunkError` for chunks that the executor
-    could not compute.
+    could not compute; `PermissionError` if lanes are missing in a store that can't be written to.
     """
     try:
         # Another process that writes to the same chunks may discard lanes that were written here.
@@ -240,7 +241,8 @@ def lane_progress(lanes: int, done: int, show: bool) -> AbstractContextManager[t
 def show_running(bar: tqdm, running: Running) -> None:
     """Show in a progress bar the time left, and the simulated times that lanes have reached.
 
-    **Arguments:** `running`: progress of the lanes that have begun and not ended.
+    **Arguments:** `bar`: a bar of `lane_progress`; `running`: progress of the lanes that have begun
+    and not ended.
     """
     assert isinstance(bar, ProgressBar)
     bar.seconds_left = running.seconds_left

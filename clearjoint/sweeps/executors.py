@@ -222,8 +222,8 @@ class _Pool:
 
     def room(self) -> int:
         """Return the largest number of submitted chunks that may be unfinished at present: `QUEUED`
-        for each worker."""
-        if self._threads is not None:  # The number of workers of a cluster may change.
+        for each worker or, with Dask, for each thread of the workers."""
+        if self._threads is not None:  # of Dask; the number of workers of a cluster may change
             workers = sum(self._threads().values())
         else:
             workers = getattr(self._executor, "_max_workers", None) or os.cpu_count() or 1

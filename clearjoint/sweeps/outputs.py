@@ -113,9 +113,10 @@ class Layout:
     - `notes`: texts by name, for readers. A store ignores differences between notes, for example in
       the name of a function.
 
-    **Raises:** `ValueError` for names that occur twice or equal `BY_LANE`, names of variables that
-    are empty, contain a slash or backslash, or begin with "." or "__", a `chunk` that is not a
-    positive integer, no axes, and zipped axes of different lengths.
+    **Raises:** `ValueError` for a name that occurs twice among axes, variables, labels and other
+    dimensions, of which `LANE` is one, or that equals `BY_LANE`; for names of variables that are
+    empty, contain a slash or backslash, or begin with "." or "__"; for a `chunk` that is not a
+    positive integer; for no axes; and for zipped axes of different lengths.
     """
 
     axes: tuple[Coordinate, ...]
@@ -251,9 +252,9 @@ class Saved:
 
     **Arguments:**
 
-    - `times`: (K,) s, strictly rising; or a function of the lane's scene that returns K times for
-      every lane, such as one time in each revolution of a crank whose speed is swept. They are
-      checked when the sweep begins.
+    - `times`: (K,) s, strictly rising and within the run; or a function of the lane's scene that
+      returns K such times for every lane, for example one in each revolution of a crank whose speed
+      is swept. They are checked when the sweep begins.
     - `channels`: the quantities to record, by name: pairs of a function of an `Instant`, such as
       those of `clearjoint.quantities`, and its unit as text.
 

@@ -56,9 +56,10 @@ class Settings:
       misalignment of a journal. Give a smaller `atol` if all speeds of the motion are below
       1e4 `atol`.
     - `first_step`: length of the first step, s; by default a millionth of the run's duration.
-    - `landing_tolerance`: m; steps end at each onset and end of a contact, with a penetration of at
-      most this value, or in slow contacts at most 1e-11 s later. With ``None``, steps go across
-      onsets and ends. Runs with derivatives and an `rtol` of 1e-10 or less need 1e-13.
+    - `landing_tolerance`: m; steps end at each onset and end of a contact. The penetration there
+      differs from that of the event by at most this value; in slow contacts, steps end at most
+      1e-11 s after the event. With ``None``, steps go across onsets and ends. Runs with derivatives
+      and an `rtol` of 1e-10 or less need 1e-13.
     - `derivative_tolerance`: factor by which the tolerances of derivatives are larger than those of
       the variables. The table shows its effect on the double pendulum after five impacts at each
       base of the journal, with three parameters and an `rtol` of 1e-9. Errors are relative. The
@@ -84,9 +85,10 @@ class Settings:
     - `max_steps`: largest number of attempted steps of a run, accepted and rejected.
     - `allow_float32`: whether runs may compute in single precision, JAX's default.
 
-    **Raises:** `ValueError` that names the setting: for a value of another type, a solver of
-    stochastic equations or one that splits the equations, a number that is negative or not finite,
-    or that is zero (which one of `rtol` and `atol` may be), and for `max_steps` below 1.
+    **Raises:** `ValueError` that names the setting: for a value of another type; for a solver of
+    stochastic equations or one that splits the equations; for a `diffrax.ClipStepSizeController`
+    with `step_ts` or `jump_ts`; for a number that is negative, not finite, or zero (only one of
+    `rtol` and `atol` may be zero); and for `max_steps` below 1.
 
     >>> settings = cj.Settings(rtol=1e-8, ledger=True)
     >>> settings.rtol, settings.ledger
@@ -120,7 +122,8 @@ class Settings:
         ):
             value, expected = getattr(self, name), f"an object such as {example}"
             require(isinstance(value, kind), name, value, expected, "pass one, or leave it out")
-        # Its times would be missed by steps that are cut at contact events.
+        # Steps that end early, at contact events, would miss the times at which a
+        # `ClipStepSizeController` wants steps to end.
         clip = self.controller
         fine = not isinstance(clip, diffrax.ClipStepSizeController) or (
             clip.step_ts is None and clip.jump_ts is None
@@ -231,10 +234,11 @@ first one is by default a millionth of the duration."""
 
 
 def check_span(start: Scalar, end: Scalar) -> None:
-    """Check the `start` and `end` time of a run, s; values that JAX traces are not checked.
+    """Check the `start` and `end` time of a run, s. If JAX traces one of them, only their types and
+    shapes are checked.
 
-    **Raises:** `ValueError` if a time is not a finite number, or if the end is not after the start
-    by at least `SHORTEST` times the smallest normal number, 2.2e-298 s.
+    **Raises:** `ValueError` if a time is not a single finite number, or if the end is not after the
+    start by at least `SHORTEST` times the smallest normal number: 2.2e-298 s in double precision.
     """
     for name, value in (("start_time", start), ("end_time", end)):
         number = np.shape(as_number(value, name, "s")) == ()
@@ -256,9 +260,9 @@ def checked_times(start: Scalar, end: Scalar, times: ArrayLike, argument: str) -
     **Arguments:** `times`: (N,), s; `argument`: their name in error messages.
 
     **Returns:** the times, (N,), in double precision. Times outside of the run by rounding errors
-    alone are moved to its start or end. If JAX traces the times, only their shape is
-    checked; if it traces the ends of the run, the times are not compared with these. Both are
-    returned unchanged.
+    alone are moved to its start or end. If JAX traces the times, only their shape is checked; if it
+    traces the start or the end of the run, the times are not compared with these. In both cases,
+    the times are returned unchanged.
 
     **Raises:** `ValueError` for times that decrease, are not finite, are not one-dimensional or are
     outside of the run, and for an empty array.

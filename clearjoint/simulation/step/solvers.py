@@ -1,7 +1,7 @@
 """Solvers and step-size controllers of diffrax, prepared for single steps.
 
 diffrax loops over the stages of an explicit Runge-Kutta step, and decides inside the loop, for all
-lanes of a batch together, whether the last stage of the previous step can be reused.
+lanes (runs) of a batch together, whether the last stage of the previous step can be reused.
 `UnrolledExplicit` writes the stages out instead. A step is then plain arithmetic: in a batch it
 takes a third of the time, and each lane has the same digits as a single run. Tableaux, error
 estimates and dense output (the solution between the ends of a step) are diffrax's.
@@ -192,7 +192,8 @@ def _advanced(y0: Y, h: Scalar, weights: Weights, stages: Sequence[Y]) -> Y:
 
 
 def _weighted(weights: Weights, values: Sequence[Scalar]) -> Scalar:
-    """Return the weighted sum of `values`, without operations for weights of zero."""
+    """Return the weighted sum of `values`, without operations for weights of zero. At least one
+    weight must not be zero."""
     terms = [float(w) * value for w, value in zip(weights, values, strict=True) if w != 0.0]
     return sum(terms[1:], terms[0])
 
@@ -297,10 +298,10 @@ def ready_solver(
     """Return a solver whose method `step` can be called directly, without the preparations that
     `diffrax.diffeqsolve` makes.
 
-    Explicit Runge-Kutta methods become `UnrolledExplicit`. Other Runge-Kutta methods loop over
-    their stages by `lax.scan`, which forward differentiation supports. Implicit methods iterate
-    their stages to `rtol` and `atol` (in the SI unit of each variable), unless their root finder
-    has tolerances of its own.
+    Explicit Runge-Kutta methods become `UnrolledExplicit`. Other Runge-Kutta methods, unless their
+    `scan_kind` is set, loop over their stages by `lax.scan`, which forward differentiation
+    supports. Implicit methods iterate their stages to `rtol` and `atol` (in the SI unit of each
+    variable), unless their root finder has tolerances of its own.
     """
     solver = unrolled(solver)
     if isinstance(solver, diffrax.AbstractRungeKutta) and solver.scan_kind is None:

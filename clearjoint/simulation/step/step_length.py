@@ -55,11 +55,14 @@ def lengths_after_contacts(
     **Arguments:**
 
     - `step`: the state before the trial.
-    - `after`: the contact gaps at the end of the trial, at the time `t1`, s.
+    - `after`: the penetration, m, and its rate, m/s, of each contact at the end of the trial, at
+      the time `t1`, s.
     - `keep`: whether the trial is accepted.
     - `lands`: whether the trial is rejected because it passes an event, and repeated up to this
       event.
-    - `proposed`: the step-size controller's length for the next step, s.
+    - `proposed`: length of the next step, s, without regard to events: that of the step-size
+      controller, adapted to the time map, or a shorter one after a trial in which a driver was not
+      smooth.
 
     **Returns:** `full_length`, the length of the next step without events, s; `begins_contact`,
     whether a contact begins at its start; and `entry_length`, the length of the latest step that
@@ -78,7 +81,7 @@ def lengths_after_contacts(
     length = _uncut(last, is_cut, proposed)
     length = jnp.where(begins_contact, jnp.minimum(length, 2.0 * entry_length), length)
     # A trial that is repeated up to an event keeps its length without events. A trial that is
-    # rejected because of its error gets the controller's shorter length.
+    # rejected because of its error or of a driver gets the shorter length `proposed`.
     full_length = jnp.where(lands, last.full_length, jnp.where(keep, length, proposed))
     return full_length, jnp.where(keep, begins_contact, last.begins_contact), entry_length
 

@@ -83,7 +83,9 @@ class Proposal(eqx.Module):
     """The step to try next. All times and lengths are in s.
 
     - `t_next`: end of the step, unless an event or the end of the run comes first.
-    - `full_length`: length that the step would have if no event had cut earlier steps short.
+    - `full_length`: length that the step would have if no event cut it short. It is `t_next` minus
+      the start of the step, except if the step repeats a trial that passed an event: `t_next` is
+      then the time of this event.
     - `begins_contact`: whether a contact begins at the start of the step.
     - `time_since_onset`: time from the latest onset of a contact to the start of the step, infinite
       if there was none; ``None`` in runs without tangents.

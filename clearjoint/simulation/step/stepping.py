@@ -305,10 +305,11 @@ def _across_discontinuities(
     """Return the variables at the end of a trial step and their tangents, corrected for
     discontinuities of forces there. The tangents are ``None`` without a `family`.
 
-    See `.saltation` and `.breakpoint_events`. The corrections of the variables are zero except for
-    rounding, for velocities where the angle of a driver has a kink, and for bristles: their
-    deflections become zero in open contacts, and get the displacement since the onset in contacts
-    that began in the step. The corrections of the tangents are not small.
+    See `.saltation` and `.breakpoint_events`. The corrections change the variables by rounding
+    errors only, with two exceptions. Velocities jump where the angle or distance that a driver
+    prescribes has a kink. Bristle deflections become zero in open contacts and, if steps end at
+    onsets, get the displacement since the onset in contacts that began in the step. The corrections
+    of the tangents are not small.
 
     **Arguments:** `step`: the state before the trial; `keep`: whether the trial is accepted.
     """
@@ -356,6 +357,9 @@ def _second_rates(
 
     They follow from the rates of the variables `y`, which `UnrolledExplicit` keeps as its state.
     With other solvers the result is zero.
+
+    **Arguments:** `gaps`: penetration and its rate of each contact, of which only the structure is
+    used.
     """
     if gaps and isinstance(method.solver, UnrolledExplicit):
         return system.second_rates(y.motion, solver_state.motion)

@@ -31,15 +31,15 @@ from .step_state import Method, SolverState, Step, Variables, choose
 from .time_map import AbstractTimeMap, FromOnset, WithinContact
 
 REJECTED_ERROR = 1e30
-"""Error assigned to a trial whose result is not finite; it is large enough for any controller to
-reject the trial."""
+"""Error assigned to a trial whose result is not finite; it is large enough for any controller that
+adapts the step to reject the trial."""
 
 
 def rates_of(
     system: System, y: Variables, entry_speeds: EntrySpeeds, t: Scalar, closed: Closed | None = None
 ) -> Variables:
     """Return the time derivatives of all integrated variables `y` at the time t, s, as arrays of
-    the type of `t`.
+    the dtype of `t`.
 
     **Arguments:** `entry_speeds`: m/s, by joint and contact; `closed`: whether each contact has a
     force, by joint and contact; by default those that penetrate do.
@@ -105,7 +105,7 @@ class Trial(eqx.Module):
     - `time_map`: function that gives the elapsed part of the step's time at each of the solver's
       stages (see `.time_map`); ``None`` if time is uniform in the step.
     - `outcome`: result of the step; `tangents`: its derivatives, ``None`` in runs without tangents.
-    - `gaps`: the contact gaps at the end of the step.
+    - `gaps`: penetration, m, and its rate, m/s, of each contact at the end of the step.
     - `finite`: whether the variables and errors of `outcome` and `tangents` are finite. If not, the
       variables are those at the start of the step, and the errors are `REJECTED_ERROR`.
     - `solver_result`: the solver's own result code.
@@ -141,8 +141,8 @@ def time_map_of(method: Method, step: Step, t1: Scalar) -> AbstractTimeMap | Non
 def try_step(
     method: Method, system: System, step: Step, t1: Scalar, family: SystemFamily | None
 ) -> Trial:
-    """Compute the solver's step from `step` to `t1`, s, and correct it by the stabilisation of the
-    constraints.
+    """Compute the solver's step from `step` to `t1`, s, correct its result by the stabilisation of
+    the constraints, and normalise the variables.
 
     **Arguments:** `family`: the systems as functions of the parameters; ``None`` in runs without
     tangents.
@@ -206,8 +206,8 @@ def try_step(
 def _without_drift(
     system: System, y: Variables, solver_state: SolverState
 ) -> tuple[Variables, SolverState]:
-    """Return normalised variables (unit Euler parameters, angles between -2 pi and 2 pi), and
-    the solver's state for them.
+    """Return variables normalised by `System.without_drift` (Euler parameters of unit norm, angles
+    between -2 pi and 2 pi), and the solver's state for them.
 
     The solver keeps rates of the variables for its next step. Normalising is a change of variables,
     so these rates are multiplied by its Jacobian.
@@ -227,7 +227,7 @@ def _or_rejected(finite: Condition, outcome: SolverStep, y: Variables) -> Solver
     """Return the result of a step unchanged if it is `finite`; otherwise with the variables `y`, of
     the start of the step, and with the error `REJECTED_ERROR`.
 
-    The step-size controller thus receives no NaN, and rejects the trial.
+    The step-size controller thus receives no NaN, and rejects the trial unless its steps are fixed.
     """
     error = jax.tree.map(lambda e: jnp.where(finite, e, REJECTED_ERROR), outcome.error)
     return replace(outcome, y=choose(finite, outcome.y, y), error=error)
@@ -237,9 +237,10 @@ def may_jump(method: Method, scene: Scene) -> bool:
     """Return whether rates may be discontinuous from the end of one step to the start of the next,
     so that the rates which the solver has kept must be computed anew.
 
-    Rates are discontinuous at breakpoints, where a contact begins to drag bristles, and where a
-    force jumps at an onset. A new entry speed changes rates too, unless steps end at onsets, where
-    the force is still zero.
+    Rates are discontinuous at breakpoints and where a contact begins to drag bristles. If steps end
+    at contact events, they are also discontinuous where a force jumps at the onset or end of a
+    contact; a new entry speed does not change them, because the force at an onset that does not
+    jump is still zero. If steps go across contact events, a new entry speed changes them.
     """
     if bool(breakpoints(scene)) or bool(scene.bristle_laws()):
         return True
