@@ -104,9 +104,8 @@ def disturbed_axes(
     - `start_time`: s, of the runs.
     - `members`: number of successive lanes with equal values of `axes`.
 
-    **Returns:** the given axes, and an axis, named such as "arm velocity x" or "arm spin z", for
-    each component of a velocity or spin that differs in any lane from that of the undisturbed
-    state.
+    **Returns:** the given axes, and an axis, named such as "disturbed velocity x of arm", for each
+    component of a velocity or spin that differs in any lane from that of the undisturbed state.
 
     The disturbances satisfy the constraints of the scene with the values of `axes`, whose Jacobian
     is computed once for each block of `members` lanes. If `members` is 1 and `axes` change only
@@ -138,7 +137,9 @@ def disturbed_axes(
     for column, (body, part, k) in enumerate(names):
         if (velocities[:, column] != nominal[:, column]).any():
             path = partial(_component, body=body, part=part, k=k)
-            disturbed[f"{body} {part} {'xyz'[k]}"] = Axis.initial(path, velocities[:, column])
+            name = f"disturbed {part} {'xyz'[k]} of {body}"
+            require(name not in axes, "axes", name, "names of no disturbed velocity", "rename it")
+            disturbed[name] = Axis.initial(path, velocities[:, column])
     return disturbed
 
 

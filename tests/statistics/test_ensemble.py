@@ -53,6 +53,13 @@ def test_exponent_of_an_upright_pendulum_is_the_root_of_gravity_over_length():
     assert float(found["lyapunov_exponent_standard_error"]) < 1e-3 * exact
 
 
+def test_axes_with_names_of_disturbances_are_refused():
+    name = "disturbed velocity x of ball"
+    axes = {name: cj.Axis(lambda s: s.bodies["ball"].mass, [1.0, 2.0])}
+    with pytest.raises(ValueError, match=f"`axes` must be .* but is '{name}': rename it"):
+        cj.ensemble(*ball(), 1.0, members=2, axes=axes)
+
+
 def test_exponent_of_an_overdamped_pendulum_is_its_slower_rate():
     scene, state = pendulum(0.0)
     damper = cj.TorsionalSpring("ground", "bob", (0, 0, 1), stiffness=0.0, damping=5.0)
