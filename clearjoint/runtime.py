@@ -88,9 +88,9 @@ def configure(threads: int | None = None, cache: str | os.PathLike | None = None
 
     - `threads`: number of threads that share the runs of a sweep. Default: one for each core that
       the process may use, or for each accelerator.
-    - `cache`: folder of compiled programs; a path with "://", as of a cloud storage, is passed on
-      to JAX as it is. Default: the environment variable ``CLEARJOINT_CACHE``, or ``clearjoint`` in
-      the user's cache folder.
+    - `cache`: folder of compiled programs; "~" at the beginning stands for the home folder. A path
+      with "://", as of a cloud storage, is passed on to JAX as it is. Default: the environment
+      variable ``CLEARJOINT_CACHE``, or ``clearjoint`` in the user's cache folder.
 
     **Raises:** `ValueError` if `threads` is not a positive whole number, if `cache` is a file or
     leads through one, or if ``CLEARJOINT_KEEP_PROGRAMS`` is neither 0 nor 1.
@@ -141,11 +141,15 @@ def _usable(cache: str) -> str | None:
     """Return the folder `cache`, which is made if it does not exist. If it can't be made, or other
     users may write to it, warn and return ``None``.
 
-    A path with "://", as of a cloud storage, is returned as it is: JAX handles it.
+    A "~" at the beginning stands for the user's home folder. A path with "://", as of a cloud
+    storage, is returned as it is: JAX handles it.
 
     **Raises:** `ValueError` if the path is that of a file, or leads through a file.
     """
-    problem = None if "://" in cache else prepare_folder(Path(cache))
+    if "://" in cache:
+        return cache
+    cache = os.path.expanduser(cache)
+    problem = prepare_folder(Path(cache))
     if problem is None:
         return cache
     warnings.warn(f"Compiled programs are not saved. {problem}", stacklevel=3)
@@ -186,7 +190,9 @@ def adopt(values: dict[str, Setting]) -> None:
     global _threads
     for name in _SHARED:
         jax.config.update(name, values[name])
-    if values[_NATIVE] is not None:
+    if values[_NATIVE] is None:
+        os.environ.pop(_NATIVE, None)
+    else:
         os.environ[_NATIVE] = str(values[_NATIVE])
     keep_programs(bool(values[_KEEP]))
     if jax.default_backend() == "cpu":

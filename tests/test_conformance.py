@@ -395,6 +395,17 @@ def test_wrong_bias_is_refused():
         check_constraint(Careless(1.0), MOTIONS)
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_rows_whose_names_change_are_refused(sign):
+    class Renamed(Rod):
+        def rows(self, motions, t):
+            row = super().rows(motions, t)["length"]
+            return {"length" if sign * t <= 0.0 else "distance": row}
+
+    with pytest.raises(AssertionError, match="names of the rows change"):
+        check_constraint(Renamed(1.0), MOTIONS)
+
+
 def pin(**options):
     return cj.ClearanceJoint(
         "a",
@@ -483,6 +494,14 @@ class Dragging(Floor):
         return replace(contact, slip=contact.slip * -1.0)
 
 
+class Unaware(Floor):
+    def changed(self, contact):
+        return replace(contact, slip=None)
+
+    def friction_force(self, name, contact, normal_force):
+        return contact.arm_first.cross(contact.normal) * (-0.1 * normal_force)
+
+
 class Rooted(Floor):
     def changed(self, contact):
         return contact
@@ -505,6 +524,7 @@ class Unlike(Floor):
         (Slow, "not the time derivative of its penetration"),
         (Apart, "leaves a moment"),
         (Dragging, "not the tangential velocity"),
+        (Unaware, "its slip is None"),
         (Rooted, "derivative of its forces is not finite"),
         (Unlike, "`law.stiffness.stiffness` does not agree with differences"),
     ],

@@ -63,6 +63,14 @@ def test_a_cache_that_must_not_be_used_gives_a_warning(tmp_path):
     assert runtime._usable("gs://bucket/cache") == "gs://bucket/cache"
 
 
+def test_a_tilde_in_the_cache_is_the_home_folder(monkeypatch, tmp_path):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    assert runtime._usable("~/own") == str(tmp_path / "own")
+    assert (tmp_path / "own").is_dir()
+    assert runtime._usable("gs://~/own") == "gs://~/own"
+
+
 @pytest.mark.parametrize(("value", "kept"), [("", True), ("1", True), ("0", False)])
 def test_a_variable_switches_saving_of_programs_off(value, kept, monkeypatch):
     monkeypatch.setenv("CLEARJOINT_KEEP_PROGRAMS", value)
@@ -81,6 +89,14 @@ def test_cache_folder_follows_the_environment(monkeypatch):
     monkeypatch.delenv("CLEARJOINT_CACHE")
     monkeypatch.setenv("XDG_CACHE_HOME", "/b")
     assert str(runtime.default_cache()) == "/b/clearjoint"
+
+
+@pytest.mark.parametrize("sent", [None, "0", "1"])
+def test_adopted_settings_replace_those_of_the_process(sent, monkeypatch):
+    monkeypatch.setattr(runtime, "_threads", None)
+    monkeypatch.setenv("CLEARJOINT_NATIVE", "0")
+    runtime.adopt(runtime.in_force() | {"CLEARJOINT_NATIVE": sent})
+    assert os.environ.get("CLEARJOINT_NATIVE") == sent
 
 
 CONFIGURE = """

@@ -16,6 +16,7 @@ from collections import OrderedDict
 
 import jax
 import numpy as np
+from jax.core import Tracer
 
 from .package_code import PACKAGE, is_remembered
 
@@ -42,8 +43,8 @@ def digest_of(value: object) -> str:
     **Raises:** `NotPlainError` unless the value consists of numbers, strings, bytes, ``None``,
     ``...``, arrays, dtypes and `jax.ShapeDtypeStruct`, tuples, lists and dictionaries, of functions
     and classes that are members of a module of this package or of `NUMERIC`, of instances of such
-    classes, and of their methods and `functools.partial`; also for arrays of objects and for a
-    value that contains itself or is nested too deeply.
+    classes, and of their methods and `functools.partial`; also for arrays that JAX traces, for
+    arrays of objects, and for a value that contains itself or is nested too deeply.
 
     >>> from clearjoint.compilation.plain_values import digest_of
     >>> one, same, other = (cj.Body(mass, (1.0, 1.0, 1.0)) for mass in (2.0, 2.0, 3.0))
@@ -71,6 +72,8 @@ def _nested(value: object) -> object:
         return kind.__name__, *map(_nested, value)  # pyright: ignore
     if kind in (dict, OrderedDict, types.MappingProxyType):
         return kind.__name__, *((_nested(k), _nested(v)) for k, v in value.items())  # pyright: ignore
+    if isinstance(value, Tracer):
+        raise NotPlainError("an array that JAX traces, whose numbers are unknown")
     if kind is np.ndarray or isinstance(value, np.generic | jax.Array):
         return _array(np.asarray(value))
     if isinstance(value, np.dtype):

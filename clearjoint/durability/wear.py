@@ -51,7 +51,8 @@ if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
 CHANGE_BY_PENETRATION = 0.2
-"""Default of the largest change of depth in a stage, relative to the largest penetration."""
+"""Default of the largest change of depth in a stage, relative to the largest penetration beyond the
+onset of the force."""
 FIRST_STAGE = 0.1
 """Factor by which the first stage has fewer cycles than the limits allow. It is shorter because
 there is no earlier stage from which the change of the wear rate could be estimated."""
@@ -115,15 +116,17 @@ def wear(
       in the sum of the depths that wear off each joint, and in that of the derivatives by each
       parameter. A motion that is not periodic needs many measured cycles.
     - `largest_change`: largest change of depth in a stage, m; by default a fifth of each
-      joint's largest penetration in the stage. With larger changes the profile oscillates, since
-      the material that carries the load in one stage is gone in the next.
+      joint's largest penetration in the stage, measured from the onset of the force. With larger
+      changes the profile oscillates, since the material that carries the load in one stage is gone
+      in the next.
     - `samples`: number of angles around the wall and around the journal.
     - `stages`: largest number of stages.
     - `depth`: m; the computation also ends when the deepest point of a part has lost this depth. By
       default the depth has no limit.
-    - `path`: folder of a Zarr store of the result. Each stage is written; if the folder contains
-      an earlier result of the same scene and arguments, computation continues from there.
-      `largest_change`, `stages` and `depth` may be other ones than before.
+    - `path`: folder of a Zarr store of the result. Each stage is written, and after the last one
+      the ``ending``; if the folder contains an earlier result of the same scene and arguments,
+      computation continues from there. `largest_change`, `stages` and `depth` may be other ones
+      than before.
     - `progress`: whether to show a progress bar.
 
     **Returns:** an `xarray.Dataset` along "joint", "stage", "angle" and "body", with the names of
@@ -210,7 +213,11 @@ def wear(
             bar.update(stages_so_far.cycles[-1] - bar.n)
             if store is not None:
                 store.write(stages_so_far.dataset())
-    return stages_so_far.dataset()
+    found = stages_so_far.dataset()
+    # Only after the last stage is the attribute `ending` known.
+    if store is not None:
+        store.write(found)
+    return found
 
 
 def worn(scene: Scene, found: "xr.Dataset", stage: int = -1) -> Scene:
@@ -528,7 +535,8 @@ class _Stages:
         self.rates.append(found.halves.mean(axis=0))
         self.extremes.append(found.extremes)
         # Several goals prescribe the stages, so that no limit shortens them.
-        self._extrapolate(left if goals.ndim == 1 else self._length(left, largest_change))
+        length = left if goals.ndim == 1 else self._length(scene, left, largest_change)
+        self._extrapolate(length)
 
     def has_ended(self, cycles: float, stages: int, depth: float | None) -> bool:
         """Return whether there is nothing more to compute, and set `ending` if so.
@@ -570,21 +578,32 @@ class _Stages:
         )
         self.failure = reason
 
-    def _length(self, left: float, largest_change: float | None) -> float:
+    def _length(self, scene: Scene, left: float, largest_change: float | None) -> float:
         """Return how many cycles the next stage has: `left`, or less if the depth of a point would
         otherwise change by more than the limit. The first stage has a tenth of that.
 
         **Arguments:** `left`: number of cycles that are left. `largest_change`: limit, m; ``None``
-        for `CHANGE_BY_PENETRATION` times the largest penetration of each joint.
+        for `CHANGE_BY_PENETRATION` times the largest penetration of each joint of the `scene`,
+        measured from the onset of the force.
+
+        **Raises:** `ValueError` if a joint has a force, but doesn't reach the onset of its law.
         """
         length = left
         # Each joint limits the stage by its own penetration.
-        for rate, (penetration, _) in zip(self.rates[-1][0], self.extremes[-1], strict=True):
-            limit = (
-                CHANGE_BY_PENETRATION * penetration if largest_change is None else largest_change
-            )
-            if rate.max() > 0.0:
-                length = min(length, limit / rate.max())
+        rows = zip(self.names, self.rates[-1][0], self.extremes[-1], strict=True)
+        for name, rate, (penetration, _) in rows:
+            if not rate.max() > 0.0:
+                continue
+            limit = largest_change
+            if limit is None:
+                joint = scene.joints[name]
+                assert isinstance(joint, ClearanceJoint)
+                # The force may begin before the surfaces touch; the penetration is then negative.
+                limit = CHANGE_BY_PENETRATION * float(penetration + joint.law.onset_offset())
+                expected = f"given, as the force of {name!r} begins before its law's onset_offset()"
+                remedy = "give a depth in m, or mend the law"
+                require(limit > 0.0, "largest_change", largest_change, expected, remedy)
+            length = min(length, limit / rate.max())
         return length * FIRST_STAGE if len(self.rates) == 1 else length
 
     def _extrapolate(self, length: float) -> None:
@@ -906,8 +925,7 @@ def check_wear(
     # A row fixes the stages, whose lengths must be finite.
     finite = np.isfinite(goals).all() or (depth is not None and np.ndim(cycles) == 0)
     require(finite, "cycles", cycles, "finite", "give a `depth` that ends the computation")
-    whole = isinstance(settle, int) and settle >= 0
-    require(whole, "settle", settle, "a whole number, 0 or more", "give a number of cycles")
+    require_count("settle", settle, "give a number of cycles", zero=True)
     require_count("measured", measured, "give an even number of cycles")
     even = measured % 2 == 0
     require(even, "measured", measured, "even, as its two halves are compared", "add one")

@@ -219,10 +219,11 @@ def _shares(
 ) -> Float[jax.Array, "T samples"]:
     """Return the shares of the wear of one base that the angles have, at each time.
 
-    The share of an angle is max(overlap - clearance + clearance spacing^2/2, 0), divided by the sum
-    of this over all angles. Here the overlap less the clearance is the penetration in the direction
-    of the angle, and the spacing is that of the angles, rad. The shares at one time add up to 1, or
-    are all zero if no angle has a positive one, because the journal is too far from the wall.
+    The share of an angle is max(overlap - clearance + onset + clearance spacing^2/2, 0), divided by
+    the sum of this over all angles. Here the overlap less the clearance is the penetration in the
+    direction of the angle, the onset is the distance of the surfaces at which the force begins, and
+    the spacing is that of the angles, rad. The shares at one time add up to 1, or are all zero if
+    no angle has a positive one, because the journal is too far from the wall.
 
     A contact may be narrower than the spacing of the angles, and none of them be in it. Therefore
     clearance spacing^2/2 is added: the gap between two circles is larger by this amount at one
@@ -233,7 +234,7 @@ def _shares(
     components of the journal's x and y axes along the bearing's, each (T, 1).
     """
     spacing = 2.0 * np.pi / np.shape(angles)[-1]
-    excess = 0.5 * joint.clearance * spacing**2 - joint.clearance
+    excess = 0.5 * joint.clearance * spacing**2 - joint.clearance + joint.law.onset_offset()
     overlap = overlaps(x, y, angles, joint.bearing_profile, joint.journal_profile, axes)
     part = jnp.maximum(overlap + excess, 0.0)
     total = part.sum(axis=1, keepdims=True)

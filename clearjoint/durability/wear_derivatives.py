@@ -127,6 +127,10 @@ def directions_of(
     A wear rate has the name of its joint and part, such as "pin bearing rate". Parameters come
     first, then wear rates; the index of each direction is its place in this order.
 
+    **Arguments:** `scene`: with a `MovingSpline` for each profile that wears, which has one shift
+    for each direction; the directions fit only scenes of this structure. `state`: the initial
+    state. `rates`: of all joints that wear. `parameters`: by name.
+
     **Raises:** `ValueError` for a parameter that does not fit the scene and the state, or that has
     the name of a wear rate.
     """

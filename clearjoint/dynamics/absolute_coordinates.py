@@ -1,11 +1,11 @@
 """Absolute coordinates: position, orientation, velocity and spin of each body.
 
-All ideal joints are constraints, as in P. Flores et al., Spatial revolute joints with clearances
-for dynamic analysis of multi-body systems, 2006, whose equation numbers are cited. The spin of a
-body is its angular velocity in body axes, rad/s. The speeds are velocities and spins of all bodies,
-and their rates are the time derivatives; arguments and results of the type `Speeds` are lists with
-six numbers for each body. A wrench is the force and the moment on a body, and a row is one scalar
-constraint equation.
+All ideal joints and drivers are constraints, as in P. Flores et al., Spatial revolute joints with
+clearances for dynamic analysis of multi-body systems, 2006, whose equation numbers are cited. The
+spin of a body is its angular velocity in body axes, rad/s. The speeds are velocities and spins of
+all bodies, and their rates are the time derivatives; arguments and results of the type `Speeds` are
+lists with six numbers for each body. A wrench is the force and the moment on a body, and a row is
+one scalar constraint equation.
 """
 
 from dataclasses import replace
@@ -178,8 +178,8 @@ class AbsoluteMechanics(AbstractMechanics):
     def after_displacement(self, changes: Speeds) -> Bodies:
         """Return the variables after a small displacement.
 
-        **Arguments:** `changes`: six numbers for each body, a shift in m, in global axes, and a
-        rotation vector in rad, in body axes.
+        **Arguments:** `changes`: six numbers for each body, the displacement of the centre of mass
+        in m, in global axes, and a rotation vector in rad, in body axes.
         """
         bodies = {}
         for name, change in by_body(self._scene, changes).items():

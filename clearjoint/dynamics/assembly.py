@@ -81,15 +81,16 @@ def assemble(
 
     The state is found by Newton steps. Each step is the smallest correction, in the metric of the
     mass matrix, that satisfies the linearised constraints, so that the result is approximately the
-    nearest state. A journal inside its bearing is not moved by its clearance joint. A journal that
-    penetrates the wall by more than a micrometre is put into the centre of the bearing, and gets
-    the velocity that an ideal joint would give it. A user-defined joint without a centred position
-    (its method `centred_joint` returns ``None``) is left as it is.
+    nearest state. A journal inside its bearing is not moved by its clearance joint, except along
+    the axis if the joint holds it axially. A journal that penetrates the wall by more than a
+    micrometre is put into the centre of the bearing, and gets the velocity that an ideal joint
+    would give it. A user-defined joint without a centred position (its method `centred_joint`
+    returns ``None``) is left as it is.
 
     **Arguments:**
 
     - `scene`: the mechanism; `state`: the guess, of positions and velocities.
-    - `t`: s, time at which constraints that depend on time are evaluated.
+    - `t`: s, time at which constraints and forces that depend on time are evaluated.
     - `resting`: names of clearance joints whose journals are put in contact with the wall, on the
       side to which gravity and the scene's forces press them while all bodies are at rest.
 
@@ -104,7 +105,8 @@ def assemble(
       too far;
     - if `resting` is a single string;
     - if a name in `resting` is not that of a clearance joint with a centred position;
-    - if a journal in `resting` has no load across its axis.
+    - if a journal in `resting` has no load across its axis, or its joint has no position of rest
+      (its method `resting_joint` returns ``None``).
 
     >>> scene, guess = cj.mechanisms.slider_crank(clearance=None)
     >>> state = cj.assemble(scene, guess)
@@ -134,7 +136,7 @@ def _in_bearings(
     replace some clearance joints.
 
     Assembly may move further journals out of their bearings. Each of these gets an ideal joint that
-    centres it, until no journal is outside.
+    centres it, until no journal that can be centred is outside.
 
     **Arguments:** `ideal`: the ideal joints, by name of the clearance joint that each replaces; the
     further ones are added to this dictionary.
@@ -257,7 +259,7 @@ def require_representable(scene: Scene, state: State, coordinates: AbstractCoord
 
     A state that satisfies all constraints need not be representable. For example, parallel and
     antiparallel axes both satisfy the constraints of a revolute joint, but its angle as variable
-    represents only parallel axes.
+    represents only parallel axes. Only the orientations of the bodies are compared.
 
     **Raises:** `ValueError` that names the body, or the coordinates if they have no variable.
     """

@@ -2,9 +2,9 @@
 
 An element declares its breakpoints, in s, by its method `breakpoints`. In a step that ends at a
 breakpoint, the element is evaluated just before the breakpoint, and in a step that starts there,
-just after it. Therefore it does not matter whether the element compares time with < or <=. The only
-exception is a breakpoint at time zero: "just before" and "just after" mean by a few rounding errors
-of the breakpoint, which are zero there. Breakpoints must be finite.
+just after it. Therefore it does not matter whether the element compares time with < or <=. "Just
+before" and "just after" mean by a few rounding errors of the time. A breakpoint at infinity, as of
+an element that is never switched off, has no effect.
 
 A `System` is a scene with a formulation of its equations of motion. It has its own clock, which is
 zero at its `origin`, a time of the scene. Times named t are in s on this clock; breakpoints are
@@ -34,6 +34,9 @@ if TYPE_CHECKING:
 ROUNDINGS = 8.0
 """Largest difference, in units of rounding error, at which a time counts as equal to a breakpoint.
 An element may compute the time in another order of operations, with another rounding error."""
+SHORTEST = 1e-12
+"""s: the rounding error of a breakpoint is at least that of this time, so that it is positive at
+time zero. It is much shorter than any step."""
 
 NODES, WEIGHTS = (column.tolist() for column in np.polynomial.legendre.leggauss(5))
 """Nodes and weights of Gauss quadrature with five points (order ten) on the interval -1 to 1."""
@@ -67,7 +70,7 @@ def next_breakpoint(system: System, t: Scalar) -> Scalar | None:
     """
     now = system.clock(t)
     soonest = _extreme(
-        system.scene, jnp.minimum, lambda at: jnp.where(_is_after(at, now), at, jnp.inf)
+        system.scene, jnp.minimum, lambda at: jnp.where(_is_after(system, at, now), at, jnp.inf)
     )
     return None if soonest is None else system.own_time(soonest)
 
@@ -85,10 +88,10 @@ def one_sided_time(system: System, start: Scalar, t: Scalar) -> Scalar:
     scene, start = system.scene, system.clock(start)
 
     def left(at: jax.Array) -> jax.Array:
-        return jnp.where(_is_after(at, start), -jnp.inf, at + _rounding(at))
+        return jnp.where(_is_after(system, at, start), -jnp.inf, at + _rounding(system, at))
 
     def ahead(at: jax.Array) -> jax.Array:
-        return jnp.where(_is_after(at, start), at - _rounding(at), jnp.inf)
+        return jnp.where(_is_after(system, at, start), at - _rounding(system, at), jnp.inf)
 
     earliest = _extreme(scene, jnp.maximum, left)
     latest = _extreme(scene, jnp.minimum, ahead)
@@ -118,7 +121,7 @@ def since_breakpoints(
     for name, times in breakpoints(system.scene).items():
         count, sum_since = jnp.zeros(()), jnp.zeros(())
         for at in times:
-            in_step = _is_after(at, start) & ~_is_after(at, t)
+            in_step = _is_after(system, at, start) & ~_is_after(system, at, t)
             count = count + jnp.sum(in_step)
             sum_since = sum_since + jnp.sum(jnp.where(in_step, t - at, 0.0))
         # A table may list the same breakpoint twice. The mean has the derivative of its time.
@@ -189,15 +192,19 @@ def drivers_are_smooth(
     return smooth
 
 
-def _is_after(at: Scalar, t: Scalar) -> jax.Array:
-    """Return whether a breakpoint `at` is after the time t, both in s, by more than rounding."""
-    return at > t + _rounding(at)
+def _is_after(system: System, at: Scalar, t: Scalar) -> jax.Array:
+    """Return whether a breakpoint `at` is after the time t of the scene, both in s, by more than
+    rounding."""
+    return at > t + _rounding(system, at)
 
 
-def _rounding(at: Scalar) -> jax.Array:
-    """Return the largest difference, s, at which a time counts as equal to a breakpoint `at`; zero
-    for a breakpoint at time zero."""
-    return ROUNDINGS * jnp.finfo(jnp.result_type(float)).eps * jnp.abs(at)
+def _rounding(system: System, at: Scalar) -> jax.Array:
+    """Return the largest difference, s, at which a time counts as equal to a breakpoint `at`."""
+    # On the clock of the system, a time has the rounding error of the origin too.
+    size = jnp.maximum(jnp.abs(system.clock(0.0)), SHORTEST)
+    # An infinite rounding error would make an infinite breakpoint equal to any time.
+    size = jnp.maximum(jnp.where(jnp.isinf(at), 0.0, jnp.abs(at)), size)
+    return ROUNDINGS * jnp.finfo(jnp.result_type(float)).eps * size
 
 
 def _extreme(

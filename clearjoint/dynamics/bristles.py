@@ -4,10 +4,12 @@ step.
 Bristles are a model of friction that can stick: the surfaces of a contact deflect against each
 other like bristles, and the friction depends on this deflection, a vector in m in the axes of the
 joint's first body, which is integrated with the motion. The deflection is zero while the contact is
-open, that is, without a force. If a contact begins in a step, at a time tau before the step's end,
-its bristles have been dragged for the time tau, and get the deflection slip velocity times tau.
-Steps end at onsets, so tau is zero except for rounding; but the derivative of tau is not zero, and
-derivatives of the motion need it.
+open, that is, without a force.
+
+If steps end at the onsets of contacts, no force and no deflection is computed between an onset and
+the end of the step, a time tau later. The bristles have been dragged for this time, and get the
+deflection slip velocity times tau. Here tau is zero except for rounding, but its derivative is not,
+and derivatives of the motion need it.
 
 Values by joint and contact label are nested dictionaries, ``values[joint][contact]``; in the code,
 `family` is the inner dictionary of one joint.

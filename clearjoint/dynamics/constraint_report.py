@@ -1,7 +1,8 @@
 """Values, rank and redundancy of a scene's constraints in a given state.
 
-Each ideal joint contributes some rows: scalar constraint equations Phi = 0 with a Jacobian. A row
-is redundant if it depends linearly on other rows.
+Ideal joints and drivers, and clearance joints that hold their journal axially, contribute rows:
+scalar constraint equations Phi = 0 with a Jacobian. A row is redundant if it depends linearly on
+other rows.
 """
 
 from contextlib import suppress
@@ -52,6 +53,9 @@ class ConstraintReport:
     - `redundant`: names of the rows that depend linearly on rows before them.
     - `uncertain`: names of the rows that nearly depend on rows before them. No run can start with
       such rows, since rounding errors would determine its reactions.
+
+    The other fields describe all rows, but `redundant` and `uncertain` leave out those that the
+    argument `coordinates` of `constraint_report` eliminates.
     """
 
     names: tuple[str, ...]
@@ -77,7 +81,7 @@ def constraint_report(
     - `t`: s, time at which constraints that depend on time are evaluated.
     - `coordinates`: if given, redundancy is determined among the constraint equations that these
       coordinates do not eliminate; by default among all of them. An equation is redundant if it
-      depends linearly on equations before it.
+      depends linearly on those before it and on those that are eliminated.
 
     **Returns:** a `ConstraintReport`.
 

@@ -2,9 +2,10 @@
 
 A contact is closed while its penetration, measured from the onset of its force, is positive, and
 open otherwise. Its entry speed is its penetration rate at the onset, m/s, on which contact laws
-depend. When a step ends at an onset, it ends slightly after it; there, the entry speed is computed
-by one Newton step back to zero penetration. So the entry speed and its derivatives are those at the
-onset. `clearjoint.simulation.step.landing` adjusts the length of the step.
+depend. If steps end at onsets, a step in which a contact begins ends slightly after the onset. The
+entry speed is computed from the state at the end of the step by one Newton step back to zero
+penetration. So the entry speed and its derivatives are those at the onset.
+`clearjoint.simulation.step.landing` adjusts the length of the step.
 
 Values by joint and contact label are nested dictionaries, ``values[joint][contact]``; in the code,
 `family` is the inner dictionary of one joint.
@@ -166,7 +167,7 @@ def time_since_onset(before: ContactGaps, after: ContactGaps) -> Scalar:
     `after`, to the second instant; infinity if no contact begins.
 
     It is depth over rate at the second instant, correct to first order, and is not differentiated.
-    If a contact begins, but its rate at the second instant is at most `SLOWEST`, it is zero.
+    If a contact begins whose rate at the second instant is at most `SLOWEST`, the result is zero.
     """
     latest: Scalar = jnp.inf
     for start, end in gap_pairs(before, after):

@@ -8,6 +8,10 @@ coordinates, so that V = H u. The equations of motion in the speeds are H^T M H 
 moments, and ' is the time derivative; a constraint with the Jacobian J by V has the Jacobian J H by
 u. Rates are time derivatives, so u' are the rates of the speeds. Force and moment on a body
 together are a wrench.
+
+`JointCoordinates` solve for other unknowns r, which are linear combinations of the u'. In all lists
+of the type `Speeds`, r takes the place of u', and H is then the matrix with V' = H r + terms
+without r. Changes of speeds and displacements are combined in the same way.
 """
 
 import abc
@@ -69,8 +73,9 @@ class AbstractMechanics(abc.ABC):
         """Return the rates of the speeds under given wrenches, one for each body, by its name, and
         gravity, without constraints.
 
-        Coordinates of bodies that all fall freely may leave gravity out of these rates, and add it
-        in `accelerations` and `variable_rates`.
+        Gravity accelerates all bodies of a tree alike if no joint connects it with the ground. The
+        rates of such a tree may be relative to free fall: they then leave gravity out, and
+        `accelerations` and `variable_rates` add it.
         """
 
     @abc.abstractmethod
@@ -170,8 +175,9 @@ class AbstractCoordinates(eqx.Module):
         """Return normalised variables of the same motion.
 
         Euler parameters whose squared norm differs from one by more than 1e-6 are scaled to unit
-        norm, and angles are moved to between -2 pi and 2 pi. The method is called at the end of
-        each step; variables that need no correction are returned unchanged to the bit.
+        norm, and angles, except those of screws, are moved to between -2 pi and 2 pi. The method is
+        called at the end of each step; variables that need no correction are returned unchanged to
+        the bit.
         """
 
     @abc.abstractmethod

@@ -19,9 +19,10 @@ from .multipliers import row_rate
 def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scalar]:
     """Return the powers of the energy ledger, W, by name, as far as the scene has them.
 
-    "normal damping", "friction" and "film" are positive where energy is dissipated; "supplied" is
-    positive where drives and loads do work on the bodies; "stabilisation" is positive where the
-    stabilisation of constraints takes energy from the motion.
+    "normal damping", "friction" and "film" are positive where energy is dissipated; "stabilisation"
+    is positive where the stabilisation of constraints takes energy from the motion. "supplied" is
+    the power of drivers and force elements, including the change of the energy that these store:
+    positive for a load that does work on the bodies, zero for a spring, negative for a damper.
 
     **Arguments:** `dynamics`: the solved equations of motion; `t`: the scene's time, s.
     """

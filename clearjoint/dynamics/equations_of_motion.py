@@ -37,7 +37,9 @@ class Dynamics:
     - `contact_forces`: forces of each contact, by joint and contact label.
     - `rows`: constraint rows by joint and label, of the joints that the coordinates do not
       eliminate.
-    - `rates`: time derivative of each speed of the coordinates.
+    - `rates`: rates of the speeds, as the methods of `mechanics` return and accept them. In joint
+      coordinates they are not the time derivatives themselves (see `.joint_coordinates`), which are
+      in `variable_rates`.
     - `multipliers`: Lagrange multipliers of `rows`, by joint and label; a row's Jacobian times its
       multiplier is the reaction on the bodies (N or N m).
     """

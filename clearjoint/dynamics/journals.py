@@ -20,7 +20,7 @@ from ..fields.cautions import LeftBearingWarning, caution, quiet
 from ..fields.checks import caution_unless, require
 from ..fields.objects import on_device
 from ..math.vectors import ZERO, Condition, Scalar, pack, unpack
-from ..model.bodies import GROUND, GROUND_MOTION, BodyState, State
+from ..model.bodies import GROUND, GROUND_MOTION, NO_WRENCH, BodyState, State
 from ..model.joints.base import AbstractConstraint, AbstractContactJoint, ByLabel
 from ..model.scene import Scene
 from ..native import Native
@@ -52,7 +52,12 @@ def depths(scene: Scene, state: State) -> Depths:
 
 def outside(scene: Scene, state: State) -> set[str]:
     """Return the names of the joints with a contact that penetrates by more than `OUTSIDE`."""
-    return {name for name, family in depths(scene, state).items() if max(family.values()) > OUTSIDE}
+    by_joint = depths(scene, state)
+    return {
+        name
+        for name, family in by_joint.items()
+        if any(depth > OUTSIDE for depth in family.values())
+    }
 
 
 def centring_joints(scene: Scene, names: Iterable[str]) -> dict[str, AbstractConstraint]:
@@ -82,7 +87,8 @@ def resting_joints(
     **Arguments:** `ideal`: ideal joints that replace clearance joints, including the named ones;
     `state`: a state that satisfies the ideal joints; `t`: s, time at which forces are evaluated.
 
-    **Raises:** `ValueError` for a joint without a load across its axis.
+    **Raises:** `ValueError` for a joint without a load across its axis, or without a position of
+    rest (its method `resting_joint` returns ``None``).
     """
     joints, resting = scene.contact_joints(), {}
     loads = _loads(with_ideal(scene, ideal), state.bodies, on_device(t))
@@ -174,11 +180,11 @@ def warn_of_journals_outside(
 def slid_out(
     joints: Mapping[str, AbstractContactJoint], bodies: Mapping[str, BodyState]
 ) -> dict[str, np.ndarray]:
-    """Return the distance, (N,), m, by which each journal has slid beyond its bearing, by name of
-    joint.
+    """Return the axial distance, (N,), m, from the end of each bearing to the journal beyond it, by
+    name of joint.
 
-    It is positive outside the bearing and negative inside; the bearing is taken to be as long as
-    the journal. Joints whose journal cannot slide axially are left out.
+    It is negative until the journal has left the bearing completely; the bearing is taken to be as
+    long as the journal. Joints whose journal cannot slide out are left out.
 
     **Arguments:** `joints`: by name, each vector as three separate scalars or arrays (N,);
     `bodies`: N states of each body, by name, with a first axis of length N in each array.
@@ -200,9 +206,9 @@ def _excesses(
 
 
 def any_slid_out(scene: Scene, bodies: Mapping[str, BodyState]) -> Condition:
-    """Return whether any journal has slid out of its bearing, in a form that JAX can trace.
+    """Return whether any journal has left its bearing completely, in a form that JAX can trace.
 
-    Joints whose journal cannot slide axially are left out.
+    Joints whose journal cannot slide out are left out.
 
     **Arguments:** `scene`, `bodies`: the scene, and the states of its bodies by name; each vector
     is three separate scalars.
@@ -238,7 +244,7 @@ def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, j
     """Return the load on each constraint of a scene, N, by name of joint, while all bodies are at
     rest at time t, s.
 
-    A load is the force that the second body of the joint exerts on the first, (3,) in the axes of
+    A load is the force that the last of the joint's bodies exerts on the first, (3,) in the axes of
     the first body. Gravity, force elements, films and drivers cause it, but no contact has a force.
     In scene and states of the bodies, vectors are arrays (3,).
     """
@@ -258,6 +264,7 @@ def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, j
         load = ZERO
         for label, row in rows.items():
             # The Jacobian times the multiplier is the force on a body; its reaction is the load.
-            load = load - row.jacobian[body_names[-1]].force * dynamics.multipliers[name][label]
+            on_last = row.jacobian.get(body_names[-1], NO_WRENCH)
+            load = load - on_last.force * dynamics.multipliers[name][label]
         loads[name] = pack(dynamics.motions[body_names[0]].components(load))
     return loads

@@ -257,10 +257,12 @@ def require_positive(argument: str, value: ArrayLike, remedy: str, *, zero: bool
     _require(lambda x: x >= 0 if zero else x > 0, argument, value, expected, remedy)
 
 
-def require_count(argument: str, value: object, remedy: str) -> None:
-    """Raise a ``ValueError`` unless a value is a positive integer; floats and bools are refused."""
-    whole = isinstance(value, int | np.integer) and not isinstance(value, bool) and value > 0
-    require(bool(whole), argument, value, "a whole number, positive", remedy)
+def require_count(argument: str, value: object, remedy: str, *, zero: bool = False) -> None:
+    """Raise a ``ValueError`` unless a value is an integer, positive or, with `zero`, not negative;
+    floats and bools are refused."""
+    least, expected = (0, "zero or positive") if zero else (1, "positive")
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool) and value >= least
+    require(bool(whole), argument, value, f"a whole number, {expected}", remedy)
 
 
 def require_type(

@@ -349,10 +349,9 @@ def attitude(width: Scalar, ratio: Scalar) -> Scalar:
 
     `width` is the width-to-diameter ratio B/D, `ratio` the eccentricity ratio.
     """
-    # `short` is the angle for an infinitely long bearing, despite its name; the fit corrects it for
-    # a finite width.
-    short = jnp.arctan2(math.pi * jnp.sqrt(1.0 - ratio * ratio), 2.0 * ratio)
-    return short * polynomial([polynomial(fit, width) for fit in ATTITUDE], ratio)
+    # The angle for an infinitely long bearing, which the fit corrects for a finite width.
+    long = jnp.arctan2(math.pi * jnp.sqrt(1.0 - ratio * ratio), 2.0 * ratio)
+    return long * polynomial([polynomial(fit, width) for fit in ATTITUDE], ratio)
 
 
 def squeeze_load(width: Scalar, ratio: Scalar) -> Scalar:

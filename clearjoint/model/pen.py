@@ -19,7 +19,7 @@ class Marker(NamedTuple):
     """A point of a body with an optional direction, at which a pen draws a symbol.
 
     - `body`: name of the body.
-    - `point`: (3,) m in body axes.
+    - `point`: (3,) m in body axes, from the centre of mass; on the ground from the origin.
     - `axis`: direction, (3,) in body axes, any length; ``None``, the default, for none.
 
     >>> extend.Marker("arm", (0.5, 0.0, 0.0), axis=(0.0, 3.0, 4.0)).along()
@@ -43,7 +43,7 @@ class Marker(NamedTuple):
 
 
 class AbstractPen(abc.ABC):
-    """Interface that draws symbols at markers, which are points of one or two bodies.
+    """Interface that draws symbols at markers, which are points of bodies.
 
     In a method with two markers, the first belongs to the element's first body. In this example an
     element draws itself as a spring:

@@ -28,9 +28,9 @@ from ..math.vectors import Scalar, library
 NEWTON_STEPS = 4
 """Number of Newton steps in the search for the angle at which journal and wall come closest.
 
-The search starts at the best of evenly spaced angles, eight to a wave, which is at most a sixteenth
-of a wave from the result. Each step roughly squares this error, so that four steps reach rounding
-accuracy.
+The search starts at the best of evenly spaced angles. Up to the sixth harmonic there are eight or
+more to a wave, so that the start is at most a sixteenth of a wave from the result. Each step
+roughly squares this error, so that four steps reach rounding accuracy.
 """
 FEWEST_ANGLES = 16
 """Smallest number of evenly spaced angles at which `closest_approach` begins to search: that for

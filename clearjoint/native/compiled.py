@@ -41,8 +41,8 @@ class Native(Generic[Arguments, Result]):
 
     XLA compiles the function on accelerators, inside of JAX's transformations (such as `jax.jit`
     and `jax.grad`), for calls with keyword arguments, if native code cannot be made (for instance
-    if a primitive has no rule), and if the environment variable `SWITCH` is 0. Arrays in results of
-    native code are NumPy arrays.
+    if a primitive has no rule), and if the environment variable `CLEARJOINT_NATIVE` is 0. Arrays in
+    results of native code are NumPy arrays.
 
     - `native`: the function in native code.
 
@@ -78,21 +78,23 @@ class Native(Generic[Arguments, Result]):
         return self._compiled(*arguments, **options)
 
     def programs(self) -> int:
-        """Return the number of programs that XLA or LLVM has compiled for this function."""
+        """Return the number of programs of this function, which XLA or LLVM has compiled or which
+        were loaded from disk."""
         return self._compiled.programs() + self.native.count()
 
 
 def is_native() -> bool:
-    """Return whether programs are compiled to native code: on CPUs, unless `SWITCH` is 0."""
+    """Return whether programs are compiled to native code: on CPUs, unless the environment variable
+    `CLEARJOINT_NATIVE` is 0."""
     return os.environ.get(SWITCH, "1") != "0" and jax.default_backend() == "cpu"
 
 
 def over_rows(function: Callable[..., Result], *rows: PyTree) -> Result:
     """Return the results of a function for each of n rows, stacked in arrays (n, ...).
 
-    XLA computes all rows at once, by `jax.vmap`. Native code computes them in a loop: as native
-    code consists of scalar operations, it would contain all operations of a mapped function once
-    for each row.
+    If `is_native()` is true, a loop computes one row after another: native code consists of scalar
+    operations, and would contain all operations of a mapped function once for each row. Otherwise
+    `jax.vmap` computes all rows at once.
 
     **Arguments:** `rows`: PyTrees of arrays (n, ...). `function`: takes as many PyTrees of arrays
     (...), one row of each of these.

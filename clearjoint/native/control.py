@@ -45,9 +45,9 @@ def _cond(lower: Lowering, equation: Equation, condition: Array, *arguments: Arr
     The condition is a bool, or the index of a branch. Only the chosen branch is added if the
     condition is known, both are computed if they are short, and otherwise the program jumps.
 
-    **Raises:** `UnsupportedPrimitiveError` for more than two branches, unless the index is known,
-    and if the branches return large arrays in different cells of memory and the result of one
-    cannot be copied to the cells of the other.
+    **Raises:** `UnsupportedPrimitiveError` for more than two branches, unless the index is known;
+    and for branches that return large arrays in different cells of memory, if the program has
+    several lanes or the cells of the second branch's array must not be overwritten.
     """
     branches = equation.params["branches"]
     ops = lower.ops
@@ -98,7 +98,7 @@ def _selected(lower: Lowering, condition: Value, yes: list[Array], no: list[Arra
 
 
 def _moved(new: Sequence[Array], old: Sequence[Array]) -> list[tuple[InMemory, InMemory]]:
-    """Return the pairs of arrays in memory that are in different cells."""
+    """Return the pairs of corresponding arrays that are both in memory, but in different cells."""
     return [
         (a, b)
         for a, b in zip(new, old, strict=True)
@@ -114,16 +114,18 @@ def _if_any(
     size: int,
     in_memory: bool,
 ) -> list[Array]:
-    """Add a branch that is executed if its condition holds in any lane, and return its results.
+    """Add a branch for the lanes in which its condition holds, and return its results.
 
-    If the condition holds in no lane, the results are zero and are not selected. Only lanes in
-    which the condition holds write to memory.
+    A short branch that returns no large array is always executed, and does not overwrite its
+    arguments. Another branch is executed if the condition holds in any lane, and writes to memory
+    only in the lanes in which it holds. If it holds in no lane, the results are zero, and the
+    caller does not select them.
 
     **Arguments:** `size`: number of equations of the branch; `in_memory`: whether it returns large
     arrays.
     """
-    # A short branch is computed in any case, since a jump would cost more. It must not overwrite
-    # its arguments in lanes that need the other branch.
+    # A jump would cost more than a short branch. As this is executed in all lanes, it must not
+    # overwrite its arguments in lanes that need the other branch.
     if size <= LONGEST_CHOICE and not in_memory:
         return lower.inline(branch, [borrowed(argument) for argument in arguments])
     results: list[Array] = []
@@ -150,19 +152,18 @@ def _branch(
     """Add a branch in a program of one lane, and return its results.
 
     **Raises:** `UnsupportedPrimitiveError` if the two branches return arrays in different cells of
-    memory, and those of the first one may not be overwritten by the second.
+    memory, and those of `yes` must not be overwritten by `no`.
     """
     first_results: list[Array] = []
 
     def compute(branch: core.ClosedJaxpr) -> list[Value]:
         results = lower.inline(branch, arguments)
         first_results[:] = first_results or results
-        # Later operations read the same cells whichever branch was executed, so the second branch
-        # must leave its arrays in the cells of the first one.
-        for new, old in _moved(results, first_results):
-            if not old.owned:
-                raise UnsupportedPrimitiveError("branches that give different arrays")
-            lower.write(new, old.start)
+        # Later operations read the same cells whichever branch was executed. So the branch that is
+        # added second, `no`, must leave its arrays in the cells of the first one, `yes`.
+        if not all(old.owned for _, old in _moved(results, first_results)):
+            raise UnsupportedPrimitiveError("branches that give different arrays")
+        _move_to(lower, first_results, results)
         return lower.flatten(results)
 
     outs = lower.ops.branch(condition, partial(compute, yes), partial(compute, no))
@@ -170,7 +171,10 @@ def _branch(
 
 
 def _while(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array]:
-    """Add a loop (`jax.lax.while_loop`), and return its results."""
+    """Add a loop (`jax.lax.while_loop`), and return its results.
+
+    **Raises:** `UnsupportedPrimitiveError` for carries in memory in a program of several lanes.
+    """
     parameters = equation.params
     condition, body = parameters["cond_jaxpr"], parameters["body_jaxpr"]
     outside = parameters["cond_nconsts"]
@@ -232,7 +236,7 @@ def loop(
 
     def body(values: list[Value]) -> list[Value]:
         results = iterate(arrays(values))
-        _move_back(lower, first, results)
+        _move_to(lower, first, results)
         # Carries keep their form: a vector stays a vector even if the body returns its elements.
         results = [
             Packed(lower.vector(new))
@@ -253,19 +257,16 @@ def loop(
     return arrays(ops.loop(lower.flatten(first), condition, body))
 
 
-def _move_back(lower: Lowering, carries: Sequence[Array], results: Sequence[Array]) -> None:
-    """Add the operations that end an iteration of a loop: they copy each array in memory that the
-    body returns into the cells of its carry, where the next iteration reads it.
-
-    **Arguments:** `carries`: the arrays that the loop carries from one iteration to the next;
-    `results`: the results of the body, one for each carry.
-    """
-    # Carries may exchange their cells or parts of them. They are copied to new cells first, so that
+def _move_to(lower: Lowering, places: Sequence[Array], results: Sequence[Array]) -> None:
+    """Add the operations that copy each array of `results` in memory into the cells of the array
+    with the same index in `places`, where later operations read it: carries of a loop, or results
+    of the other branch."""
+    # Arrays may exchange their cells or parts of them. They are copied to new cells first, so that
     # none is overwritten before it is read.
-    taken = [old for old in carries if isinstance(old, InMemory)]
+    taken = [old for old in places if isinstance(old, InMemory)]
     moves = [
         (lower.copied(new) if any(map(new.overlaps, taken)) else new, old)
-        for new, old in _moved(results, carries)
+        for new, old in _moved(results, places)
     ]
     for new, old in moves:
         lower.write(new, old.start)

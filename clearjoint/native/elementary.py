@@ -133,9 +133,9 @@ def _has_bit(a: Symbol, bit: int) -> Symbol:
 
 
 def _sine_and_cosine(angle: Symbol) -> tuple[Symbol, Symbol, Symbol]:
-    """Return sine and cosine of angle - n pi/2 for the nearest integer n, and n.
+    """Return sine and cosine of angle - n pi/2, and an integer whose last bits are those of n.
 
-    Angles are in rad. The third result is an integer whose last bits are n.
+    n is the integer nearest to angle/(pi/2). The angle, in rad, must not exceed `LARGEST_ANGLE`.
     """
     # `shifted` has n in its last bits, and `minus` is -n as a float.
     shifted = _fma(angle, 2.0 / math.pi, _ROUNDING)
@@ -151,8 +151,8 @@ def _sine_and_cosine(angle: Symbol) -> tuple[Symbol, Symbol, Symbol]:
     tail = _fma(minus, _HALF_PI[2], tail)
     # fdlibm's polynomials on [-pi/4, pi/4], with the tail to first order:
     # sin(x + tail) = x - x^3/6 + ... + tail (1 - z/2), and
-    # cos(x + tail) = 1 - z/2 + z r - x tail, where `head` is the rounded 1 - z/2, and `rest` the
-    # sum of its rounding error and the other terms.
+    # cos(x + tail) = 1 - z/2 + z r - x tail, where z = x^2, `head` is the rounded 1 - z/2, and
+    # `rest` the sum of its rounding error and the other terms.
     z, half, one = x * x, x.like(0.5), x.like(1.0)
     cube = z * x
     inner = half * tail - cube * _polynomial(z, _SINE[1:])
@@ -167,9 +167,9 @@ def _sine_and_cosine(angle: Symbol) -> tuple[Symbol, Symbol, Symbol]:
 
 
 def _with_library(name: str, fits: Symbol, usual: Symbol, *arguments: Symbol) -> Symbol:
-    """Return `usual`, or the result of the C library in lanes whose arguments are out of range.
+    """Return `usual`, or the result of the C library where the arguments are out of range.
 
-    The library is called only if there is such a lane.
+    The library is called only if the arguments of any lane or tangent are out of range.
 
     **Arguments:** `name`: name of the function; `fits`: whether the arguments are in range;
     `usual`: the result for arguments in range; `arguments`: the function's arguments.
@@ -188,7 +188,8 @@ def _sine(angle: Symbol, name: str = "sin") -> Symbol:
     # The sine of an angle that is known already needs no operation in the program.
     known = angle.ops.number(angle.value)
     if known is not None:
-        return angle.like(getattr(math, name)(float(known)))
+        # Python refuses infinite angles.
+        return angle.like(getattr(math, name)(float(known)) if math.isfinite(known) else math.nan)
     sine, cosine, quarter = _sine_and_cosine(angle)
     even, odd = (sine, cosine) if name == "sin" else (cosine, sine)
     # sin(x + n pi/2) is sin(x), cos(x), -sin(x) and -cos(x) for n = 0 to 3, the last two bits of n.

@@ -4,7 +4,7 @@ A rule takes the arguments of a primitive as values of the program (`Symbol`), a
 that compute the result, and returns the result. The same rules serve scalars and vectors of
 tangents (derivatives by parameters). An operator such as ``a + b`` adds an operation to the
 program, and so does `Symbol.emit`, whose first argument is the operation's name. The letter of a
-value is its kind: "f" for floats, "i" and "w" for integers, "b" for bools.
+value stands for its dtype: "f" for float64, "i" for int64 and uint32, "w" for int32, "b" for bool.
 """
 
 import math
@@ -110,6 +110,8 @@ def _multiply(a: Symbol, b: Symbol, dtype: DTypeLike | None = None) -> Symbol:
 
 
 def _divide(a: Symbol, b: Symbol) -> Symbol:
+    """Return the quotient. That of integers is rounded towards zero; as in XLA it is -1 for the
+    divisor 0."""
     return a / b if a.letter == "f" else _whole_division("divide_whole", a, b, a.like(-1), -a)
 
 
@@ -191,6 +193,8 @@ def _polynomial(x: Symbol, *coefficients: Symbol) -> Symbol:
 
 
 def _remainder(a: Symbol, b: Symbol) -> Symbol:
+    """Return the remainder a - b q, where q is the quotient a/b rounded towards zero. For integers
+    and the divisor 0 it is `a`, as in XLA."""
     if a.letter == "f":
         return a.emit("fmod", b)
     return _whole_division("remainder_whole", a, b, a, a.like(0))
@@ -211,8 +215,9 @@ def convert(a: Symbol, letter: str) -> Symbol:
     """Convert a value to the kind with the given letter: "f" (float64), "i" (int64), "w" (int32) or
     "b" (bool).
 
-    A float beyond the range of the integers becomes the nearest of them, and NaN zero. Of an int64,
-    int32 keeps the lower 32 bits. A bool is true for all numbers but zero.
+    A float loses its fraction when it becomes an integer. Beyond the range of the integers it
+    becomes the nearest of them, and NaN becomes zero. Of an int64, int32 keeps the lower 32 bits. A
+    bool is true for all numbers but zero.
     """
     old = a.letter
     if old == letter:

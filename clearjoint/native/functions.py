@@ -50,8 +50,8 @@ class NativeProgram:
     - `outputs`: cells of memory for each result.
 
     **Arguments:** `closed`: the jaxpr; `tangents`: number of tangents (derivatives of a variable by
-    parameters), by default found from the jaxpr, so that arrays of this length are computed as
-    vectors of the processor; `stopwatch`: measures the stages of compilation.
+    parameters). Arrays of this length are computed as vectors of the processor. By default it is
+    found from the jaxpr; 0 stands for none. `stopwatch`: measures the stages of compilation.
 
     **Raises:** `UnsupportedPrimitiveError` for a primitive, or a use of one, without a rule, for an
     unsupported dtype such as float32, and if LLVM rejects the program.
@@ -234,8 +234,8 @@ class NativeFunction:
     """A function of PyTrees that is compiled to machine code when it is first called.
 
     As with `equinox.filter_jit`, a change of anything other than the numbers in arrays compiles a
-    further program. Arrays in results are NumPy's. A call raises `UnsupportedPrimitiveError` if the
-    function uses a primitive without a rule.
+    further program. Arrays in results are NumPy's. A call raises `UnsupportedPrimitiveError` if no
+    machine code can be made, as described for `NativeProgram`.
 
     **Arguments:** `function`: function of PyTrees that JAX can trace.
     """
@@ -245,7 +245,7 @@ class NativeFunction:
         self._programs: dict[Hashable, tuple[NativeProgram, Result]] = {}
 
     def count(self) -> int:
-        """Return the number of compiled programs."""
+        """Return the number of programs that have been compiled or loaded from disk."""
         return len(self._programs)
 
     def __call__(self, *arguments: PyTree) -> PyTree:

@@ -2,10 +2,10 @@
 
 A rule takes the `Lowering`, which converts a jaxpr to a program of elementary operations, an
 equation of the jaxpr and the equation's arguments. It adds operations to the program and returns
-the equation's results. A value is an integer that names a number in the program. Arguments and
-results are `Array`s: a scalar value, a vector of tangents, which are derivatives by parameters
-(`Packed`), a NumPy array of values, or an array in memory (`InMemory`), which may be overwritten
-only if it is `owned`.
+the equation's results. A value is an integer that names a number in the program. Its kind is "f"
+for a float64, "i" for an int64 or "b" for a bool, among others. Arguments and results are `Array`s:
+a scalar value, a vector of tangents, which are derivatives by parameters (`Packed`), a NumPy array
+of values, or an array in memory (`InMemory`), which may be overwritten only if it is `owned`.
 
 A block is a rectangular part of an array. It is given by the row-major index of its first element,
 which the program computes, and by the offsets of all its elements from there, which are known while
@@ -83,15 +83,17 @@ def read_block(
 ) -> Array:
     """Return a block of an array in memory as an array of the given shape.
 
-    **Arguments:** `first`: row-major index of the block's first element, from which the whole block
-    must be inside of the array; `offsets`: (n,) offsets of its elements from there.
+    The caller must ensure that the whole block is inside of the array in memory.
+
+    **Arguments:** `first`: row-major index of the block's first element; `offsets`: (n,) offsets of
+    its elements from there.
 
     **Raises:** `UnsupportedPrimitiveError` for a large block of elements that are not consecutive.
     """
     ops = lower.ops
     if offsets.size <= LARGEST_UNROLLED:
         return lower.array(_elements(lower, memory, first, offsets), shape)
-    # A large block is copied by a loop over consecutive cells.
+    # A large block is copied by a loop over consecutive elements.
     if not is_contiguous(offsets):
         raise UnsupportedPrimitiveError("dynamic_slice of many rows")
     out = lower.new_array(shape, memory.kind)
@@ -201,7 +203,7 @@ def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -
         lengths, extents = ([given[axis] for axis in axes] for given in (shape, sizes))
         inside, fits = _moved_inside(lower, starts, lengths, extents)
         values = read(_flat_index(lower, inside, [strides[axis] for axis in axes]).value)
-        if not fills:
+        if not fills or not values:
             return values
         # The block was read from inside of the array; it is replaced if it lies outside.
         kind = ops.kinds[values[0]]
@@ -302,6 +304,7 @@ def _scatter(
         raise UnsupportedPrimitiveError(f"{equation.primitive.name} of batches")
     if any(isinstance(a, InMemory) for a in (array, indices, updates)):
         raise UnsupportedPrimitiveError(f"{equation.primitive.name} of large arrays")
+    # An array without elements has no index at which something could be replaced.
     if not math.prod(shape):
         return [array]
     combine = _combination(lower, equation, name)

@@ -1,9 +1,10 @@
-"""Loops that compute several lanes at once, each in one slot of the processor's vectors.
+"""Loops that compute several lanes at once, each in one element of the processor's vectors.
 
 A lane is one of several runs that differ only in numbers, as in a sweep. The memory of a group of
-lanes has a column for each lane. A loop returns to its host, the Python code that called it, as
-soon as a lane needs the host, for instance to empty a buffer of results. The next call continues
-all lanes from their states in memory. The arithmetic of a lane does not depend on other columns.
+lanes has a column for each lane. A loop in machine code returns to its host, the Python code that
+called it, as soon as a lane needs the host, for instance to empty a buffer of results. The next
+call continues all lanes from their states in memory. The arithmetic of a lane does not depend on
+other columns.
 """
 
 import abc
@@ -61,16 +62,20 @@ class AbstractLaneLoop(abc.ABC):
 
     @abc.abstractmethod
     def run(self, columns: Memory) -> int:
-        """Advance all lanes until one needs its host, or up to a largest number of steps.
+        """Advance all lanes by the same number of steps.
 
-        **Returns:** the number of steps.
+        The loop returns when lanes need their host, or after a largest number of steps. The
+        subclass decides on this number, and on how many lanes must need the host.
+
+        **Returns:** the number of steps of each lane.
         """
 
     def write_lane(self, columns: Memory, lane: int, own: np.ndarray, state: np.ndarray) -> None:
         """Put a lane into the column `lane`.
 
-        **Arguments:** `own`, `state`: (cells,) numbers of the lane's constant data and of its
-        state.
+        **Arguments:** `own`, `state`: (cells,) float64, numbers of the lane's constant data and of
+        its state. Integers and bools are int64 numbers whose bits stand in the place of a float64,
+        as `Cells.rows` returns them.
         """
         columns.floats[self.own_cells, lane] = own
         columns.floats[self.state_cells, lane] = state
@@ -83,7 +88,8 @@ class AbstractLaneLoop(abc.ABC):
     def status_of(self, columns: Memory) -> dict[str, np.ndarray]:
         """Return the status of all columns by name, (lanes,) each, as the last `run` has left it.
 
-        The arrays are views of the memory, which the next `run` changes.
+        Integers and bools are int64. The arrays are views of the memory, which the next `run`
+        changes.
         """
         return {
             name: numbers_of(columns.floats, region.dtype)[region.start]
@@ -105,7 +111,8 @@ class LaneLoop(AbstractLaneLoop):
     - `own`, `state`: constant data and state of one lane. Of the arrays in these three PyTrees,
       only shapes and dtypes are used.
 
-    **Raises:** `UnsupportedPrimitiveError` for a primitive without a rule for machine code.
+    **Raises:** `UnsupportedPrimitiveError` for a primitive, or a use of one, without a rule for
+    machine code, for an unsupported dtype such as float32, and if LLVM rejects the program.
     """
 
     width = WIDTH
@@ -190,7 +197,7 @@ class LaneLoop(AbstractLaneLoop):
     def run(self, columns: Memory) -> int:
         """Advance all lanes until one needs its host, or by `LONGEST_RUN` steps.
 
-        **Returns:** the number of steps.
+        **Returns:** the number of steps, which is the same for all lanes.
         """
         columns.integers[self._limit] = LONGEST_RUN
         return self.code.run(columns)

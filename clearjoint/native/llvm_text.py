@@ -5,8 +5,10 @@ multiply-add. This module decides where. If LLVM decided it, the decision would 
 of lanes (runs that the program computes at once), so that the last bits of a lane's results could
 depend on that number.
 
-The kind of a value is "f" (float64), "i" (int64), "w" (int32) or "b" (bool). With the suffix "p" it
-is a vector of tangents, which are derivatives by parameters.
+A program consists of blocks, which are lists of entries: operations, and branches and loops, which
+contain blocks themselves (see `.operations`). A value is the result of an operation, a branch or a
+loop, or a constant, and is named by an integer. Its kind is "f" (float64), "i" (int64), "w" (int32)
+or "b" (bool). With the suffix "p" it is a vector of tangents, which are derivatives by parameters.
 """
 
 from collections import Counter
@@ -71,16 +73,18 @@ def llvm_text(program: Operations, result: Value | None = None) -> str:
     program on memory at an address that is a multiple of 64. A cell of the memory has 8 bytes for
     each lane, which hold a float or a 64-bit integer.
 
-    **Arguments:** `program`: the program; `result`: an integer of kind ``i`` whose number in the
-    first lane the function returns. By default the function returns 0.
+    **Arguments:** `program`: the program, from whose branches results that nothing uses are
+    removed; `result`: a value of kind "i" whose number in the first lane the function returns. By
+    default the function returns 0.
     """
     return _Writer(program).module(result)
 
 
 class _Writer:
-    """Writes the text of a program, in two passes over its entries: operations, branches and loops.
+    """Writes the text of a program, in three passes over its entries.
 
-    The first pass goes backwards and finds the entries that are needed; the second one writes them.
+    The first pass goes backwards and finds the entries that are needed. Of these, the second pass
+    finds the products that are computed together with a sum, and the third pass writes the text.
     """
 
     def __init__(self, program: Operations):
@@ -181,7 +185,7 @@ class _Writer:
         return not isinstance(entry, Operation) or entry.out is None
 
     def _fuse(self, block: Block) -> None:
-        """Find products whose only use is in a sum of the same block.
+        """Find products whose only use is in a sum or difference of the same block.
 
         The products are recorded in `_products`, and the sums in `_fused`.
 
@@ -256,11 +260,11 @@ class _Writer:
     def _by_need(self, entries: list[Operation]) -> list[Operation]:
         """Return operations in an order in which each comes right before its first use.
 
-        Loads, stores, calls and operations whose results only other blocks use keep their order. Of
-        the operations that one needs, that with the longest chain of dependent operations before it
-        comes first. LLVM roughly keeps the order in which operations are written. In the returned
-        order fewer values occupy registers than in the given one, and a single run takes 0.93 of
-        the time.
+        Loads, stores, calls and operations whose results no other given operation uses keep their
+        order. Of the operations that one needs, that with the longest chain of dependent operations
+        before it comes first. LLVM roughly keeps the order in which operations are written. In the
+        returned order fewer values occupy registers than in the given one, and a single run takes
+        0.93 of the time.
         """
         # Operations that have not been placed and may be moved, by their results, and the lengths
         # of the longest chains that end with them.
@@ -275,10 +279,11 @@ class _Writer:
                 depths[entry.out] = 1 + max((depths.get(value, 0) for value in needed), default=0)
         ordered: list[Operation] = []
         for entry in entries:
-            # It is placed later, right before the operation that needs it.
+            # This operation is placed later, right before the one that needs its result.
             if entry.out in depths and entry.out in used_here:
                 continue
-            # A search in depth by a stack: chains can be longer than Python's limit of recursion.
+            # A depth-first search without recursion: chains can be longer than Python's limit of
+            # recursion.
             stack = [entry]
             while stack:
                 needed = [value for value in self._needed(stack[-1]) if value in definitions]
@@ -358,7 +363,11 @@ class _Writer:
         return self._intrinsic("fma", form, given)
 
     def _intrinsic(self, name: str, form: Form, given: list[Word]) -> Word:
-        """Call one of LLVM's functions, whose result has the type `form`."""
+        """Call one of LLVM's functions, whose result has the type `form`.
+
+        **Arguments:** `name`: name without the prefix "llvm." and the suffix for the type of the
+        first argument; `given`: the arguments.
+        """
         full = f"llvm.{name}.{_mangled(given[0].type)}"
         return self._builder.call(self._declared(full, form, given), given)
 
@@ -424,15 +433,15 @@ class _Writer:
         return builder.gep(self._memory, [offset], inbounds=True, source_etype=_BASES["f"])
 
     def _is_one_cell(self, index: Value | None) -> bool:
-        """Return whether all lanes read or write the same cell, given its index.
+        """Return whether all lanes are known to read or write the same cell, given its index.
 
         ``None`` stands for no index: the number of the cell is known.
         """
         return index is None or self._program.is_uniform(index)
 
     def _load(self, entry: Operation) -> Word:
-        """Write the instructions that read a cell, and return the content. If each lane has a cell
-        of its own, because the index is not uniform, the lanes are read one by one."""
+        """Write the instructions that read a cell, and return the content. If lanes may read
+        different cells, because their indices may differ, they are read one by one."""
         assert entry.out is not None
         kind, builder = self._program.kinds[entry.out], self._builder
         cell, index = self._type(_CELL[kind[0]] + kind[1:]), next(iter(entry.arguments), None)
@@ -448,8 +457,8 @@ class _Writer:
         return builder.trunc(content, self._type(kind)) if kind[0] == "w" else content
 
     def _store(self, entry: Operation) -> None:
-        """Write the instructions that store a value in a cell. If each lane has a cell of its own,
-        because the index is not uniform, the lanes are stored one by one."""
+        """Write the instructions that store a value in a cell. If lanes may write to different
+        cells, because their indices may differ, they are stored one by one."""
         value, index = (*entry.arguments, None)[:2]
         assert value is not None
         kind, builder = self._program.kinds[value], self._builder

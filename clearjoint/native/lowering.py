@@ -1,8 +1,9 @@
 """Lower jaxprs to operations on scalars.
 
-A value is the result of one such operation (see `.operations`). The equations of inner jaxprs are
-added in the place of their calls. Only large jaxprs that are called repeatedly become functions of
-machine code. An array has one of four forms (`Array`):
+A value is the result of one such operation (see `.operations`). Memory consists of numbered cells,
+one for each element of an array. The equations of inner jaxprs are added in the place of their
+calls. Only large jaxprs that are called repeatedly become functions of machine code. An array has
+one of four forms (`Array`):
 
 - a scalar is one value of the program;
 - a small array is a NumPy array of values, one for each element, so that slices and concatenations
@@ -47,7 +48,7 @@ little code."""
 Atom = core.Var | core.Literal
 """A variable or a number in a jaxpr."""
 Equation = core.JaxprEqn
-# Hashing a dtype takes a twentieth of the time of its name.
+# Kinds by dtype: finding the name of a dtype takes 20 times as long as this look-up.
 _KINDS = {np.dtype(name): kind for name, kind in KINDS.items()}
 _UNSIGNED, _LARGEST_UINT32 = np.dtype("uint32"), (1 << 32) - 1
 
@@ -81,7 +82,7 @@ class InMemory:
 
     - `start`: first cell, in which its first element is.
     - `shape`: shape of the array.
-    - `kind`: kind of its elements: "f" (float64), "i" (int64), "w" (int32) or "b" (bool).
+    - `kind`: kind of its elements: "f" (float64), "i" (int64, uint32), "w" (int32) or "b" (bool).
     - `owned`: whether its cells may be overwritten, because nothing else reads them.
     """
 
@@ -186,7 +187,8 @@ class RepeatedCall:
     """Several equations that call the same jaxpr.
 
     - `shared`: for each argument, whether it is the same variable or number in all calls.
-    - `function`: function of machine code for the jaxpr; ``None`` before the first call is lowered.
+    - `function`: function of machine code for the jaxpr; ``None`` until it is added to the program,
+      at the first call.
     """
 
     shared: list[bool]
@@ -269,7 +271,12 @@ class Lowering:
         return Region.of(aval, self.ops.allocate(aval.size))
 
     def argument(self, region: Region) -> Array:
-        """Return the argument of the program that is in a region; small arrays are read there."""
+        """Return the argument of the program that is in a region.
+
+        A small array is read from there. A larger one stays there and may be overwritten.
+
+        **Raises:** `UnsupportedPrimitiveError` for a dtype that is not in `KINDS`.
+        """
         memory = InMemory(region.start, region.shape, kind_of(region), owned=True)
         return memory if memory.size > LARGEST_UNROLLED else self.read(memory)
 
@@ -327,7 +334,11 @@ class Lowering:
         return self.array(self.values(memory), memory.shape)
 
     def write(self, array: Array, start: int, index: Value | None = None) -> None:
-        """Add the writes of an array to the cells from `start`, or `start` + `index`, on."""
+        """Add the writes of an array to the cells from `start`, or `start` + `index`, on.
+
+        An array in memory must not overlap with these cells, since it is copied one element after
+        the other.
+        """
         ops = self.ops
         if not isinstance(array, InMemory):
             for k, value in enumerate(self.values(array)):
@@ -365,8 +376,8 @@ class Lowering:
         return copy
 
     def flatten(self, arrays: Sequence[Array]) -> list[Value]:
-        """Return all values of arrays in one list, as blocks and functions exchange them. A vector
-        of tangents is one value, and an array in memory has none."""
+        """Return all values of arrays in one list, as branches, loops and functions exchange them.
+        A vector of tangents is one value, and an array in memory has none."""
         flat: list[Value] = []
         for array in arrays:
             if isinstance(array, Packed):
@@ -395,7 +406,10 @@ class Lowering:
         return arrays
 
     def take(self, array: Array, indices: np.ndarray) -> Array:
-        """Return the array, in the shape of `indices`, of elements at known row-major indices."""
+        """Return the array, in the shape of `indices`, of elements at known row-major indices.
+
+        The result may share cells with an array in memory.
+        """
         shape, flat, ops = indices.shape, indices.ravel(), self.ops
         if isinstance(array, InMemory) and is_contiguous(flat):
             part = InMemory(array.start + int(flat[0]), shape, array.kind, array.owned)
@@ -454,7 +468,8 @@ class Lowering:
 
         Owned arrays in memory among the arguments may be overwritten.
 
-        **Raises:** `UnsupportedPrimitiveError` for a primitive, or a use of one, without a rule.
+        **Raises:** `UnsupportedPrimitiveError` for a primitive, or a use of one, without a rule,
+        and for an unsupported dtype.
         """
         closed = jaxpr if isinstance(jaxpr, core.ClosedJaxpr) else core.ClosedJaxpr(jaxpr, ())
         opened = closed.jaxpr
@@ -505,7 +520,8 @@ class Lowering:
         kept: dict[Atom, InMemory] = {}
         for atom in equation.invars:
             array = self._atom(atom, known)
-            if isinstance(array, InMemory):
+            # The numbers of a literal are never overwritten.
+            if isinstance(array, InMemory) and not isinstance(atom, core.Literal):
                 # A rule may overwrite an argument that no later equation reads. If the argument
                 # occurs twice in this equation, writing for one would change the other.
                 is_last = last_reads[atom] == number and list(equation.invars).count(atom) == 1

@@ -1,10 +1,11 @@
 """Machine code of native programs, and the files that save it for other processes.
 
 LLVM compiles the text of a program for the processor of this machine. Two kinds of files are saved
-in JAX's compilation cache. A file with machine code is named by the digest of the LLVM text: it
-saves the compilation, but the function must be traced and its text made to find it. A file with a
-whole program also has the layout of its arguments and results, and is named by a key of the
-function and of the arguments: it saves tracing and the making of the text too.
+in JAX's compilation cache. A file with machine code is named by a digest of the LLVM text and the
+processor: it saves the compilation, but the function must be traced and its text made to find it.
+A file with a whole program also has the layout of its arguments and results, and is named by a
+digest of, among others, the function and the structure, shapes, dtypes and static values of the
+arguments: it saves tracing and the making of the text too.
 """
 
 import ctypes
@@ -66,10 +67,12 @@ class Code:
     is first run.
 
     - `text`: the program in LLVM's language; empty after unpickling.
-    - `seconds`: processor time, s, of the stages "tracing", "lowering", "writing" and "compiling".
+    - `seconds`: processor time, s, of each stage: "writing", "compiling", and those that
+      `stopwatch` has recorded before, such as "tracing" and "lowering".
 
     **Arguments:** `lowering`: lowering of the whole program; `stopwatch`: measures the stages;
-    `result`: integer of the program that `run` returns, by default zero.
+    `result`: value of kind "i" (int64) whose number in the first lane, or run that the program
+    computes, `run` returns. By default `run` returns 0.
 
     **Raises:** `UnsupportedPrimitiveError` if LLVM rejects the program.
     """
@@ -100,7 +103,7 @@ class Code:
         return memory
 
     def run(self, memory: Memory) -> int:
-        """Execute the program on memory, and return its `result`, an integer."""
+        """Execute the program on memory from `memory`, and return its `result`, an integer."""
         engine, function = self._loaded  # The engine owns the code; it must live during the call.
         return function(memory.address)
 
@@ -120,7 +123,8 @@ def _new_target_machine() -> llvm.TargetMachine:
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     if sys.platform == "linux":
-        # Other C libraries than glibc contain the mathematical functions themselves.
+        # With glibc, mathematical functions are in a library of their own, which the process may
+        # not have loaded. Other C libraries contain them.
         with suppress(RuntimeError):
             llvm.load_library_permanently("libm.so.6")
     return llvm.Target.from_default_triple().create_target_machine(
@@ -134,7 +138,10 @@ _target_machine = functools.cache(_new_target_machine)
 
 
 def _saved_object_file(text: str) -> bytes:
-    """Return the object file of a program's text from disk, or compile and save it."""
+    """Return the object file of a program's text from disk, or compile and save it.
+
+    **Raises:** `UnsupportedPrimitiveError` if LLVM rejects the text.
+    """
     key = hashlib.sha256("\n".join((text, *_target())).encode()).hexdigest()
     store = _store()
     code = None if store is None else store.read(key)

@@ -4,10 +4,9 @@ A value is named by an integer and computed once (static single assignment). Its
 (float64), ``i`` (int64), ``w`` (int32) or ``b`` (bool). With the suffix ``p`` it is a vector of
 tangents of that kind: derivatives of one variable by several parameters. A program may compute
 several runs, called lanes, at once; each value is then a vector with a number for each lane. A
-block is a list of entries:
-pure operations, reads and writes of memory, calls of functions, and branches and loops, which
-contain blocks. Memory consists of numbered cells, each of which holds one number for each lane. A
-vector of tangents occupies consecutive cells.
+block is a list of entries: pure operations, reads and writes of memory, calls of functions, and
+branches and loops, which contain blocks. Memory consists of numbered cells, each of which holds one
+number for each lane. A vector of tangents occupies consecutive cells.
 """
 
 import math
@@ -136,7 +135,7 @@ _FOLDED: dict[str, Callable] = {
 """Operations that are computed while the program is built, instead of being added to it, if all
 arguments are known. The results are rounded as by the processor."""
 _RANGE = {"i": 1 << 63, "w": 1 << 31}
-"""By kind, the number above the largest integer."""
+"""For each kind of integers, the largest integer plus 1."""
 
 
 class Operations:
@@ -171,13 +170,13 @@ class Operations:
         self.cells = 0
         self.block: Block = []
         self.functions: list[Block] = []
-        # The blocks in which the functions that are being built will be called, from the outermost
-        # function on, each with the index of its keys in `_scopes`.
+        # The blocks to which the functions that are being built belong, from the outermost function
+        # on, each with the index of its keys in `_scopes`.
         self._outside: list[tuple[Block, int]] = []
         # For values that are computed in functions, the number of functions around them.
         self._depths: dict[Value, int] = {}
-        # Values by operation and arguments, and the keys that each open block has added. A value
-        # can be reused in inner blocks, but not after the end of its block.
+        # Values by operation, kind and arguments, and the keys that each open block has added. A
+        # value can be reused in inner blocks, but not after the end of its block.
         self._known: dict[tuple, Value] = {}
         self._scopes: list[list[tuple]] = [[]]
         # For values that `emit` has added, the operation and its arguments, to simplify later ones.
@@ -244,7 +243,7 @@ class Operations:
             # The last list of `_scopes` has the keys of the current block.
             block, scope, depth = self.block, -1, len(self._outside)
             if depth:
-                # In a function, an operation on values from outside is moved there, so that all
+                # In a function, an operation on values from outside is moved outside, so that all
                 # calls share its result.
                 depth = max(self._depths.get(value, 0) for value in arguments)
                 if depth < len(self._outside):
@@ -449,7 +448,8 @@ class Operations:
         Values from outside that the function uses are written to memory in this block, and the
         function reads them there.
 
-        **Arguments:** `build`: adds the entries of the function.
+        **Arguments:** `build`: adds the entries of the function. All lanes execute them, also
+        within `masked`.
 
         **Returns:** the number of the function.
         """

@@ -2,10 +2,11 @@
 
 A rule takes the `Lowering`, which builds the program, an equation of a jaxpr and the equation's
 arguments. It adds operations to the program and returns the equation's results. A value is an
-integer that names a number in the program. Arguments and results are `Array`s: a scalar value, a
-vector of tangents, which are derivatives by parameters (`Packed`), a NumPy array of values, or an
-array in memory (`InMemory`). The latter is called a large array: it has more than
-`LARGEST_UNROLLED` elements and is processed by loops.
+integer that names a number in the program. Its kind is "f" for a float64, "i" for an int64 or "b"
+for a bool, among others. Arguments and results are `Array`s: a scalar value, a vector of tangents,
+which are derivatives by parameters (`Packed`), a NumPy array of values, or an array in memory
+(`InMemory`). The latter is called a large array: it has more than `LARGEST_UNROLLED` elements and
+is processed by loops.
 
 A rule that rearranges elements applies the NumPy function of the same name to an array with the
 row-major index of each element: the result has in each position the index of the element that is
@@ -317,7 +318,10 @@ def _dot_general(lower: Lowering, equation: Equation, first: Array, second: Arra
         for a in lefts
         for b in rights
     ]
-    return [lower.array(totals, tuple(out.shape))]
+    result = lower.array(totals, tuple(out.shape))
+    # A large array is in memory, also if its factors are small.
+    large = out.size > LARGEST_UNROLLED
+    return [lower.in_memory(result, tuple(out.shape)) if large else result]
 
 
 _REARRANGED: dict[str, Rearrange] = {

@@ -251,8 +251,8 @@ class Parameter:
     - `path`: function that selects the number in a scene, such as
       ``lambda scene: scene.joints["pin"].clearance``. A path that returns several numbers ties
       them: they share one value. An `AbstractVariation`, which says in another way how a value
-      changes scene and state, may take its place. The field `variation` is this object, or a
-      `SceneNumber` made from the path.
+      changes scene and state, may take its place. The field `variation` is the given
+      `AbstractVariation`, or a `SceneNumber` made from the path.
     - `scale`: `Linear()` by default; `Log()` for positive numbers, `Bounded(low, high)` for
       numbers between bounds. A scale maps values to unbounded coordinates; the fit works in these
       coordinates, and derivatives are with respect to them.
@@ -342,7 +342,8 @@ class Parameter:
         series is identifiable only if the initial state is known, or if the motion depends on
         time itself, for example by a driver, and not only on the time since its start.
 
-        **Raises:** `ValueError` without names, and for a scale of another type.
+        **Raises:** `ValueError` without names, for names that are not texts, and for a scale of
+        another type.
 
         >>> delay = cj.Parameter.delay("probe x", "probe y")
         >>> delay.value
@@ -356,11 +357,12 @@ class Parameter:
     def coordinate_in(self, scene: Scene, state: State) -> float:
         """Return the coordinate of `value` on the parameter's scale.
 
-        If `value` is ``None``, the result is the coordinate of the number in the scene or state.
+        If `value` is ``None``, the result is the coordinate of the number in the scene or state; of
+        tied numbers, that of the first.
 
-        **Raises:** `ValueError` for a value that the scale doesn't allow, for a path that leads to
-        no number, and for a `value` of ``None`` if the variation is no number in the scene or
-        state.
+        **Raises:** `ValueError` for a value that the scale doesn't allow. If `value` is ``None``,
+        also for a path that leads to no number, and if the variation selects no number of the scene
+        or state, such as a delay.
         """
         value = self.value
         if value is None:

@@ -128,7 +128,7 @@ class ParametrisedScene(eqx.Module):
             )
 
         count = len(self.values)
-        # One column of the identity for each parameter: vmap computes the value once for all
+        # One row of the identity for each parameter: vmap computes the value once for all
         # derivatives.
         value, derivatives, auxiliary = jax.vmap(along, out_axes=(None, 0, None))(
             jnp.eye(count), tangents
@@ -147,6 +147,7 @@ def parametrised(
     **Raises:** `ValueError` for a parameter whose path does not lead to single numbers, and for a
     delay of a measured series, which is not part of a scene.
     """
+    # A Python number would be part of the program, which would be compiled for each of its values.
     scene, state = with_arrays((scene, state))
     # The example 0.0 says that all values are single numbers.
     changes = tuple(p.variation.setter(scene, state, 0.0) for p in parameters.values())

@@ -22,7 +22,7 @@ NumberPath = Callable[[PyTree], PyTree]
 """Function that receives a scene or a state and returns one of its numbers, or several numbers that
 are tied."""
 Index = int | slice | EllipsisType
-"""Index of one axis of an array."""
+"""Part of an index into an array: for one axis or, as an ellipsis, for several axes."""
 Leaf = jax.Array | np.ndarray | float
 """A number or an array of a scene or a state."""
 
@@ -62,6 +62,11 @@ def numbers_at(tree: PyTree, path: NumberPath) -> list[Number]:
         numbers: list[PyTree] = [*result] if isinstance(result, list | tuple) else [result]
     except (AttributeError, KeyError) as error:
         _refuse_missing(tree, error)
+    except IndexError as error:
+        raise ValueError(
+            "Argument `path` must be a function that leads to numbers stored in the tree, but "
+            "indexes beyond the end of a tuple or list: count from 0."
+        ) from error
     except TypeError as error:
         # The path computes with a location, which supports no arithmetic. The check below refuses
         # everything that is not a location, and shows this error.

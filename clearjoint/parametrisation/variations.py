@@ -37,8 +37,8 @@ class AbstractVariation(abc.ABC):
         """The function that says what varies: a path, which selects a number of a scene or state,
         or a function that makes scene and state from a value.
 
-        For a delay, which changes neither, it returns scene and state unchanged. Results of sweeps
-        are labelled with a description of this function.
+        For a delay, which changes neither, it returns scene and state unchanged. The notes of
+        a sweep's results contain a description of this function.
         """
 
     @abc.abstractmethod
@@ -47,7 +47,8 @@ class AbstractVariation(abc.ABC):
 
         **Arguments:** `scene`, `state`: before the change.
 
-        **Raises:** `ValueError` for a path without numbers whose unit would be needed.
+        **Raises:** `ValueError` if the unit is that of a number of the scene or state, and the path
+        leads to no number.
         """
 
     @abc.abstractmethod
@@ -137,8 +138,8 @@ class StateNumber(AbstractNumber):
 
 @dataclass(frozen=True)
 class MadeByFunction(AbstractVariation):
-    """A variation by a function of the user, of a value on which several numbers of the scene and
-    its initial state depend.
+    """A value from which a function of the user makes the scene and its initial state, so that
+    several of their numbers can depend on it.
 
     - `make`: function ``make(scene, state, value)`` of the unchanged scene and initial state and of
       the value, which returns the changed pair (scene, state). Two variations are equal only if

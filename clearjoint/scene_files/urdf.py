@@ -176,8 +176,11 @@ def load_urdf(
             joints[joint.name] = scene_joint
         # Only hinges pass `_checked`, and without a clearance they are always revolute joints.
         if given is not None and has_backlash and isinstance(scene_joint, RevoluteJoint):
-            backlash = _backlash(joint, scene_joint, given, joint_location)
-            joints[f"{joint.name} {BACKLASH}"] = backlash
+            backlash_name = f"{joint.name} {BACKLASH}"
+            if any(other.name == backlash_name for other in robot.joints):
+                expected = f"no joint {backlash_name!r}, which is the name of the backlash"
+                joint_location.refuse(backlash_name, expected, "rename that joint")
+            joints[backlash_name] = _backlash(joint, scene_joint, given, joint_location)
     omitted = _not_carried_over(robot, frames, tags)
     if omitted:
         caution(f"{path}: not carried over: {omitted}.", NotCarriedOverWarning)

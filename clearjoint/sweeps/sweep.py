@@ -383,7 +383,8 @@ def checked_starts(
     **Returns:** the lanes, and whether any lane has redundant constraints. A lane whose constraints
     are nearly redundant, so that their rank is uncertain, is added to `Lanes.bad`.
 
-    **Raises:** `ValueError` if the mechanism has no degree of freedom.
+    **Raises:** `ValueError` if the coordinates have no variable, as joint coordinates of a scene in
+    which nothing can move.
     """
     require_freedom(lanes.scene, lanes.of(0)[1], coordinates)
     rows = start_rows_of_lanes(lanes.scene, lanes.scenes, lanes.states, start_time, coordinates)

@@ -58,7 +58,7 @@ class Work:
         - `threads`: number of threads that share the lanes; by default the number given to
           `clearjoint.configure`, or one for each core.
         - `on_progress`: function that is called several times a second with the progress of the
-          running lanes.
+          running lanes. Both functions are called in the thread that calls `run`.
 
         **Returns:** the `Batch` that has run the lanes. Its attribute `turns` is the number of
         iterations of the compiled loops, in each of which every running lane tries a step, times
@@ -107,13 +107,18 @@ class Work:
         }
 
     def _recorded(self, ended: Ended) -> dict[str, LaneArrays]:
-        """Return the recorded columns of each output, (lanes, rows, ...), by name, and as "count"
-        the numbers of recorded rows, (lanes,). In impact tables, a dimension of contacts follows
-        that of the lanes."""
+        """Return the recorded columns of each output that records rows, such as a section, by name
+        of the output.
+
+        The columns of an output are arrays (lanes, rows, ...) by name, and "count" are the numbers
+        of recorded rows, (lanes,). In impact tables, a dimension of contacts follows that of the
+        lanes.
+        """
         logs = {
             name: {**columns, "count": counts} for name, (columns, counts) in ended.logs.items()
         }
-        # Each contact of an impact table has a log of its own; they are stacked to one table.
+        # A log has the rows of one section, of the saved states, or of one contact of an impact
+        # table. The logs of a table's contacts are stacked to one table.
         for name, contacts in self.common.tables.items():
             parts = [logs.pop(contact) for contact in contacts]
             logs[name] = {key: np.stack([part[key] for part in parts], axis=1) for key in parts[0]}

@@ -383,7 +383,8 @@ def check_constraint(
     rows = constraint.rows(motions, 0.0)
     after, before = moved(motions, step), moved(motions, -step)
     ahead, behind = constraint.rows(after, step), constraint.rows(before, -step)
-    ensure(rows.keys() == ahead.keys(), "The names of the rows change with the motion.")
+    same = rows.keys() == ahead.keys() == behind.keys()
+    ensure(same, "The names of the rows change with the motion.")
     for label, row in rows.items():
         rate = float(ahead[label].value - behind[label].value) / (2 * step)
         expected = float(row_rate(row, motions))

@@ -56,8 +56,8 @@ def check_contact_joint(
     - the forces on both bodies are equal and opposite on one line, or equal and opposite couples;
     - the power of the normal force agrees with the penetration rate, and the power of the elastic
       force with the rate of the stored energy;
-    - the slip is the tangential velocity of the surfaces, and friction is perpendicular to the
-      normal and, without bristles, opposes sliding;
+    - contacts with friction have a slip, which is the tangential velocity of the surfaces;
+    - friction is perpendicular to the normal and, without bristles, opposes sliding;
     - derivatives by motions and parameters are finite, and the derivative of the penetration by
       each parameter of the joint agrees with finite differences;
     - `jax.vmap` gives the same result as a single evaluation.
@@ -325,6 +325,8 @@ def _force_failures(loaded: LoadedContact, first: Motion, second: Motion) -> dic
     }
     if friction is not None:
         failures |= {
+            # The energy ledger would omit the power of the friction.
+            "it has friction, but its slip is None": jnp.asarray(contact.slip is None),
             "friction on both bodies leaves a moment: it does not act at one point": (
                 _is_nonzero(apart.cross(friction), force)
             ),

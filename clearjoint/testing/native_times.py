@@ -12,7 +12,8 @@ def native_seconds() -> dict[str, float]:
     """Return the processor time, s, that compiling the native programs of this process has taken.
 
     Programs that have been deleted do not count. A program that was loaded from disk counts with
-    the time it took when it was made.
+    the time it took when it was made. If only its machine code was loaded, "compiling" is the time
+    that loading took.
 
     **Returns:** seconds by stage: "tracing" by JAX, "lowering" of the jaxpr to operations on
     numbers, "writing" of these as LLVM code, and "compiling" of this code.

@@ -19,7 +19,7 @@ from ..fields.checks import require, require_finite
 from ..fields.types import ArrayLike
 
 ROUND = 32
-"""Number of sides of round shapes."""
+"""Number of sides of a cylinder; a tube has twice as many, and an arrow half as many."""
 
 
 class Mesh(NamedTuple):

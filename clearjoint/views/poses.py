@@ -67,7 +67,8 @@ def initial_state(scene: Scene) -> tuple[State, bool]:
     straight = arranged_state(scene)
     if satisfies_joints(scene, straight):
         return straight, True
-    # At the angle zero of the first hinge, rad, links may be in a dead-centre position.
+    # Angles of the first joint, rad, from which `assemble` is tried. At zero, links may be in a
+    # dead-centre position, which it can't leave.
     for angle in (0.0, 0.7, -0.7, 1.6):
         try:
             return assemble(scene, arranged_state(scene, angle=angle)), True

@@ -132,8 +132,9 @@ def equivalent_solid(body: Body) -> BodySolid:
 
 
 def _size(scene: Scene, poses: BodyPoses, noted: SurveyingPen) -> float:
-    """Return the diagonal of the box around joints and bodies in the first frame, m; 1 m if the box
-    is a point. The arguments are those of `proportions`."""
+    """Return the diagonal of the box around the points of joints and forces, and around the bodies
+    with at most one such point, in the first frame, m; 1 m if the box is a point. The arguments are
+    those of `proportions`."""
     points = [poses.point(marker.body, marker.point)[0] for marker in noted.markers]
     for name, body in scene.bodies.items():
         # Points that differ by rounding errors are one.
@@ -159,6 +160,7 @@ def _front(poses: BodyPoses, noted: SurveyingPen) -> tuple[np.ndarray, bool]:
     # squared components, the axes are nearly parallel and the mechanism is planar.
     shares, directions = np.linalg.eigh(np.array(axes).T @ np.array(axes))
     main = directions[:, -1]
+    # The sense of an eigenvector is arbitrary: its largest component shall be positive.
     main = main * np.sign(main[np.argmax(np.abs(main))])
     return main, bool(shares[-1] > 0.95 * shares.sum())
 

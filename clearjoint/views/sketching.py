@@ -99,8 +99,8 @@ class SketchingPen(AbstractPen):
 
     - `element`: name of the joint or force that is being drawn; the caller sets it.
     - `journals`: drawn journals, by the joint's name.
-    - `loads`: points (N, 3), m, and forces (N, 3), N, of constant loads, in global axes, by the
-      name of the load.
+    - `loads`: points (N, 3), m, and forces (N, 3), N, in global axes, by the name of the load. The
+      force is the same in all frames; for an `AppliedLoad` it is the one at time zero.
     - `drawn`: names of the joints and forces that have been drawn.
 
     **Arguments:** `poses`: of the bodies in each frame; `proportions`: sizes of the symbols;
@@ -118,7 +118,9 @@ class SketchingPen(AbstractPen):
         # Solids that are fixed to bodies, by body, colour and opacity, become one part each.
         self._fixed: dict[tuple[str, str, float], list[Mesh]] = {}
         self._moving: list[DrawnPart] = []
+        # Points, (3,) m in body axes, that the hull of each body contains.
         self._corners: dict[str, list[np.ndarray]] = {name: [] for name in poses.poses}
+        # Bodies with blocks, gears, walls or a given mesh, and those whose `solid` is drawn.
         self._shaped: set[str] = set()
         self._solid: set[str] = set()
 

@@ -169,7 +169,8 @@ def view(
       default, `view` observes a solution, which compiles once for all scenes with the same
       structure; a `Trajectory` is shown without contact forces.
     - `forces`: whether to draw arrows of contact forces, and journals in the colours of their
-      motion modes. Arrows of constant loads are always drawn.
+      motion modes. Arrows of loads are always drawn; that of an `AppliedLoad` shows its force at
+      time zero in all frames.
     - `frames`: largest number of frames, at about equal distances in time.
     - `meshes`: meshes of bodies by name, in m in body axes, instead of bars: a file that trimesh
       reads, an object with `vertices` and `faces`, or a pair of such arrays.
@@ -317,8 +318,8 @@ def _given(scene: Scene, meshes: Mapping[str, MeshLike], sizes: Proportions) -> 
 
 
 def _missed(motion: Viewable | None, observed: Observation | None) -> list[str]:
-    """Return a note on the largest force of all impacts if it acts between two frames and exceeds
-    the forces of all frames by more than a tenth; else no note.
+    """Return a note on the largest force of all impacts if it exceeds the normal forces in all
+    frames by more than a tenth, so that it acts between two frames; else no note.
 
     **Arguments:** `motion`: as in `view`; `observed`: its observation in all frames, or ``None``.
     """

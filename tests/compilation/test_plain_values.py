@@ -110,6 +110,16 @@ def test_values_that_contain_other_code_are_refused(value):
             digest_of(held)
 
 
+def test_traced_numbers_are_refused():
+    def traced(x):
+        with pytest.raises(NotPlainError, match="traces"):
+            digest_of({"a": [x]})
+        return x
+
+    jax.jit(traced)(1.0)
+    jax.grad(traced)(1.0)
+
+
 def test_classes_with_a_name_of_the_package_are_refused():
     """A class must be the member of the package's module with its name."""
     disguised = type("Saving", (cj.Saving,), {"__module__": cj.Saving.__module__})

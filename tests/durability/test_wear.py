@@ -192,6 +192,31 @@ def test_contacts_that_stay_open_reach_no_depth(monkeypatch):
         cj.wear(scene, state, CYCLE, RATES, np.inf, depth=1e-6, **OPTIONS)
 
 
+def rough():
+    """A rotor like the whirling one, whose bearing carries a small load by asperities alone."""
+    scene, _ = whirling(0.1 * DRAG)
+    asperities = cj.laws.GreenwoodTripp(roughness=2e-6, modulus=1.14e11)
+    law = cj.laws.RoughCylinders(asperities, length=0.5 * LENGTH, law=cj.laws.Hertz(1e10))
+    pin = dataclasses.replace(scene.joints["pin"], law=law)
+    x, y, z = ROTATING_LOAD
+    load = cj.AppliedLoad("rotor", force=(lambda t: 0.1 * x(t), lambda t: 0.1 * y(t), z))
+    scene = dataclasses.replace(
+        scene, joints={**scene.joints, "pin": pin}, forces={**scene.forces, "load": load}
+    )
+    return scene, cj.State(rotor("", CLEARANCE - 2e-6, SPEED)[2])
+
+
+def test_stages_are_limited_where_the_force_begins_before_the_surfaces_touch():
+    scene, state = rough()
+    rates = {"pin": cj.WearRates(bearing=RATE)}
+    found = cj.wear(scene, state, CYCLE, rates, 1e5, stages=3, **OPTIONS | {"tolerance": 0.5})
+    deepest = found["penetration"].values[0, :-1]
+    assert np.all(deepest < 0.0)
+    changes = np.diff(found["bearing_depth"][0].max("angle"))
+    limits = 0.2 * (deepest + scene.joints["pin"].law.onset_offset())
+    np.testing.assert_allclose(changes, limits * [0.1, 1.0], rtol=0.02)
+
+
 PARAMETERS = {
     "clearance": cj.Parameter(lambda s: s.joints["pin"].clearance, cj.Log()),
     "stiffness": cj.Parameter(lambda s: s.joints["pin"].law.stiffness.stiffness, cj.Log()),
@@ -303,6 +328,18 @@ def test_derivatives_of_depths_are_those_of_differences():
     np.testing.assert_allclose(slopes, differences, atol=1e-4 * float(jnp.abs(slopes).max()))
 
 
+def test_asperities_wear_before_the_surfaces_touch():
+    """The worn volume is rate times power times time, where the contact is open by 3 um."""
+    signals = dict.fromkeys(SIGNALS, np.ones(3)) | {
+        **dict.fromkeys(("V x", "W x"), np.full(3, CLEARANCE - 3e-6)),
+        **dict.fromkeys(("V y", "W y", "x_along_y", "y_along_x"), np.zeros(3)),
+    }
+    pin, times = rough()[0].joints["pin"], np.array([0.0, 1.0, 2.0])
+    wall, _ = depths_from_signals(pin, np.array([RATE, RATE]), times, signals, 96)
+    volume = wall.mean() * 2.0 * np.pi * RADIUS * LENGTH
+    np.testing.assert_allclose(volume, RATE * 2.0 * 2.0, rtol=1e-12)
+
+
 def test_a_parameter_moves_a_worn_profile():
     coefficients = 1e-6 * np.cos(np.arange(8))
     directions = np.concatenate([np.ones(8), np.sin(np.arange(8))])
@@ -354,6 +391,7 @@ def test_a_store_is_continued(tmp_path):
     whole = cj.wear(*arguments, largest_change=2e-6, stages=4, **OPTIONS)
     part = cj.wear(*arguments, largest_change=2e-6, stages=2, path=tmp_path / "wear", **OPTIONS)
     assert part.attrs["ending"] == "2 stages"
+    assert cj.open_wear(tmp_path / "wear").attrs["ending"] == "2 stages"
     rest = cj.wear(*arguments, largest_change=2e-6, stages=4, path=tmp_path / "wear", **OPTIONS)
     assert rest.drop_attrs().identical(whole.drop_attrs())
     # As between the two renamings with which a stage replaces the store.
@@ -362,6 +400,15 @@ def test_a_store_is_continued(tmp_path):
     other = RATES | {"other pin": cj.WearRates(journal=2.0 * RATE)}
     with pytest.raises(ValueError, match="path"):
         cj.wear(scene, state, CYCLE, other, 3000.0, path=tmp_path / "wear", **OPTIONS)
+
+
+def test_a_store_without_a_run_is_written_too(tmp_path):
+    scene, state = whirling_and_rotating()
+    cj.wear(scene, state, CYCLE, RATES, 10.0, stages=1, path=tmp_path / "wear", **OPTIONS)
+    found = cj.open_wear(tmp_path / "wear")
+    assert found.attrs["ending"] == "1 stages" and found.sizes["stage"] == 1
+    rest = cj.wear(scene, state, CYCLE, RATES, 10.0, path=tmp_path / "wear", **OPTIONS)
+    assert rest.attrs["ending"] == "reached the cycles"
 
 
 def test_a_store_that_is_replaced_while_it_is_read_is_read_again(tmp_path, monkeypatch):
@@ -419,6 +466,9 @@ def test_a_cycle_that_is_not_periodic_is_refused():
         ({"cycle": -1.0}, "cycle"),
         ({"cycles": 0.0}, "cycles"),
         ({"depth": 0.0}, "depth"),
+        ({"settle": -1}, "`settle` must be a whole number, zero or positive"),
+        ({"settle": True}, "settle"),
+        ({"settle": np.int64(0), "measured": 3}, "measured"),
         ({"measured": 3}, "measured"),
         ({"samples": 4}, "samples"),
         ({"tolerance": np.nan}, "tolerance"),

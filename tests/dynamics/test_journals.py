@@ -89,6 +89,29 @@ def test_assembly_does_not_move_a_journal_inside_its_bearing():
         np.testing.assert_array_equal(getattr(state.bodies["rod"], part), expected)
 
 
+class FilmOnly(cj.extend.AbstractContactJoint):
+    """A joint that acts by its film alone, and has no contacts."""
+
+    def pair(self):
+        return "ground", "rod"
+
+    def laws(self):
+        return {}
+
+    def contacts(self, motions):
+        return {}
+
+    def friction_force(self, name, contact, normal_force):
+        return None
+
+
+def test_a_joint_without_contacts_is_assembled():
+    scene = rocker()
+    scene = cj.Scene(scene.bodies, {**scene.joints, "film": FilmOnly()}, gravity=scene.gravity)
+    position, _ = end_of(cj.assemble(scene, start(0.03)))
+    np.testing.assert_allclose(position, 0.0, atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("bearing", "gravity", "towards"),
     [

@@ -275,3 +275,10 @@ def test_a_torsional_stiffness_is_the_torque_by_the_angle():
             cj.Backlash(*bodies, play=1e-3, **options)
     with pytest.raises(ValueError, match="`radius`"):
         cj.Backlash(*bodies, play=1e-3, law=law)
+    for radius in (0.0, -0.1, np.nan):
+        for given in (
+            {"play": 1e-3, "torsional_stiffness": 2e4},
+            {"play_length": 1e-4, "law": law},
+        ):
+            with pytest.raises(ValueError, match="`radius`"):
+                cj.Backlash(*bodies, radius=radius, **given)

@@ -1,12 +1,20 @@
 """Torques and loads over time: tables, functions, their breakpoints, and runs by closed forms."""
 
+from collections.abc import Callable
+
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.dynamics.breakpoints import next_breakpoint, one_sided_time
+from clearjoint.dynamics.breakpoints import (
+    next_breakpoint,
+    one_sided_time,
+    since_breakpoints,
+)
+from clearjoint.extend import UNIT_X, ZERO
 from clearjoint.math.vectors import fold_constants, unpack
 from clearjoint.model.bodies import GROUND_MOTION
 from clearjoint.simulation.step.discontinuities import require_declared
@@ -82,6 +90,71 @@ def test_breakpoints_are_found_in_arrays_of_any_shape(table):
     ]
     assert 0.2 < float(one_sided_time(system, 0.2, 0.2)) < 0.2 + 1e-12
     assert 0.3 - 1e-12 < float(one_sided_time(system, 0.2, 0.3)) < 0.3
+
+
+class Switch(cj.extend.AbstractForce):
+    """A force of 1 N along X after the time `at`, s; `how` decides whether at this time itself."""
+
+    at: float
+    how: Callable = eqx.field(static=True)
+
+    def body_names(self):
+        return ("rod",)
+
+    def breakpoints(self):
+        return self.at
+
+    def wrenches(self, motions, t):
+        force = UNIT_X * jnp.where(self.how(t, self.at), 1.0, 0.0)
+        return {"rod": motions["rod"].wrench(force, ZERO)}
+
+
+def switched(at, how=jnp.greater) -> cj.Scene:
+    return cj.Scene({"rod": cj.Body(1.0, (0.1, 0.1, 0.1))}, forces={"switch": Switch(at, how)})
+
+
+@pytest.mark.parametrize(
+    ("at", "origin"), [(0.0, None), (0.0, 0.0), (0.0, -1.0), (1e-20, -0.7), (1e-3, -1000.1)]
+)
+def test_breakpoints_near_time_zero_have_two_sides(at, origin):
+    system = cj.extend.System(switched(at), cj.extend.Formulation(), origin)
+    start, here = system.own_time(-0.5), system.own_time(at)
+    assert next_breakpoint(system, start) == here
+    assert next_breakpoint(system, here) == np.inf
+    assert system.clock(one_sided_time(system, start, here)) < at
+    assert system.clock(one_sided_time(system, here, here)) > at
+
+
+@pytest.mark.parametrize("at", [[np.inf], [-np.inf], [-np.inf, 0.2, np.inf]])
+def test_infinite_breakpoints_never_occur(at):
+    system = cj.extend.System(switched(np.array(at)), cj.extend.Formulation())
+    finite = 0.2 if 0.2 in at else np.inf
+    assert next_breakpoint(system, 0.1) == finite
+    assert one_sided_time(system, 0.1, 0.15) == 0.15
+    (occurs, since), *_ = since_breakpoints(system, 0.1, 0.15).values()
+    assert not occurs and since == 0.0
+
+
+@pytest.mark.parametrize("at", [np.inf, -np.inf])
+def test_runs_with_infinite_breakpoints(at):
+    scene, state = switched(at), cj.State({"rod": cj.body_state((0.0, 0.0, 0.0))})
+    way = 0.0 if at > 0.0 else 0.5
+    found = cj.simulate(scene, state, 1.0)
+    np.testing.assert_allclose(found.final.bodies["rod"].position[0], way, rtol=1e-9)
+    stepped = cj.simulate_nonsmooth(scene, state, 1.0, step=1e-3)
+    np.testing.assert_allclose(stepped.final.bodies["rod"].position[0], way, rtol=1e-2)
+    outputs = {"x": cj.quantities.Position("rod", "x")}
+    mass = {"mass": cj.Parameter(lambda s: s.bodies["rod"].mass)}
+    result = cj.sensitivities(scene, state, 1.0, mass, outputs, [1.0])
+    np.testing.assert_allclose(result.derivatives["x"], [[-way]], rtol=1e-9)
+
+
+@pytest.mark.parametrize("how", [jnp.greater, jnp.greater_equal])
+def test_a_load_that_is_switched_at_time_zero(how):
+    state = cj.State({"rod": cj.body_state((0.0, 0.0, 0.0))})
+    found = cj.simulate(switched(0.0, how), state, 1.0, start_time=-1.0)
+    np.testing.assert_allclose(found.final.bodies["rod"].position[0], 0.5, rtol=1e-9)
+    assert found.attempts < 12
 
 
 def test_a_function_that_decides_by_time_without_saying_so_has_no_derivatives():

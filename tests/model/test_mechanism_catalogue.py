@@ -117,6 +117,7 @@ def test_any_pins_of_the_four_bar_may_have_clearance(pins):
     [
         ({"clearance": {"crank": 1e-4}}, "`clearance`.*'crank foot'.*is 'crank'"),
         ({"lengths": (0.1, 0.05, 0.05, 0.3)}, "`lengths`.*rods that span.*another angle"),
+        ({"lengths": (0.1, 0.3, 0.25, 0.1), "angle": 0.0}, "`lengths`.*rods that span the 0 m"),
     ],
 )
 def test_an_impossible_four_bar_is_refused(arguments, complaint):

@@ -323,6 +323,7 @@ def structural(x, y, table, k):
         "interpolated": jnp.interp(y[0], table[:, 0], y[1] * table[:, 1]),
         "searched": jnp.searchsorted(table[:, 0], y[0]),
         "iota": jnp.arange(100) * k,
+        "known infinite angle": jnp.sin(jnp.inf) + x[0],
         "polynomials": jnp.polyval(jnp.outer(x, y)[:, :, None], y**2),
     }
 
@@ -420,7 +421,8 @@ def overwritten(x, k, chosen):
     # Nothing reads x after this update, but the tail is read as a result.
     updated = lax.dynamic_update_slice(x, one, (k,))
     results = {"tail": tail, "updated": updated, "either": either}
-    return {**results, "exchanged": exchanged, "part": part}
+    swapped = lax.cond(chosen, lambda a, b: (a, b), lambda a, b: (b, a), x * 5.0, x * 7.0)
+    return {**results, "exchanged": exchanged, "part": part, "a": swapped[0], "b": swapped[1]}
 
 
 @pytest.mark.parametrize("chosen", [True, False])
@@ -437,6 +439,36 @@ def test_fixed_arguments_of_bound_functions_are_the_same_in_all_calls(size):
     table, ks = np.ones(size), np.arange(5)
     found = NativeFunction(moved).rows((table, ks[0]), [None, ks])
     np.testing.assert_array_equal(found, size - 1.0)
+
+
+def products(a, b, k):
+    """Large products of small arrays, in a loop and in a branch, and blocks without elements."""
+    return {
+        "halved": lax.fori_loop(0, 3, lambda _, x: 0.5 * x, a @ b),
+        "either": lax.cond(k > 1, lambda: a @ b, lambda: jnp.ones((8, 8))),
+        "empty": jnp.take(jnp.zeros((3, 0)), jnp.stack([k, k + 1]), axis=0),
+    }
+
+
+@pytest.mark.parametrize("k", [0, 2])
+def test_large_products_of_small_arrays(k):
+    arguments = RANDOM.normal(size=(8, 4)), RANDOM.normal(size=(4, 8)), np.asarray(k)
+    # XLA adds the products in another order.
+    assert_same(NativeFunction(products)(*arguments), jax.jit(products)(*arguments), ulp=256)
+
+
+def test_large_constants_may_be_literals_of_a_program():
+    table, flag = jnp.arange(100.0), "jax_use_simplified_jaxpr_constants"
+    before = getattr(jax.config, flag, None)
+    try:
+        # Later versions of JAX may do this in any case.
+        if before is not None:
+            jax.config.update(flag, True)
+        found = NativeFunction(lambda k: lax.dynamic_index_in_dim(table, k))(np.asarray(5))
+    finally:
+        if before is not None:
+            jax.config.update(flag, before)
+    np.testing.assert_array_equal(found, [5.0])
 
 
 def test_sines_and_cosines_are_correct_to_a_unit_in_the_last_place():

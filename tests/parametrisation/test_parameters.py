@@ -107,6 +107,11 @@ def test_components_of_matrices():
     assert cj.set_value(tree, lambda t: t["matrix"][0, 1], -1.0)["matrix"][0].tolist() == [0, -1, 2]
 
 
+def test_an_index_beyond_a_tuple_is_refused():
+    with pytest.raises(ValueError, match="`path`.*beyond the end of a tuple or list: count from 0"):
+        value_at({"stiffnesses": (1.0, 2.0)}, lambda t: t["stiffnesses"][2])
+
+
 def test_a_parameter_without_a_value_is_refused(scene):
     made = cj.Parameter(cj.Parameter.change(lambda scene, state, x: (scene, state), 1.0).variation)
     with pytest.raises(ValueError, match=r"`value` must be.*MadeByFunction.*is None: pass"):

@@ -154,6 +154,8 @@ def test_one_warning_lists_omitted_contents(robot):
         ("", "", {"elbow": {"backlash": None}}, r"`elbow`: Argument `backlash` must be a number"),
         ("", "", {"shoulder": {"backlash": 1e-3}}, r"`shoulder`: .*no effort limit: give it in N"),
         ("", "", {"elbow": {"backlash": 1e-3, "play": 1}}, r"`elbow`: found 'play', expected one"),
+        ('"slide"', '"elbow backlash"', {"elbow": {"backlash": 1e-3}}, "`elbow`: .* no joint 'elb"),
+        ('"foot"', '"elbow backlash"', {"elbow": {"backlash": 1e-3}}, "`elbow`: .* no joint 'elb"),
         ("", "", {"elbow": 1e-3}, r"`elbow`: found 0.001, expected arguments by name"),
         ('joint name="slide"', 'joint name="elbow"', {}, r"found 'elbow', expected the name of"),
         ('<link name="tool">', '<link name="rail">', {}, r"found 'rail', expected the name of"),

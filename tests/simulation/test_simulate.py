@@ -1,5 +1,7 @@
 """The integrator: compilation, saving, recording, result codes, transformations, methods."""
 
+import signal
+
 import diffrax
 import equinox as eqx
 import jax
@@ -9,6 +11,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.dynamics.formulation import Formulation
+from clearjoint.simulation.run import host_run
 from clearjoint.simulation.run.host_run import begin, recorders_of, segment, segment_compiled
 from clearjoint.simulation.step.landing import Landing
 from clearjoint.simulation.step.method import Scheme
@@ -310,3 +313,20 @@ def test_times_that_stand_twice_and_outputs_of_other_kinds_are_refused():
         cj.Saving([0.0, 1.0, 1.0])
     with pytest.raises(ValueError, match=r"outputs\['x'\].*a reduction"):
         cj.Saving(outputs={"x": cj.quantities.Position("ball", "x")})
+
+
+def test_ctrl_c_in_the_last_segment_is_raised(pendulum, monkeypatch):
+    """Otherwise a loop of runs of one segment could not be interrupted."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    def pressed(*arguments):
+        signal.raise_signal(signal.SIGINT)
+        return segment_compiled(*arguments)
+
+    monkeypatch.setattr(host_run, "segment_compiled", pressed)
+    try:
+        with pytest.raises(cj.RunInterrupted, match="at t = 0.01 s") as stopped:
+            cj.simulate(*pendulum, 0.01)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert stopped.value.solution.result == cj.RESULTS.successful

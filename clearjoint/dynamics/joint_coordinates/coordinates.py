@@ -10,10 +10,11 @@ unknowns. Each joint connects a carried body to its carrier, the next body towar
 tree. The book solves for the rate u' of each joint's speed u, relative to the carrier. This module
 solves for
 
-    r = u' + axis . (angular acceleration of the carrier),
+    r = u' + axis . (angular acceleration of the carrier due to all u'),
 
-the rate relative to a carrier that does not rotate about the joint's axis. For a translation, r =
-u'.
+the rate relative to a carrier whose rotation about the joint's axis is not accelerated. The angular
+acceleration that remains if all u' are zero is left out, so that all r are zero if all u' are. For
+a translation, r = u'.
 
 The purpose is accuracy. With the unknowns u', the inertia of the carried bodies about the axis
 enters the carrier's equations twice, with opposite signs, and the two terms cancel. With the
@@ -26,9 +27,10 @@ which this inertia has disappeared are exact zeros, which the compiled program o
 A branch is a body of a tree with its carrier and the joint between them, if there is one. A link is
 the body with its kinematics, in the axes of the tree's root body. Its columns are the twists that a
 unit of each speed of its joint causes; a twist is the angular velocity of the body and the velocity
-of its point at the tree's origin, a point of the root. Arguments and results of the type `Speeds`
-have one entry for each speed: those of the first tree from its root to its leaves, then those of
-the second, and so on. Where they are rates or changes of speeds, they have the form of r.
+of its point at the tree's origin: the joint's point on the ground or, if no joint carries the root,
+the root's centre of mass. Arguments and results of the type `Speeds` have one entry for each speed:
+those of the first tree from its root to its leaves, then those of the second, and so on. Where they
+are rates or changes of speeds, they have the form of r.
 """
 
 from collections.abc import Iterator
@@ -316,10 +318,12 @@ def _transmitted(columns: tuple[Twist, ...], load: Twist, along: Speeds) -> Twis
     """Return the part of a load or momentum of carried bodies that acts on their carrier, in the
     equations for the rates r.
 
-    It has no moments about the free axes of the joint, but all forces. The reason is the choice of
-    unknowns. At constant r, the carried bodies do not follow an angular acceleration of the carrier
-    about a free axis, so a moment about this axis does no work with it. Along a free translation, r
-    is relative to the carrier, whose acceleration the carried bodies do follow at constant r.
+    It has no moments about the free axes of the joint, but all forces. (About the axis of a screw
+    it has the moment -pitch times the force along the axis, with the pitch in m/rad.) The reason is
+    the choice of unknowns. At constant r, the carried bodies do not follow an angular acceleration
+    of the carrier about a free axis, so a moment about this axis does no work with it. Along a free
+    translation, r is relative to the carrier, whose acceleration the carried bodies do follow at
+    constant r.
 
     **Arguments:** `columns`: twists of the joint's free directions, whose angular part is zero for
     a translation; `load`: its `angular` part is the moment, N m, or angular momentum about the
@@ -335,8 +339,9 @@ def _transmitted(columns: tuple[Twist, ...], load: Twist, along: Speeds) -> Twis
 class JointCoordinates(AbstractCoordinates):
     """Relative positions and speeds in the ideal joints that carry the bodies.
 
-    A free body has the same variables as in absolute coordinates: a `BodyState`, whose position is
-    relative to the body's `Anchor`, a fixed point near it, if it has one.
+    A body that no joint carries has the same variables as in absolute coordinates: a `BodyState`.
+    Its position is the centre of mass or, for a body with an `Anchor` (a point of the body, and a
+    fixed point near it), the vector from the fixed point to the body's point, m.
 
     These coordinates are the default, because they are faster on every mechanism measured. The
     table shows the time in µs of one evaluation of the equations of motion in native code, for a

@@ -6,11 +6,12 @@ own variables, and converts them to the body's motion and rates. The spin of a b
 velocity in body axes, rad/s.
 
 Kinematics and inertia are computed in one frame for each tree. Its axes are those of the root body.
-Its origin is a point of the root: the joint on the ground or, for a free root, the centre of mass.
-So the root's inertia is constant, constant vectors keep their exact zeros, and for a free root the
-mass matrix contains the total mass times the identity. A twist is the angular velocity of a body
-with the velocity of its point at the origin. "At constant speeds" means: the part of an
-acceleration that remains if the time derivatives of all joint speeds are zero.
+Its origin is the point on the ground of the root's joint or, for a free root, the root's centre of
+mass. So the inertia of a root that is free, or that its joint only lets rotate, is constant.
+Constant vectors keep their exact zeros, and for a free root the mass matrix contains the total mass
+times the identity. A twist is the angular velocity of a body with the velocity of its point at the
+origin. "At constant speeds" means: the part of an acceleration that remains if the time derivatives
+of all joint speeds are zero.
 """
 
 from collections.abc import Callable
@@ -128,7 +129,8 @@ class Inertia:
 
         - `axis`: unit vector of the rotation, or zero for a translation.
         - `whole`: momentum of these bodies for a unit of the joint's speed.
-        - `rest`: `whole` without its components about the axes of the joint.
+        - `rest`: P^T whole, the part of `whole` that the joint transmits to its carrier. For a
+          joint of several axes, this P takes the rotations about all of them from a twist.
         """
         return Inertia(
             self.mass,
@@ -256,7 +258,8 @@ class FreeBranch:
     def after_displacement(self, state: BodyState, changes: Speeds, axes: Matrix) -> BodyState:
         """Return the state with position and orientation changed.
 
-        `changes` are a displacement, m, and a rotation vector, rad, both in body axes.
+        `changes` are the displacement of the centre of mass, m, and a rotation vector, rad, both in
+        body axes.
         """
         rotation = Vector(*changes[3:])
         shift = self._shift(axes, axes @ Vector(*changes[:3]), rotation)
@@ -389,9 +392,9 @@ class JointedBranch:
         return JointState(state.position, speeds)
 
     def without_drift(self, state: JointState) -> JointState:
-        """Return the state with the position normalised: angles are moved to between -2 pi and
-        2 pi, so that they don't grow over a long run, and Euler parameters are scaled to unit norm
-        if their squared norm differs from one by more than 1e-6."""
+        """Return the state with the position normalised: angles, except those of screws, are moved
+        to between -2 pi and 2 pi, so that they don't grow over a long run, and Euler parameters are
+        scaled to unit norm if their squared norm differs from one by more than 1e-6."""
         return JointState(self.motion_subspace.without_drift(state.position), state.speeds)
 
     def with_speeds(self, state: JointState, other: JointState) -> JointState:
@@ -405,12 +408,13 @@ TreeBranch: TypeAlias = FreeBranch | JointedBranch
 def forest(scene: Scene) -> list[list[TreeBranch]]:
     """Return the trees of a scene, each as a list of branches.
 
-    Ideal joints that would close a loop belong to no tree; they remain constraints. In each tree, a
-    parent comes before its children. The first branch is the root; only its parent is the ground.
-    Trees with an ideal joint to the ground come first. Bodies are visited breadth first, so
-    that chains are short. Of connected bodies without a joint to the ground, one becomes a free
-    root. A body with an `Anchor` is preferred as root, since the anchor preserves digits of its
-    position. The trees depend on the types and names of joints and bodies, but on no numbers.
+    Ideal joints that would close a loop, and constraints without a `motion_subspace`, such as
+    drivers, belong to no tree; they remain constraints. In each tree, a parent comes before its
+    children. The first branch is the root; only its parent is the ground. Trees with an ideal joint
+    to the ground come first. Bodies are visited breadth first, so that chains are short. Of
+    connected bodies without a joint to the ground, one becomes a free root. A body with an `Anchor`
+    is preferred as root, since the anchor preserves digits of its position. The trees depend on the
+    types and names of joints and bodies, but on no numbers.
     """
     # Each joint on the ground begins a tree of its own, since the ground does not move.
     placed = {GROUND}

@@ -122,16 +122,20 @@ class Backlash(AbstractPair, AbstractFlankJoint):
         require(one, "play", play, expected, remedy)
         # A torsional stiffness takes the place of a law. It makes the radius arbitrary, since the
         # law's stiffness is that of the couple over the square of the radius.
+        if law is None and radius is None:
+            radius = DEFAULT_RADIUS
+        # Quotients by the radius would give errors that name other arguments.
+        self.radius, self.middle = as_number(radius, "radius", "m"), middle
+        require_positive("radius", self.radius, "give the flanks' radius in m")
         if law is None:
             expected = "given, or else a `torsional_stiffness`"
             remedy = "pass the stiffness of a pressed flank in N m/rad, or a normal law"
             require(torsional_stiffness is not None, "law", None, expected, remedy)
             torsional = as_number(torsional_stiffness, "torsional_stiffness", "N m/rad")
             require_positive("torsional_stiffness", torsional, "give it in N m/rad")
-            radius = DEFAULT_RADIUS if radius is None else radius
             # An angle beyond the flank gives the penetration angle * radius, and a force gives the
             # couple force * radius.
-            stiffness = torsional / as_number(radius, "radius", "m") ** 2
+            stiffness = torsional / self.radius**2
             restitution = 0.5 if restitution is None else restitution
             law = ExactRestitution(restitution=restitution, stiffness=stiffness, exponent=1.0)
         else:
@@ -140,7 +144,6 @@ class Backlash(AbstractPair, AbstractFlankJoint):
                 require(value is None, name, value, "omitted with a `law`", "leave one out")
         self.first, self.second = first, second
         self.axis_first, self.axis_second, self.law = axis_first, axis_second, law
-        self.radius, self.middle = as_number(radius, "radius", "m"), middle
         if play is None:
             self.play = as_number(play_length, "play_length", "m") / self.radius
         else:

@@ -87,8 +87,8 @@ class AbstractElement(AbstractConverting):
 
         A breakpoint is the time of a jump or kink of the force, or of a kink of the angle or
         distance that a driver prescribes. Return a number, an array of any shape, or a tuple of
-        numbers and arrays, in any order. The times may be parameters: compute them from the
-        element's fields to get derivatives by them.
+        numbers and arrays, in any order. Infinite times have no effect. The times may be
+        parameters: compute them from the element's fields to get derivatives by them.
 
         Integration steps end at breakpoints, so that each step uses the function on one side only,
         and derivatives by parameters include the effect of the jump. An undeclared jump of a force
@@ -330,7 +330,8 @@ class AbstractContactJoint(AbstractElement):
         friction.
 
         For faces with a `face_radius`, its component along the normal, times this radius, acts as a
-        moment about the normal.
+        moment about the normal. The contact's `slip` must not be ``None``: the power of the
+        friction in the energy ledger follows from it.
 
         **Arguments:** `name`: label of the contact. `contact`: its geometry. `normal_force`: N,
         positive if the surfaces push each other apart.

@@ -46,7 +46,7 @@ PHI, DELTA = 0.222668390165885885, 0.487364979543842550
 OMEGA, EPSILON = -0.222668390165885885, 1.23054744454982119
 """Initial angles of Andrews' mechanism, rad, which close its loops."""
 PIVOT_A, PIVOT_B, HOOK = (-0.06934, -0.00227), (-0.03635, 0.03273), (0.014, 0.072)
-"""Points of the ground of Andrews' mechanism: two pivots, and the spring's upper end, m."""
+"""Fixed points of Andrews' mechanism: two pivots, and the spring's end on the ground, m."""
 LINKS = {
     "K1": _Link(0.04325, 2.194e-6, BETA, GROUND, (0.0, 0.0), (-0.00092, 0.0)),
     "K2": _Link(0.00365, 4.410e-7, BETA, "K1", (0.007 - 0.00092, 0.0), (0.0115, 0.0)),
@@ -67,9 +67,10 @@ relative to the centre of mass.
 """
 P_OF_K2 = (0.0115 - 0.028, 0.0)
 P = {"K3": (-0.01043, 0.01874 - 0.035), "K4": (0.0, -0.01421), "K6": (0.01421, 0.0)}
-"""The point P at which K2, K3, K4 and K6 meet, (2,) m in the axes of each body."""
+"""The point P at which K2, K3, K4 and K6 meet, (2,) m from each body's centre of mass in its
+axes."""
 SPRING_END = (0.02 - 0.01043, 0.01874 - 0.018)
-"""End of the spring on K3, (2,) m in the axes of K3."""
+"""End of the spring on K3, (2,) m from the centre of mass of K3 in its axes."""
 TORQUE, STIFFNESS, FREE_LENGTH = 0.033, 4530.0, 0.07785
 """Motor torque, N m, spring stiffness, N/m, and free length of the spring, m."""
 
@@ -77,11 +78,11 @@ TORQUE, STIFFNESS, FREE_LENGTH = 0.033, 4530.0, 0.07785
 def andrews_squeezer() -> tuple[Scene, State]:
     """Return Andrews' squeezing mechanism, the IFToMM benchmark A03, and its initial state.
 
-    Seven bodies move in the XY plane. A motor drives the crank K1 in the origin with a constant
-    torque, from rest. A rod K2 connects the crank to the point P, where three chains meet: K3 from
-    the pivot B, loaded by a spring, and K4 with K5 and K6 with K7 from the pivot A. The crank makes
-    two and a half revolutions in 30 ms. There is no gravity. The joints hold all bodies in the
-    plane, and no constraint is redundant.
+    Seven bodies move in the XY plane. The crank K1 is hinged to the ground at the origin. A motor
+    drives it with a constant torque, from rest. A rod K2 connects the crank to the point P, where
+    three chains meet: K3 from the pivot B, loaded by a spring, and K4 with K5 and K6 with K7 from
+    the pivot A. The crank makes two and a half revolutions in 30 ms. There is no gravity. The
+    joints hold all bodies in the plane, and no constraint is redundant.
 
     Source: W. Schiehlen (ed.), Multibody Systems Handbook, 1990, and E. Hairer, G. Wanner, Solving
     Ordinary Differential Equations II, section VII.7. The initial state is that of the Test Set for
@@ -117,7 +118,10 @@ def andrews_squeezer() -> tuple[Scene, State]:
 
 
 def _turned(point: Point, angle: float) -> np.ndarray:
-    """Return global components, (2,), of a vector given in the axes of a body at an angle, rad."""
+    """Return the global components, (2,) m, of a vector from its components in body axes.
+
+    **Arguments:** `point`: (2,) m in body axes. `angle`: the body's rotation about Z, rad.
+    """
     cosine, sine = math.cos(angle), math.sin(angle)
     return np.array([[cosine, -sine], [sine, cosine]]) @ point
 

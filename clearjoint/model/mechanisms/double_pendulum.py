@@ -25,7 +25,8 @@ def double_pendulum(
     A joint with clearance and the axis Z connects arm 2 to the ground, and an ideal revolute joint
     about X connects arm 3 to arm 2. The paper doesn't name the second axis; X is the only one that
     reproduces its statements. Gravity is 9.81 m/s^2 along +Y. Both arms are 1 m long and start at
-    rest with a centred journal: arm 2 from the origin along +X, arm 3 from its end along +Z.
+    rest with a centred journal: arm 2 from the origin along +X, arm 3 from the end of arm 2 along
+    +Z.
 
     Source: P. Flores, J. Ambrosio, J. C. P. Claro, H. M. Lankarani, Spatial revolute joints with
     clearances for dynamic analysis of multi-body systems, 2006, section 6, Tables 1 and 2.
@@ -34,7 +35,8 @@ def double_pendulum(
 
     - `clearance`: radial, m; ``None`` for an ideal ground joint. The other arguments then have no
       effect.
-    - `restitution`: requested of the default law, which is that of Lankarani and Nikravesh; 0 to 1.
+    - `restitution`: ratio of rebound speed to entry speed, 0 to 1, requested of the default law,
+      which is that of Lankarani and Nikravesh.
     - `bearing_radius`, `journal_length`: m.
     - `law`: replaces the default law.
     - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``, the default.

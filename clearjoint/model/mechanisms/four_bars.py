@@ -51,11 +51,12 @@ def four_bar(
 ) -> tuple[Scene, State]:
     """Return a planar four-bar linkage with clearance at any of its pins, and its initial state.
 
-    A "crank" rotates about Z in the origin, a "rocker" about Z on the X axis, and a "coupler" joins
-    their ends. The rods are slender; their moments about their own axes are 1e-5 kg m^2 and don't
-    affect the planar motion. Default lengths and masses are an example. The pins are "crank foot",
-    "crank pin", "rocker pin" and "rocker foot". Pins without clearance are `RevoluteJoint`s; if no
-    pin has clearance, the "rocker pin" is an `InlineJoint`, so that no constraint is redundant.
+    A "crank" rotates about the Z axis, a "rocker" about a parallel axis through a point of the
+    positive X axis, and a "coupler" joins their ends. The rods are slender; their moments about
+    their own axes are 1e-5 kg m^2 and don't affect the planar motion. Default lengths and masses
+    are an example. The pins are "crank foot", "crank pin", "rocker pin" and "rocker foot". Pins
+    without clearance are `RevoluteJoint`s; if no pin has clearance, the "rocker pin" is an
+    `InlineJoint`, so that no constraint is redundant.
 
     ```python
     import clearjoint as cj
@@ -68,7 +69,8 @@ def four_bar(
     - `clearance`: radial, m, by the pin's name; pins that are not named are ideal.
     - `restitution`: ratio of rebound speed to entry speed, 0 to 1, requested of the default law,
       which is that of Lankarani and Nikravesh.
-    - `lengths`: of crank, coupler and rocker, and the distance of the ground joints, m.
+    - `lengths`: of crank, coupler and rocker, and the distance from the crank's axis to the
+      rocker's, m.
     - `masses`: of crank, coupler and rocker, kg.
     - `angle`, `speed`: of the crank at the start, from the X axis, rad and rad/s. The "rocker pin"
       is to the left of the line from the crank pin to the rocker foot, in the direction of that
@@ -94,7 +96,8 @@ def four_bar(
         "law": steel_law(restitution) if law is None else law,
         "friction": friction,
     }
-    # Coordinates of each pin along the rods of its bearing and its journal, from their centres.
+    # Coordinates of each pin along the rods of its bearing and its journal, from their centres. On
+    # the ground they are along X, from the origin.
     crank, coupler, rocker, feet = lengths
     places = {
         "crank foot": (0.0, -0.5 * crank),
@@ -155,12 +158,12 @@ def _intersection(tip: np.ndarray, foot: np.ndarray, coupler: float, rocker: flo
     **Arguments:** `tip`, `foot`: centres of the circles, the end of the crank and the ground joint
     of the rocker, (2,) m. `coupler`, `rocker`: radii, the lengths of the rods, m.
 
-    **Raises:** `ValueError` if the circles don't intersect.
+    **Raises:** `ValueError` unless the circles intersect in two points.
     """
     across = foot - tip
     distance = float(np.linalg.norm(across))
     # The pin's position along the line between the centres, and the square of its height above it.
-    along = (coupler**2 - rocker**2 + distance**2) / (2.0 * distance)
+    along = (coupler**2 - rocker**2 + distance**2) / (2.0 * distance) if distance else math.inf
     height = coupler**2 - along**2
     expected = f"rods that span the {distance:.6g} m from the crank pin to the rocker foot"
     remedy = "choose another angle, or other lengths"
@@ -190,11 +193,12 @@ def spatial_four_bar(
 ) -> tuple[Scene, State]:
     """Return a spatial four-bar linkage with clearance between coupler and rocker, and its state.
 
-    A crank of 20 mm and 0.1960 kg rotates about X in the origin, a rocker of 74 mm and 0.3157 kg
-    about Z in (122, -54, 0) mm. A coupler of 122 mm and 1.4158 kg connects their ends by ball
-    joints: an ideal one at the crank, and a ball with clearance in a socket of 10 mm radius at the
-    rocker. The coupler rotates freely about its own axis. Moments of inertia are those of round
-    bars of 10 mm radius. Gravity is 9.81 m/s^2 along -Z.
+    A crank of 20 mm and 0.1960 kg rotates about the X axis, a rocker of 74 mm and 0.3157 kg about a
+    line parallel to Z through (122, -54, 0) mm. The crank's foot is at the origin. A coupler of 122
+    mm and 1.4158 kg connects their ends by ball joints: an ideal one at the crank, and a ball with
+    clearance in a socket of 10 mm radius at the rocker. The coupler rotates freely about its own
+    axis. Moments of inertia are those of round bars of 10 mm radius. Gravity is 9.81 m/s^2 along
+    -Z.
 
     Lengths, masses and radii follow P. Flores et al., Dynamics of multibody systems with spherical
     clearance joints, 2006, but were not checked against the publication. The positions of the axes
@@ -263,7 +267,11 @@ def spatial_four_bar(
 
 
 def _bar(mass: float, length: float, axis: tuple[float, float, float]) -> Body:
-    """Return a round bar from its mass, kg, and length, m, along one of the body's axes."""
+    """Return a round bar with the radius `BAR_RADIUS`.
+
+    **Arguments:** `mass`: kg. `length`: m. `axis`: the bar's direction, the unit vector of one of
+    the body's axes.
+    """
     along = 0.5 * mass * BAR_RADIUS**2
     across = mass * (length**2 / 12.0 + 0.25 * BAR_RADIUS**2)
     return Body(mass, np.where(np.array(axis) == 1.0, along, across))

@@ -19,9 +19,9 @@ from ..scene import Scene
 from .common import ORIGIN, X_AXIS, Z_AXIS, Joints, turned_about_z
 
 DENSITY = 7850.0
-"""Density of steel, kg/m^3."""
+"""Density of the gears of `gear_pair`, steel, kg/m^3."""
 FACE_WIDTH = 20e-3
-"""Width of the gears, m."""
+"""Width of the gears of `gear_pair`, m."""
 MESH_STIFFNESS = 1.8e11
 """Stiffness K of the mesh, N/m^1.5. At a depth of 5 um the force K depth^1.5 is 2 kN, that of the
 mean stiffness 20 N/(mm um) of ISO 6336-1 for steel on the width of the gears."""
@@ -38,10 +38,11 @@ def gear_pair(
 ) -> tuple[Scene, State]:
     """Return two spur gears with backlash on ideal bearings, and their initial state.
 
-    The "pinion" rotates about Z in the origin, the "wheel" in (m (z1 + z2)/2, 0, 0) for the module
-    m and the numbers of teeth z1 and z2; the pressure angle is 20 degrees. Both are solid steel
-    discs, 7850 kg/m^3, with the diameter of their pitch circles and 20 mm width. There is no drive:
-    add one to the scene's forces, such as a `DriveTorque`.
+    The "pinion" rotates about the Z axis, the "wheel" about a parallel axis through
+    (m (z1 + z2)/2, 0, 0) with the module m and the numbers of teeth z1 and z2. The pressure angle
+    is 20 degrees. Both gears are solid steel discs, 7850 kg/m^3, with the diameter of their pitch
+    circles and 20 mm width. There is no gravity and no drive: add a drive, such as a `DriveTorque`,
+    to the scene's forces.
 
     The default law has the stiffness 1.8e11 N/m^1.5, whose deflection at 2 kN is that of ISO 6336's
     mean stiffness of 20 N/(mm um), and an impact without other forces has exactly the given
@@ -86,7 +87,7 @@ def gear_pair(
 
 
 THICKNESS = 10e-3
-"""Thickness of the disc, m."""
+"""Thickness of the disc of `cycloid_stage`, m."""
 END_STIFFNESS = 5e8
 """Stiffness at each end of a pin in its hole, N/m: half of (pi/4) E* times the thickness, rounded,
 where 1/E* is the sum of (1 - nu^2)/E of both parts, here steel."""
@@ -107,12 +108,12 @@ def cycloid_stage(
 ) -> tuple[Scene, State]:
     """Return the stage of a cycloid drive with play at its output pins, and its initial state.
 
-    The "shaft" rotates about Z in the origin at constant speed, and its eccentric carries the
+    The "shaft" rotates about the Z axis at constant speed, and its eccentric carries the
     "disc", whose L lobes roll in a ring of L + 1 fixed ring pins: the disc rotates -1/L times as
     fast as the shaft. The meshing of lobes and ring pins is ideal, a `GearJoint`. The "output"
-    rotates about Z. Its pins, on a circle of `pitch_radius`, are in holes of the disc whose radius
-    is that of the pins plus the eccentricity plus the play. Each of these joints, "pin 1" and so
-    on, is a `ClearanceJoint` with the clearance eccentricity + play.
+    rotates about the Z axis too. Its pins, on a circle of `pitch_radius`, are in holes of the disc
+    whose radius is that of the pins plus the eccentricity plus the play. Each of these joints,
+    "pin 1" and so on, is a `ClearanceJoint` with the clearance eccentricity + play.
 
     While the output has the same angle as the disc, all pins are at the distance `play` from the
     walls of their holes. The output may rotate against the disc by an angle of about

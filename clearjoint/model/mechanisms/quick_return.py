@@ -35,13 +35,14 @@ def quick_return(
 ) -> tuple[Scene, State]:
     """Return a quick-return mechanism, as used in a shaper, and its initial state.
 
-    A crank with its pin 50 mm from its axis, the origin, rotates about Z at constant speed. The
-    pin, of 5 mm radius, slides in the slot of a lever of 250 mm, whose axis is 100 mm below the
-    crank's. The lever's angle from the vertical is atan(r sin a/(d + r cos a)), with the crank's
-    radius r and angle a and the distance d of the axes. It oscillates by 30 degrees to either side:
-    one stroke takes 240 degrees of the crank, the return stroke 120 degrees, half the time. The
-    crank has 0.1 kg and the lever 0.5 kg; both are slender bars with their centres of mass at half
-    length. There is no gravity. Sizes and masses are an example.
+    A crank rotates about the Z axis at constant speed. Its pin, of 5 mm radius, is 50 mm from this
+    axis and slides in the slot of a lever of 250 mm. The lever's axis is 100 mm below the crank's,
+    with Y as the vertical. The lever's angle from the vertical is atan(r sin a/(d + r cos a)), with
+    the crank's radius r, its angle a from the vertical, and the distance d of the axes. It
+    oscillates by 30 degrees to either side: one stroke takes 240 degrees of the crank, the return
+    stroke 120 degrees, half the time. The crank has 0.1 kg and the lever 0.5 kg; both are slender
+    bars with their centres of mass at half length. There is no gravity. Sizes and masses are an
+    example.
 
     **Arguments:**
 
@@ -106,7 +107,7 @@ def _start(speed: Scalar, angle: float) -> State:
     lever_angle = math.atan2(across, height)
     ratio = CRANK * (CRANK + BASE * math.cos(angle)) / (across**2 + height**2)
 
-    # State of a rod whose lower end is at rest in `foot`. Its angular velocity is `rate` times the
+    # State of a rod with one end at rest at `foot`. Its angular velocity is `rate` times the
     # crank's.
     def rod(foot: np.ndarray, length: float, angle: float, rate: float) -> BodyState:
         sine, cosine = math.sin(angle), math.cos(angle)

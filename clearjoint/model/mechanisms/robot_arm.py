@@ -243,7 +243,7 @@ def robot_arm(
     **Arguments:**
 
     - `play`: total angle of the backlash in each of the three joints, rad; with ``None`` there are
-      no flanges, and the motors drive the links directly.
+      no flanges, the motors drive the links directly, and `restitution` and `law` have no effect.
     - `restitution`: ratio of rebound speed to entry speed, above 0 and at most 1, of the default
       law of the backlash, `ExactRestitution`.
     - `angles`: of the motors at the start, rad. `speeds`: of the motors, constant, rad/s.

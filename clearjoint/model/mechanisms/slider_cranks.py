@@ -51,7 +51,7 @@ def slider_crank(
 ) -> tuple[Scene, State]:
     """Return a slider-crank with clearance at the slider's pin, and its initial state.
 
-    A crank of 50 mm, 0.30 kg and 1e-5 kg m^2 rotates about Z in the origin. A rod of 120 mm, 0.21
+    A crank of 50 mm, 0.30 kg and 1e-5 kg m^2 rotates about the Z axis. A rod of 120 mm, 0.21
     kg and 2.5e-4 kg m^2 drives a slider of 0.14 kg along X. The slider's bearing holds the rod's
     journal, the "slider pin", with clearance. Centres of mass are at half length. The other moments
     of inertia are those of bars 10 mm wide and a cube of 30 mm; they don't affect the planar
@@ -163,8 +163,8 @@ def guided_slider_crank(
 ) -> tuple[Scene, State]:
     """Return a slider-crank whose slider has clearance in its guide, and its initial state.
 
-    A crank of 153 mm, 0.038 kg and 7.4e-5 kg m^2 rotates freely about Z in the origin. A rod of 306
-    mm, 0.038 kg and 5.9e-4 kg m^2 drives a slider of 100 by 50 mm, 0.076 kg and 2.7e-6 kg m^2 along
+    A crank of 153 mm, 0.038 kg and 7.4e-5 kg m^2 rotates freely about the Z axis. A rod of 306 mm,
+    0.038 kg and 5.9e-4 kg m^2 drives a slider of 100 by 50 mm, 0.076 kg and 2.7e-6 kg m^2 along
     X, between walls with 1 mm clearance above and below. Centres of mass are at half length, the
     pin is in the slider's middle, and gravity is 9.81 m/s^2 along -Y. The other moments of inertia
     don't affect the planar motion. The mechanism starts in a straight line with the slider farthest

@@ -11,7 +11,7 @@ Velocities at the contacts depend linearly on the impulses; the matrix is Delass
 are directions of contacts: first the normals of all contacts, then the two tangential directions of
 each contact with friction. Normal and tangential impulses are computed alternately, each for the
 latest values of the other (P. D. Panagiotopoulos, A nonlinear programming approach to the
-unilateral contact and friction boundary value problem, 1975).
+unilateral contact and friction boundary value problem, 1975). One computation of both is a turn.
 """
 
 from collections.abc import Sequence
@@ -72,16 +72,17 @@ class Alternation(NamedTuple):
 
 @dataclass(frozen=True)
 class Touch:
-    """One contact, open or closed, at given positions of the bodies.
+    """One contact, open or closed, at given poses and velocities of the bodies.
 
     A `Row` is a direction of relative motion: its rate is a linear function of the velocities of
     both bodies, and an impulse along it acts on both.
 
     - `joint`, `label`: name of the joint and label of the contact.
     - `gap`: m, negative if the surfaces overlap.
-    - `clearance`: m, of the bearing; ``None`` without a bearing.
+    - `clearance`: m, radial clearance of the bearing; ``None`` without a bearing.
     - `normal`: a `Row` whose rate is the opening velocity, m/s.
-    - `slip`: two `Row`s whose rates are the slip velocities, m/s; empty without friction.
+    - `slip`: two `Row`s whose rates are the velocities, m/s, of the second body relative to the
+      first: along the slip at the given velocities, and across it; empty without friction.
     - `coefficient`: Coulomb's coefficient of friction; zero without friction.
     """
 
@@ -183,7 +184,8 @@ class ContactProblem:
         self, system: System, mechanics: AbstractMechanics, contacts: Sequence[Touch], t: Scalar
     ):
         # Rows are the constraint equations of ideal joints. If they are redundant, the joints' own
-        # impulses are those of least norm, with these weights against a mix of units.
+        # impulses are those of least norm. The weights give all rows the same unit, since this norm
+        # would otherwise add N s to N m s.
         rows = flattened(system.rows(mechanics.motions, t))
         projected = [mechanics.projected(row.jacobian) for row in rows]
         formulation = system.formulation

@@ -15,9 +15,9 @@ force acts, the velocity of a contact after an impact is exactly the restitution
 velocity, for any step length.
 
 A closed contact may stay penetrated by its approach in half a step. If at its velocity after the
-impact the contact would still be penetrated in the next step, the positions are projected out of
-the wall, in the metric of the masses (V. Acary, Projected event-capturing time-stepping schemes,
-2013).
+impact the contact would still be penetrated at the end of the next step, the positions are
+projected out of the wall, in the metric of the masses (V. Acary, Projected event-capturing
+time-stepping schemes, 2013).
 """
 
 from collections.abc import Sequence
@@ -70,7 +70,7 @@ class StepEnd(eqx.Module):
     - `residual`: largest violation of the contact conditions (no approach without an impulse, no
       pulling impulse, Coulomb's law) by the impulses, or by the projection of the positions, each
       relative to the largest contact velocity to be changed.
-    - `shallow`: whether no penetration exceeds the bearing's clearance.
+    - `shallow`: whether no penetration in the middle of the step exceeds the bearing's clearance.
     """
 
     variables: MotionVariables
@@ -170,8 +170,9 @@ def _projection(
     are no part of the speeds after the step.
 
     **Arguments:** `problem`: the contact problem of the step; `closed`: whether each contact is
-    closed; `after`: m/s, opening velocities after the impulses; `sinks`: m/s, velocities towards
-    the wall that the forces add in the step; `h`: s, length of the step.
+    closed; `after`: m/s, opening velocities after the impulses; `sinks`: m/s, zero or positive,
+    velocities towards the wall that the forces add in the step; `h`: s, length of the step. `after`
+    and `sinks` may have further entries, of the slip directions, which are ignored.
 
     **Returns:** the additional speeds, and the relative residual of the contact problem for them.
     """

@@ -55,7 +55,7 @@ class RigidRun(eqx.Module):
     - `touching[joint][contact]`: whether the contact had an impulse in the last step.
     - `totals[joint][contact]`: sums and extreme values since the start of the run.
     - `residual`: largest relative residual of the contact problem in any step.
-    - `result`: the result code so far; `steps`: number of steps.
+    - `result`: the result code so far; `steps`: number of steps, without one that failed.
     """
 
     t: Scalar
@@ -68,8 +68,8 @@ class RigidRun(eqx.Module):
 
 
 class RigidStop(eqx.Module):
-    """State of a run at a stop, which is a time to save at or the end of the run. At S stops, each
-    array has an additional first axis of length S.
+    """State of a run at a stop, which is a time to save at or the end of the run. For n stops, each
+    array has an additional first axis of length n.
 
     - `bodies`: states of the bodies, whose vectors are arrays (3,).
     - `totals[joint][contact]`: sums and extreme values of each contact since the start of the run.
@@ -90,8 +90,8 @@ def run(
     restitution: Scalar | None,
     admissible: Condition | None = None,
 ) -> tuple[RigidRun, RigidStop]:
-    """Run a scene from the first to the last stop, and return the run at its end, and all stops
-    except the first.
+    """Run a scene from the first to the last of S stops, and return the run at its end, and the
+    S - 1 stops after the first.
 
     **Arguments:**
 
@@ -102,8 +102,8 @@ def run(
     - `longest`: s, length of the longest step.
     - `restitution`: Newton's coefficient of restitution of every contact, or ``None`` for those of
       the contact laws.
-    - `admissible`: whether all numbers are within their ranges; if not, the run ends at once.
-      ``None`` if the numbers have been checked.
+    - `admissible`: whether all numbers are within their ranges; if not, the run takes no step, and
+      its result is `RESULTS.domain`. ``None`` if the numbers have been checked.
     """
     system = System(unpack(folded_scene), formulation)
     rigid = Rigid(system, restitutions(system.scene, restitution))
@@ -174,7 +174,8 @@ def _past_kink(system: System, now: RigidRun, start: Scalar, stop: Scalar) -> Ri
 
 def _to_stop(rigid: Rigid, now: RigidRun, start: Scalar, stop: Scalar, longest: Scalar) -> RigidRun:
     """Return the run after equal steps, not longer than `longest`, from the time `start` to `stop`,
-    all in s. A run stays as it is from the first step on that fails."""
+    all in s. If a step fails, the run stays as it was before this step, with the result code of the
+    failure."""
     # The factor is slightly below 1, because rounding of the span could otherwise add a step.
     count = jnp.ceil((stop - start) / longest * (1.0 - 1e-9))
     h = (stop - start) / jnp.maximum(count, 1.0)
@@ -317,9 +318,9 @@ def simulate_nonsmooth(
     **Returns:** a `NonsmoothSolution`.
 
     **Raises:** `ValueError` for invalid arguments, such as a law that does not report the
-    restitution that it delivers; `SimulationError` for a run that fails, because the contact
-    problem of a step was not solved, a penetration exceeds the bearing's clearance, a driver has an
-    undeclared kink or jump inside a step, or the state is not finite.
+    restitution that it delivers, and if JAX computes in 32 bits; `SimulationError` for a run that
+    fails, because the contact problem of a step was not solved, a penetration exceeds the bearing's
+    clearance, a driver has an undeclared kink or jump inside a step, or the state is not finite.
 
     **Warns:** `LeftBearingWarning` if a journal without axial support has slid out of its bearing
     in a saved state or at the end; `UnusualValueWarning` for a journal that starts deep in the wall

@@ -242,7 +242,8 @@ def _lost(now: Instant) -> Scalar:
 WearTally = tuple[Scalar, dict[str, list[Scalar]], dict[str, list[Scalar]]]
 """Tally of `ArchardWear`, the data that it carries from step to step: the time at the end of the
 latest step, s; the rates of wear at that time, m^3/s; and the worn volumes so far, m^3. Rates and
-volumes are dictionaries by base ("V", "W") of lists by sector."""
+volumes are dictionaries by base ("V" or "W", the end circles of the journal) of lists by sector of
+the bearing's wall."""
 
 
 class ArchardWear(AbstractWindowedReduction):

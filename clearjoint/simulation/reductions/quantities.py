@@ -48,7 +48,8 @@ class AbstractQuantityReduction(AbstractWindowedReduction):
 class PeakTally(NamedTuple):
     """Tally of `Peak` after an accepted step.
 
-    - `highest`, `time`: the highest value in the window so far, and the time there, s.
+    - `highest`, `time`: the highest value in the window so far, and the time there, s. The value is
+      minus infinity until the run reaches the window.
     - `last`, `now`: the value at the end of the step, and the time there, s.
     - `last_before`, `before`: the value at the start of the step, and the time there, s.
     """
@@ -117,8 +118,8 @@ class Peak(AbstractQuantityReduction):
             first = Point(a, jnp.where(a > 0.0, value_of(now.inside(a)), start.value))
             last = Point(b, jnp.where(b < 1.0, value_of(now.inside(b)), end.value))
         # Positions are fractions of the step, so the value before this step has a negative one. The
-        # search is made even if no part of the step is in the window, because lanes side by side
-        # cannot branch; its result is then not used.
+        # search is made even if no part of the step is in the window, because runs that compiled
+        # code computes side by side cannot branch; its result is then not used.
         peak = highest_after(lambda x: value_of(now.inside(x)), before, first, last)
         time = tally.now + peak.x * length
         rises = peak.value > tally.highest

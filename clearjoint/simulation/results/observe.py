@@ -154,12 +154,15 @@ class Observation(eqx.Module, AbstractTabular):
     - `times`: (N,) s.
     - `contacts[joint][contact]`: a `ContactObservation`.
     - `modes[joint]`: (N,) values of `MotionMode`, for each joint that has a journal.
-    - `reactions[joint][body]`: the `Load` of an ideal joint on a body (Flores et al. 2006, eq. 31).
+    - `reactions[joint][body]`: the `Load` on each body except the ground by the constraints of an
+      ideal joint, a driver, or a clearance joint that holds its journal axially (Flores et al.
+      2006, eq. 31).
     - `reactions_unique`: whether the reactions are unique. They are not if some constraints are
       redundant; those of least norm are then given.
     - `accelerations[body]`: an `AccelerationSeries`.
-    - `drift[joint]`: (N,), the largest magnitude of the joint's constraint equations, which are
-      zero for an exact solution; in m, or in rad or without unit for equations between directions.
+    - `drift[joint]`: (N,), for the same joints, the largest magnitude of the constraint equations,
+      which are zero for an exact solution; in m, or in rad or without unit for equations between
+      directions.
     - `drift_rate[joint]`: (N,), the largest magnitude of the time derivatives of these equations,
       in the same unit per s.
     - `energies[name]`: (N,) J. "kinetic", "gravity", "springs", "contacts" and "bristles" exist
@@ -549,8 +552,9 @@ def values_along(
     """Return the values of a quantity at the N states of a trajectory, (N,), in its unit.
 
     **Arguments:** `scene`: the scene that was simulated; `solution`: its solution, of which only
-    the formulation is used; `quantity`: a scalar function of an `Instant`; `trajectory`: N times
-    and states, such as `solution.saved` or `solution.steps`.
+    the formulation is used; `quantity`: a scalar function of an `Instant`, the scene with its
+    motion at one time; `trajectory`: N times and states, such as `solution.saved` or
+    `solution.steps`.
 
     **Raises:** `ValueError` if the quantity names an element that the scene lacks.
     """
@@ -564,7 +568,8 @@ def rates_along(
     per s.
 
     They are total derivatives along the motion, by the chain rule through time, positions and
-    velocities. Entry speeds of contacts and deflections of bristles count as constant.
+    velocities. Entry speeds of contacts, deflections of bristles and integrals of the energy ledger
+    count as constant.
 
     **Arguments**, **Raises:** as of `values_along`.
     """

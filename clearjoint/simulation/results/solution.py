@@ -136,8 +136,9 @@ def instants_of_smooth_curves(times: Times, states: State) -> Wanted:
     """Choose times in s such that the states at these times, joined by straight lines, look like a
     smooth curve.
 
-    The result contains the ends of all steps, and equidistant times inside each step in which a
-    body moves along a curve or rotates.
+    The result contains the ends of all steps, and equidistant times inside steps in which the path
+    of a body is curved, compared with the most curved step, or a body rotates by more than
+    `LARGEST_ROTATION`.
 
     **Arguments:** `times`: (N,) s, not decreasing, the ends of the steps; `states`: the N states at
     these times.
@@ -176,7 +177,8 @@ def states_between(times: Times, states: State, wanted: Wanted) -> State:
     states at these times; `wanted`: (M,) s, not decreasing, between the first and the last of
     `times`.
 
-    If a time occurs several times in `times`, the last state there counts.
+    If a time occurs several times in `times`, the last state there counts. But if it is the last
+    of `times`, the motions of bodies there are those of the last row but one.
 
     **Returns:** a state whose arrays have a first axis of length M.
 
@@ -393,7 +395,8 @@ class Solution(AbstractReadable, AbstractTabular):
       are kept satisfied, and whether the energy ledger was integrated.
     - `redundant_constraints`: names of constraint equations that depend linearly on others. If
       there are any, the reactions are not unique, and those of least norm are computed.
-    - `settings`: the settings of the run, as pairs of a name and a text or number.
+    - `settings`: the settings of the run, as pairs of a name and a text or number; empty under a
+      JAX transformation.
 
     `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` export the saved states.
 

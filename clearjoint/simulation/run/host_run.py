@@ -117,10 +117,10 @@ def segment(
     """Continue a run until its end, a failure, the limit of attempts, a full buffer, or the last
     time to save at, whichever comes first.
 
-    **Arguments:** `now`: the run so far; `save_times`: (N,) s, not decreasing, times to save at, or
-    ``None``; `t_end`: s, end of the run; `attempts`: largest number of attempts since the start of
-    the run; `loops`: JAX's loops, or loops with checkpoints for reverse-mode differentiation; the
-    others as in `begin`.
+    **Arguments:** `now`: the run so far; `save_times`: (N,) s, not decreasing, times to save at,
+    for which `recorders` must have the one at `LATEST`, or ``None``; `t_end`: s, end of the run;
+    `attempts`: largest number of attempts since the start of the run; `loops`: JAX's loops, or
+    loops with checkpoints for reverse-mode differentiation; the others as in `begin`.
 
     **Returns:** the run after the segment, and ``None`` without times, or a pair: the states at the
     N times, whose leaves have an additional first axis, with each vector as three arrays; and
@@ -233,15 +233,15 @@ class Run:
         sections: Mapping[str, Section],
         notes: Notes,
     ) -> tuple[Solution, bool, bool]:
-        """Run in segments to the end, or to a failure, the limit of steps or an interruption.
+        """Run in segments to the end, or to a failure, the limit of attempts or an interruption.
 
         **Arguments:** `now`: the run before its first step; `save_at`: (N,) s, rising, times to
         save at, or ``None``; `max_steps`: largest number of attempts; `progress`: whether to show a
         progress bar; `sections`: the Poincaré sections by name; `notes`: the settings, which the
         solution contains.
 
-        **Returns:** the solution, whether the user interrupted the run by Ctrl-C, and whether a
-        journal has slid out of its bearing at the end.
+        **Returns:** the solution, whether Ctrl-C was pressed, which stops the run after the current
+        segment, and whether a journal has slid out of its bearing at the end.
         """
         program, start = (self.scheme, self.folded_scene), float(now.step.t)
         # In the precision of the run. Rounded to float32, an end time such as 0.02 s may become
@@ -279,7 +279,7 @@ class Run:
                     count = int(np.sum(reached[: wanted - saved_count]))
                     saved_states.append(_first_rows(states, count))
                     saved_count += count
-                # Empty the buffers at each stop, so that their size does not limit the run.
+                # Empty the buffers after each segment, so that their size does not limit the run.
                 if STEPS in now.records:
                     steps.append(now.records[STEPS].filled())
                 if IMPACTS in now.records:
@@ -291,7 +291,8 @@ class Run:
                 # A segment also ends after `SAVES_A_SEGMENT` saves. So the run may have reached its
                 # end time while states are still to be saved.
                 ended = ended or (float(now.step.t) >= end and saved_count == wanted)
-                interrupted = not ended and stopped()
+                # Also in the last segment: otherwise a loop of short runs could not be interrupted.
+                interrupted = stopped()
                 if ended or interrupted:
                     break
         reductions = self.recorders[REDUCTIONS], now.records[REDUCTIONS]

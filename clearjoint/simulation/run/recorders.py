@@ -1,6 +1,8 @@
 """Buffers of rows, and the recorders of attempts, of states after each step, and of reductions.
 
-A recorder collects data, its record, during a run; see `AbstractRecorder` in `.run_loop`.
+A recorder collects data, its record, during a run; see `AbstractRecorder` in `.run_loop`. An
+attempt is a trial step, accepted or rejected, with its data for dense output, the solution inside
+the step. A reduction is a result that is updated at every step, such as the peak of a force.
 """
 
 from dataclasses import replace
@@ -24,8 +26,9 @@ from .run_loop import AbstractRecorder, RunStart, StepOutcome, state_of
 R = TypeVar("R", bound=PyTree[Scalar])
 
 ROWS = 64
-"""Default number of rows of a `RowBuffer`. When a buffer is full, compiled code returns to Python,
-which empties all buffers. The number is small, since each run of a sweep has its own buffers."""
+"""Usual number of rows of a `RowBuffer` that Python empties during a run. When such a buffer is
+full, compiled code returns to Python. The number is small, since each run of a sweep has its own
+buffers."""
 
 
 class RowBuffer(eqx.Module, Generic[R]):
@@ -118,7 +121,8 @@ class LatestDenseStep(AbstractRecorder[DenseStep]):
 
 
 class TimedState(eqx.Module):
-    """A time `t` in s, and the `state` at that time, whose vectors are three separate scalars.
+    """A time `t`, s, on the clock of the run's `System`, and the `state` at that time, whose
+    vectors are three separate scalars.
 
     In a buffer of N rows, all arrays have an additional first axis of length N.
     """

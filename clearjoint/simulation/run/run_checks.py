@@ -71,8 +71,8 @@ def check_precision(allow_float32: bool) -> None:
 def is_traced(tree: PyTree) -> bool:
     """Return whether JAX traces a leaf of a PyTree, so that its value is not known in Python.
 
-    Under `jax.jit` this is so for every PyTree, because results of computations with known numbers
-    are traced too.
+    Inside a transformation, such as `jax.jit` or `jax.vmap`, the result is ``True`` for every
+    PyTree: under `jax.jit`, results of computations with known numbers are traced too.
     """
     return is_tracing() or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree))
 
@@ -80,7 +80,7 @@ def is_traced(tree: PyTree) -> bool:
 def check_numbers(scene: Scene, state: State) -> None:
     """Check that the numbers of a scene satisfy the conditions of its constructors, and that a
     state has exactly the scene's bodies and finite numbers, with Euler parameters of about unit
-    norm.
+    norm. Traced numbers raise no error; see `in_domain`.
 
     **Raises:** `ValueError` that names the element.
     """
@@ -190,7 +190,7 @@ def _passes(
 
     **Returns:**
 
-    - whether the start passes every check without a warning, except for redundancy;
+    - whether the start passes all checks but that of redundancy, without a warning;
     - the constraint equations from which redundant constraints are found, ``None`` without joints;
     - whether the first result includes the checks of the scene's numbers. It does not if the scene
       has user-defined classes, whose checks must run in Python.
@@ -241,7 +241,9 @@ class _Starts:
 
     def __init__(self) -> None:
         self._function = NativeFunction(_passes)
+        # Number of starts so far, by structure; far below zero where native code cannot be used.
         self._seen: Counter[Hashable] = Counter()
+        # Caches of the function `dependent`, by structure.
         self._distances: dict[Hashable, dict[bytes, np.ndarray]] = {}
 
     def count(self) -> int:

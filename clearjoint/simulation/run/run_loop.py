@@ -218,8 +218,8 @@ def begin_run(
 
     **Arguments:** `state`: the initial state, whose vectors are arrays (3,). The run continues from
     its entry speeds, bristles and energy ledger (the integrals of powers, which are left out if the
-    formulation keeps none); `t0`, `t_end`: s, start and end; `first_step`: s, length of the first
-    step.
+    formulation keeps none); those that the state lacks are initialised; `t0`, `t_end`: s, start and
+    end; `first_step`: s, length of the first step.
     """
     motion = system.encode(unpack(state.bodies))
     work = state.work if system.formulation.ledger else {}

@@ -22,14 +22,15 @@ class Saving:
 
     **Arguments:**
 
-    - `times`: (N,) s, strictly rising, times at which to save the state, in `solution.saved`. The
-      states are interpolated by the solver's dense output, so that saving does not change the
-      steps.
+    - `times`: (N,) s, strictly rising and within the run, times at which to save the state, in
+      `solution.saved`. The states are interpolated by the solver's dense output, so that saving
+      does not change the steps.
     - `steps`: keep the states at the start and after every accepted step, in `solution.steps`.
     - `impacts`: keep a table of impacts, with one row for each finished contact, in
-      `solution.impacts`. If steps do not end at contact events, because the `landing_tolerance` of
-      the `Settings` is ``None``, contacts that begin and end within one step have no row, and of
-      other contacts, the part in the step in which they begin does not count for their peaks.
+      `solution.impacts`. A contact that exists at the start of the run has no row. If steps do not
+      end at contact events, because the `landing_tolerance` of the `Settings` is ``None``, contacts
+      that begin and end within one step have no row, and of other contacts, the part in the step in
+      which they begin does not count for their peaks.
     - `sections`: Poincaré sections by name, each a `Section`, whose crossings are kept in
       `solution.sections`.
     - `outputs`: reductions by name, such as `Peak`, which are updated at every accepted step. Their
@@ -87,11 +88,11 @@ class Saving:
         """Check that the times to save at lie within a run, and return them, (N,) s; ``None`` if
         there are none.
 
-        Times outside of the run by rounding errors alone are moved to its start or end. Values that
-        JAX traces are not checked.
+        Times outside of the run by rounding errors alone are moved to its start or end. Of times
+        that JAX traces, only the shape is checked.
 
         **Raises:** `ValueError` for times before `start_time` or after `end_time`, s, by more than
-        rounding errors.
+        rounding errors, and for traced times that are not one-dimensional or are empty.
         """
         if self.times is None:
             return None

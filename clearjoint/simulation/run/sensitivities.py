@@ -162,7 +162,8 @@ def sensitivities(
     - `settings`: tolerances, solver and coordinates; `clearjoint.presets.derivatives` unless given.
     - `save`: further results to keep: states at given times, impacts and sections. Steps and
       reductions cannot be kept.
-    - `throw`: if the run fails, raise `SimulationError`, whose `solution` has the results so far.
+    - `throw`: if the run fails, raise `SimulationError`, whose `solution` is the `Sensitivities` so
+      far. Otherwise these are returned, and their `result` is the code of the failure.
     - `progress`: show the time spent compiling.
 
     **Returns:** `Sensitivities`.

@@ -52,9 +52,10 @@ def simulate(
     exactly 0 or 1 (a folded constant).
 
     The function works under `jax.vmap` and `jax.jvp`, and with an `adjoint` under `jax.grad` and
-    `jax.vjp`. Put `jax.jit` around the outermost transformation, or each call compiles anew. A run
-    that JAX traces raises no error for an invalid number, such as a clearance that is NaN. Instead,
-    such a run ends before its first step with the result `RESULTS.domain`.
+    `jax.vjp`. Put `jax.jit` around the outermost transformation, or each call compiles anew. A
+    traced number that is invalid, such as a clearance that is NaN, raises no error. Instead, the
+    run ends before its first step with the result `RESULTS.domain`. A run that JAX traces does not
+    check that the initial state satisfies the constraints.
 
     Derivatives by these transformations are derivatives of the computed steps, not of the exact
     motion. Their error is far above the error of the states, and falls slowly with the tolerance.
@@ -87,9 +88,9 @@ def simulate(
     is true; `RunInterrupted`, a `KeyboardInterrupt` with the solution so far, after Ctrl-C.
 
     **Warns:** `LeftBearingWarning` if a journal without axial support has slid out of its bearing
-    in a saved state or at the end; `LawRangeWarning` if impacts are saved, and a contact was deeper
-    than the range of its law (see `beyond_law_ranges`); `UnusualValueWarning` for a journal that
-    starts deep in the wall of its bearing.
+    in a saved state or at the end; `LawRangeWarning` if impacts are saved, and one of them was
+    deeper than the range of its law (see `beyond_law_ranges`); `UnusualValueWarning` for a journal
+    that starts deep in the wall of its bearing.
 
     >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
     >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
@@ -167,8 +168,8 @@ begin_compiled = Native(begin)
 
 
 def _warn(scene: Scene, solution: Solution, left_bearing: bool) -> None:
-    """Issue the warnings of a finished run: of journals outside their bearings, and of contacts
-    deeper than their laws' ranges of validity.
+    """Issue the warnings of a finished run: of journals outside their bearings, and of recorded
+    impacts deeper than their laws' ranges of validity.
 
     **Arguments:** `left_bearing`: whether a journal is outside its bearing at the end of the run.
     """

@@ -1,7 +1,8 @@
 """Progress of runs on the error stream, and their interruption by Ctrl-C.
 
-While a program is being compiled, the text of the bar says for how long. One thread updates the
-texts of all bars once a second, because the main thread waits for JAX. It ends when no bar is left.
+While a program is being compiled, the text of a progress bar says for how long. One thread updates
+the texts of all bars once a second, because the main thread waits for JAX. It ends when no bar is
+left.
 """
 
 import signal
@@ -57,7 +58,8 @@ class _Watch:
             del self.usual[bar]
 
     def _update(self) -> None:
-        """Show the time spent compiling in all bars, every `TICK` seconds until there is none."""
+        """Show the time spent compiling in all bars, every `TICK` seconds until no bar is
+        left."""
         while True:
             time.sleep(TICK)
             seconds = seconds_of_compiling()
@@ -182,10 +184,11 @@ def interruptions_deferred() -> Iterator[Callable[[], bool]]:
     noted, so that the run can stop when compiled code next returns to Python, and keep its results.
 
     Its value is a function that returns whether Ctrl-C has been pressed. A further Ctrl-C raises
-    `KeyboardInterrupt`. Python handles signals between its own instructions only, so this too waits
-    until compiled code returns, and several presses during one call of it count as one. Outside the
-    main thread, and in a program with its own handler of SIGINT, the handling of the signal is not
-    changed, and the function returns ``False``.
+    `KeyboardInterrupt`. Python handles signals only between its own instructions. Therefore a
+    further Ctrl-C also takes effect only when compiled code returns, and several presses during one
+    call of compiled code count as one. Outside the main thread, and in a program with its own
+    handler of SIGINT, the handling of the signal is not changed, and the function returns
+    ``False``.
     """
     requested = threading.Event()
     # Python delivers signals to the main thread only, and the handler of a program is respected.

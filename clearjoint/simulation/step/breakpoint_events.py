@@ -5,9 +5,9 @@ A breakpoint is a declared time at which a driver or load changes abruptly. A st
 breakpoint is corrected as in `.saltation`: the change of the rates at the breakpoint, times the
 time since the breakpoint, is added to the variables. Rates are time derivatives of the variables.
 The time since the breakpoint is zero except for rounding, but it has derivatives with respect to
-the parameters on which the breakpoint depends. Where the angle of a driver has a kink, an impulse
-of the constraints changes the velocities. The new velocities are those that satisfy the constraints
-and differ least from the old ones, in the metric of the mass matrix.
+the parameters on which the breakpoint depends. Where the angle or distance that a driver prescribes
+has a kink, an impulse of the constraints changes the velocities. The new velocities are those that
+satisfy the constraints and differ least from the old ones, in the metric of the mass matrix.
 
 The clock of a `System` counts the time from its `origin`, s; without an origin it shows the scene's
 time. The entry speed of a contact is its penetration rate at its onset. The energy ledger of a run
@@ -161,7 +161,7 @@ def _moved_on(y: Variables, rates: Variables, time: Scalar) -> Variables:
 
 def _past_kink(system: System, y: Variables, t: Scalar) -> Variables:
     """Return the variables with velocities that satisfy the constraints at the time t, s, just
-    after a kink in the angle of a driver.
+    after a kink in the angle or distance that a driver prescribes.
 
     If the run has an energy ledger, the kinetic energy that the impulse of the constraints adds is
     added to the integral "supplied".

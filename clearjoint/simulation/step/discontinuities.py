@@ -1,4 +1,5 @@
-"""Find undeclared discontinuities of elements, in their traced programs and in accepted steps.
+"""Find undeclared discontinuities of elements, the joints and forces of a scene, in their traced
+programs and in accepted steps.
 
 If an element switches a force on where t > t_s, the force is constant before and after t_s. JAX's
 derivative of the comparison by t_s is zero, so the derivative of the motion lacks a term, and no
@@ -185,8 +186,9 @@ def may_have_undeclared_jump(scene: Scene) -> bool:
     """Return whether a scene has an element that may jump without declaring it.
 
     Such an element is of a class from outside this package, or contains a part of such a class, and
-    it either compares numbers of the motion or is a contact joint. All contact joints count,
-    because the search for comparisons covers their constraint rows but not their contact forces.
+    it either compares or rounds numbers of the motion or is a contact joint. All contact joints
+    count, because the search for comparisons covers their constraint rows but not their contact
+    forces.
     """
 
     def is_foreign(part: PyTree) -> bool:

@@ -2,7 +2,8 @@
 
 A step that starts in flight and ends deeper in a contact than the landing tolerance is rejected. It
 is repeated up to the event, which is the root of the cubic Hermite interpolant of the penetration.
-The same holds for a step that starts in a contact and ends in flight. Penetrations are positive
+The same holds for a step that starts in a contact and ends in flight by more than the tolerance,
+and for a step in which a contact begins and ends, or ends and begins. Penetrations are positive
 where a contact has a force: they are measured from the onset of the force. A `ContactGap` has the
 penetration of one contact, `depth`, m, and its `rate`, m/s. Contact gaps are `ContactGap`s by joint
 and contact.
@@ -33,7 +34,8 @@ class Landing(eqx.Module):
     """Rule by which steps end at the instants where contacts begin and end.
 
     **Arguments:** `tolerance`: m, largest depth past an event at which a step may end. In slow
-    contacts the allowed depth is smaller, in proportion to the penetration rate.
+    contacts the allowed depth is smaller, in proportion to the penetration rate (see `LATEST` and
+    `CLOSEST`).
     """
 
     tolerance: Scalar

@@ -42,9 +42,9 @@ Output = TypeVar("Output")
 class Loops(eqx.Module):
     """The loops of a run and the trial step inside them.
 
-    **Arguments:** `checkpoints`: number of iterations whose state each loop stores, which makes
-    reverse-mode differentiation possible. With ``None`` the loops are JAX's own, which take less
-    time and support forward mode only.
+    **Arguments:** `checkpoints`: number of iterations whose state each loop of the method `repeat`
+    stores, which makes reverse-mode differentiation possible. With ``None`` the loops are JAX's
+    own, which take less time and support forward mode only.
     """
 
     checkpoints: int | None = eqx.field(default=None, static=True)

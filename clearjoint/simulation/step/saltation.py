@@ -1,4 +1,5 @@
-"""Correction of a step that ends at a discontinuity of a contact force, mainly of its derivatives.
+"""Correction of the variables, and mainly of their derivatives with respect to parameters, at the
+end of a step at which a contact force, or its slope over the penetration, is discontinuous.
 
 The event is the onset or the end of a contact. Its time depends on the parameters with respect to
 which the motion is differentiated, but the step that lands on the event ends at a time t1 that is
@@ -61,7 +62,7 @@ def across_contacts(
 
     - `before`, `entry_speeds`: contact gaps (penetrations, m, and their rates, m/s) and entry
       speeds, m/s, at the start of the step, by joint and contact.
-    - `y`: variables at the end of the step; `t`: the time there, s.
+    - `y`: variables at the end of the step; `t`: the time there, s, on the clock of `system`.
     - `keep`: whether the step is accepted; otherwise `y` is returned.
     """
 

@@ -1,5 +1,8 @@
 """Files of a store's Zarr arrays, one for each chunk of lanes and each array, with checksums.
 
+A store holds the results of a sweep on disk. A lane is one run of the sweep, and a chunk a group of
+lanes that are stored together.
+
 A file ends with a checksum of its content and of its path in the store. So damaged files and files
 that were exchanged are detected, and don't affect the others.
 """
@@ -81,8 +84,9 @@ def _is_metadata(key: str) -> bool:
 def locked(folder: Path) -> Iterator[None]:
     """Lock a folder against other processes within the context, in which the store is changed.
 
-    The lock of a process that dies is released. If the system has no locks, or the folder can't be
-    written to, processes don't wait for each other.
+    Before the context begins, wait until no other process holds the lock. The lock of a process
+    that dies is released. If the system has no locks, or the folder can't be written to, processes
+    don't wait for each other.
     """
     try:
         import fcntl

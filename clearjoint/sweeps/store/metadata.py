@@ -1,9 +1,13 @@
 """Metadata and labels of a sweep's Zarr store, which are written before any result.
 
-They tell which sweep the store holds, and which lanes. A lane is one run of the sweep. In the
-arrays of the store's folder `by_lane`, each lane has a row. The number of the row may differ from
-that of the lane, because lanes that are added later get rows at the end. Beside this folder the
-store has a grid, a copy of the results along the axes for other programs.
+They tell which sweep the store holds, and which lanes. A lane is one run of the sweep. Labels are
+the values of the axes and of other dimensions, the digests by which lanes are recognised, and the
+order of the lanes. In the arrays of the store's folder `by_lane`, each lane has a row. The number
+of the row may differ from that of the lane, because lanes that are added later get rows at the end.
+Beside this folder the store has a grid, a copy of the results along the axes for other programs.
+
+The result code of a lane is an integer that says how its run ended, or that it is pending, which
+means not yet computed.
 """
 
 import glob
@@ -46,7 +50,7 @@ def unfinished(path: Path) -> Iterator[Path]:
 
 
 def move(file: Path, to: Path) -> None:
-    """Move a file, also to a folder that does not exist yet."""
+    """Move a file in place of an earlier one, also to a folder that does not exist yet."""
     to.parent.mkdir(parents=True, exist_ok=True)
     file.replace(to)
 
@@ -103,7 +107,8 @@ def remove_grid(path: Path) -> None:
 
 
 def grid_shows(path: Path, results: "xr.Dataset") -> bool:
-    """Return whether the grid at a path has the same variables and result codes as `results`.
+    """Return whether the grid at a path has variables of the same names, and the same result codes,
+    as `results`.
 
     If so, it need not be written again, since the numbers of a lane do not change once it has a
     result code. Return ``False`` also if there is no grid or it can't be read.
@@ -173,8 +178,8 @@ def create(path: Path, contents: Contents) -> None:
 def extend(path: Path, contents: Contents) -> None:
     """Add lanes, in rows after the existing ones, or variables to the store at a path.
 
-    Existing chunks are not changed. The grid (the copy of the results along the axes), whose labels
-    are outdated, is removed.
+    Existing chunks of results are not changed. The grid (the copy of the results along the axes),
+    whose labels are outdated, is removed.
 
     **Arguments:** `contents`: contents of the extended store.
     """

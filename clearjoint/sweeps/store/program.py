@@ -4,8 +4,8 @@ A lane is one run of a sweep. A run is determined by its program and by the numb
 starts. A store therefore compares digests of both instead of source texts or names of functions. A
 sweep with further axes finds the stored lanes that start from the same numbers as some of its own.
 
-Programs are traced as they are for the lanes: the numbers of scene and state are arguments of a
-program, and the numbers of solver, controller and outputs are constants.
+Programs are traced in the form in which the lanes run them: the numbers of scene and state are
+arguments of a program, and the numbers of solver, controller and outputs are constants in it.
 
 A store compares fingerprints to detect that the code of a sweep has changed. The digest of a value
 combines the operation that computes the value, the operation's parameters and the digests of its
@@ -61,7 +61,8 @@ programs are practically excluded."""
 _ADDRESS = " at 0x"
 """Text that marks an address in the `repr` of a Python function; it differs between processes."""
 _WITHOUT_RESULT = {"debug_callback", "debug_print"}
-"""Names of primitives that only print. They are left out, since they change no result."""
+"""Names of primitives that print or call a Python function, but return nothing. They are left out,
+since they change no result."""
 
 
 class Fingerprints(NamedTuple):
@@ -225,7 +226,7 @@ RUN = ""
 """Key of the digests of the run itself in dictionaries whose other keys are names of variables or
 outputs."""
 _BLOCK = 4096
-"""Number of lanes whose bytes are in memory at the same time."""
+"""Number of lanes whose numbers `row_digests` copies at a time, to limit its use of memory."""
 
 
 class Identity(NamedTuple):
@@ -296,8 +297,8 @@ class _Traced:
     Their argument `numbers` has the numbers of the scene, and times are in s.
 
     - `plan`, `channels`: as in `programs`.
-    - `structure`: the scene without its numbers, except for components of vectors that are exactly
-      0 or 1: these are constants of the program.
+    - `structure`: the scene without its numbers, except for those components of vectors and
+      matrices that are marked as constants of the program, because they are exactly 0 or 1.
     """
 
     plan: Plan
@@ -315,7 +316,7 @@ class _Traced:
 
     @property
     def impacts_plan(self) -> Plan:
-        """The plan with only the recorders of impacts."""
+        """The plan whose only outputs are the tables of impacts."""
         return replace(self.run_plan, impacts=self.plan.impacts)
 
     def begin(

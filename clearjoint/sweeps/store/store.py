@@ -257,8 +257,9 @@ class SweepStore:
         digests of its programs and lanes.
 
         **Raises:** `ValueError` if there is something other than a store at the path, if the store
-        is of another version or its metadata are damaged, or if the stored sweep has other settings
-        or programs, or lanes or variables that the requested sweep lacks.
+        is of another version or its metadata are damaged, or if the stored sweep has lanes or
+        variables that the requested sweep lacks, or another difference that `differences` lists,
+        such as a setting, a program, or the number of lanes in a chunk.
         """
         path = Path(path)
         # Processes that were killed may have left partly written stores beside the path.
@@ -300,7 +301,8 @@ class SweepStore:
         grid is written too if its last writing is long enough ago (`GRID_PERIOD`, `GRID_SHARE`).
 
         **Arguments:** `chunk`: number of the chunk; `lanes`: numbers of n lanes of this chunk, in
-        any order; `results`: results of these lanes, arrays (n, ...) by name of the variable.
+        any order; `results`: results of these lanes: for every variable of `layout`, by its name,
+        an array (n, ...).
         """
         with locked(self._folder):
             # Another process may have extended the store since it was opened.
