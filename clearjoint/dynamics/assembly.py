@@ -101,8 +101,8 @@ def assemble(
     - if `scene` or `state` has another type, if the state's bodies are not those of the scene, or
       if a number of the state is not finite, or Euler parameters are far from unit norm;
     - if no state near the guess satisfies the constraints; the message names the worst constraint;
-    - if a `FixedJoint` or `PrismaticJoint` would hold a wrong orientation, since the guess is turned
-      too far;
+    - if a `FixedJoint` or `PrismaticJoint` would hold a wrong orientation, since the guess is
+      turned too far;
     - if `resting` is a single string;
     - if a name in `resting` is not that of a clearance joint with a centred position;
     - if a journal in `resting` has no load across its axis, or its joint has no position of rest
@@ -157,8 +157,8 @@ def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
     matrix, that satisfies the linearised constraints. The result is therefore only approximately
     the nearest state. Entry speeds, work and bristles are unchanged.
 
-    **Raises:** `ValueError` that names the worst constraint if the iteration does not converge, or a
-    joint that would hold a wrong orientation, see `require_oriented`.
+    **Raises:** `ValueError` that names the worst constraint if the iteration does not converge, or
+    a joint that would hold a wrong orientation, see `require_oriented`.
     """
     # Redundant constraints make the equations of a correction singular. The flag selects a solver
     # for that case, so that they need not be known here.
