@@ -27,7 +27,7 @@ from .absolute_coordinates import AbsoluteCoordinates
 from .constraint_report import constraint_report
 from .coordinates import AbstractCoordinates, MotionVariables
 from .formulation import Formulation
-from .journals import centring_joints, outside, resting_joints, with_ideal
+from .journals import centring_joints, outside, require_centred, resting_joints, with_ideal
 from .system import System
 
 ITERATIONS = 100
@@ -85,7 +85,7 @@ def assemble(
     the axis if the joint holds it axially. A journal that penetrates the wall by more than a
     micrometre is put into the centre of the bearing, and gets the velocity that an ideal joint
     would give it. A user-defined joint without a centred position (its method `centred_joint`
-    returns ``None``) is left as it is.
+    returns ``None``) is left as it is. A pin in a slot is only centred across the slot.
 
     **Arguments:**
 
@@ -103,6 +103,7 @@ def assemble(
     - if no state near the guess satisfies the constraints; the message names the worst constraint;
     - if a `FixedJoint` or `PrismaticJoint` would hold a wrong orientation, since the guess is
       turned too far;
+    - if a journal is deep in a wall although it is centred, such as a pin beyond the end of a slot;
     - if `resting` is a single string;
     - if a name in `resting` is not that of a clearance joint with a centred position;
     - if a journal in `resting` has no load across its axis, or its joint has no position of rest
@@ -123,10 +124,14 @@ def assemble(
     # Loads depend on the position, so resting journals are centred first, then moved to the wall.
     ideal = centring_joints(scene, resting)
     state = _in_bearings(scene, ideal, state, t)
+    require_centred(scene, state, ideal)
     if not resting:
         return state
     ideal |= resting_joints(scene, ideal, resting, state, t)
-    return _in_bearings(scene, ideal, state, t)
+    state = _in_bearings(scene, ideal, state, t)
+    # A journal with a profile, which counts as a circle at rest, may be deeper than others.
+    require_centred(scene, state, set(ideal) - set(resting))
+    return state
 
 
 def _in_bearings(
