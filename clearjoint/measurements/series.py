@@ -52,8 +52,8 @@ def to_si(unit: str, si: str | None) -> tuple[float, str]:
     import pint  # Importing it takes a quarter of a second, so it is imported only when needed.
 
     registry = pint.get_application_registry()
-    source = _pint_unit(registry, unit)
-    target = registry.get_base_units(source)[1] if si is None else registry.Unit(si)
+    source = _pint_unit(registry, unit, "unit")
+    target = registry.get_base_units(source)[1] if si is None else _pint_unit(registry, si, "si")
     expected = f"a unit of {'SI' if si is None else si!r}"
     remedy = f"check the column and its channel; {source} has dimension {source.dimensionality}"
     require(source.is_compatible_with(target), "unit", unit, expected, remedy)
@@ -71,8 +71,10 @@ def to_si(unit: str, si: str | None) -> tuple[float, str]:
     return float(one), unit if one == 1.0 else f"{target:~C}" or "1"
 
 
-def _pint_unit(registry: "pint.registry.ApplicationRegistry", unit: str) -> "pint.Unit":
-    """Return the unit of pint that a text names.
+def _pint_unit(
+    registry: "pint.registry.ApplicationRegistry", unit: str, argument: str
+) -> "pint.Unit":
+    """Return the unit of pint that a text names. `argument` is the name of the text in errors.
 
     **Raises:** `ValueError` for an unknown unit, and for one that is too long or has too large
     powers, see `LONGEST` and `LARGEST_POWER`.
@@ -84,19 +86,19 @@ def _pint_unit(registry: "pint.registry.ApplicationRegistry", unit: str) -> "pin
     # preprocessor writes every power with "**", and after every accepted power has become "#",
     # neither "##" nor "**" may be left. In the product, a power below 1 counts as 1, so that it
     # does not compensate for a large one.
-    require(len(unit) <= LONGEST, "unit", unit, f"at most {LONGEST} characters", SPELLING)
+    require(len(unit) <= LONGEST, argument, unit, f"at most {LONGEST} characters", SPELLING)
     plain = string_preprocessor(unit).replace(" ", "")
     powers = POWER.findall(plain)
     chained = "##" in (rest := POWER.sub("#", plain)) or "**" in rest
     small = math.prod(max(float(power), 1.0) for power in powers) <= LARGEST_POWER
     expected = "a unit whose powers are small numbers"
-    require(small and not chained, "unit", unit, expected, SPELLING)
+    require(small and not chained, argument, unit, expected, SPELLING)
     try:
         known = registry.Unit(unit)
         registry.get_base_units(known)  # Overflows for a prefix with a large power.
     except Exception as error:  # pint raises many kinds of errors, including its tokenizer's.
         raise ValueError(
-            f"Argument `unit` must be a unit that pint knows, but is {unit!r}: {SPELLING}."
+            f"Argument `{argument}` must be a unit that pint knows, but is {unit!r}: {SPELLING}."
         ) from error
     return known
 

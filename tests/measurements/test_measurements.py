@@ -55,6 +55,7 @@ def test_units_of_user_defined_functions_become_si_units():
         ("dB", "1", "a multiple of dimensionless, but is 'dB'"),
         ("m/s2", "m/s^2", "a unit that pint knows, but is 'm/s2': write for example"),
         ("(", "m", r"a unit that pint knows, but is '\('"),
+        ("m", "metr", "Argument `si` must be a unit that pint knows, but is 'metr'"),
     ],
 )
 def test_units_without_a_factor_are_refused(unit, si, message):
