@@ -163,8 +163,10 @@ class Series(AbstractReadable):
         self.channel, self.name = channel, name
         self.times = as_number(times, "times", "s")
         self.values = as_number(values, "values", unit) * factor
+        self.noise = as_number(noise, "noise", unit) * factor
         # A single deviation is repeated for each sample.
-        self.noise = as_number(noise, "noise", unit) * factor * np.ones(np.shape(self.values))
+        if np.size(self.noise) == 1:
+            self.noise = self.noise * np.ones(np.shape(self.values))
 
     def __check_init__(self):
         # Numbers that JAX traces have no known values, so they are not checked.
@@ -175,10 +177,9 @@ class Series(AbstractReadable):
         label = "" if self.name is None else f" of {self.name!r}"
         fine = times.ndim == 1 and times.size > 0
         require(fine, f"times{label}", times.shape, "a row of times", "pass shape (N,), N > 0")
-        same = values.shape == noise.shape == times.shape
-        shapes = values.shape, noise.shape
-        expected = f"of the shape {times.shape} of the times, as the noise"
-        require(same, f"values{label}", shapes, expected, "pass one value for each time")
+        expected, remedy = f"of the shape {times.shape} of the times", "pass one value for each time"
+        require(values.shape == times.shape, f"values{label}", values.shape, expected, remedy)
+        require(noise.shape == times.shape, f"noise{label}", noise.shape, expected, remedy)
         require_each(np.isfinite(times), f"times{label}", times, "finite", "leave the sample out")
         require_each(np.isfinite(values), f"values{label}", values, "finite", "leave it out")
         positive = np.isfinite(noise) & (noise > 0.0)
