@@ -177,7 +177,8 @@ class Series(AbstractReadable):
         label = "" if self.name is None else f" of {self.name!r}"
         fine = times.ndim == 1 and times.size > 0
         require(fine, f"times{label}", times.shape, "a row of times", "pass shape (N,), N > 0")
-        expected, remedy = f"of the shape {times.shape} of the times", "pass one value for each time"
+        expected = f"of the shape {times.shape} of the times"
+        remedy = "pass one value for each time"
         require(values.shape == times.shape, f"values{label}", values.shape, expected, remedy)
         require(noise.shape == times.shape, f"noise{label}", noise.shape, expected, remedy)
         require_each(np.isfinite(times), f"times{label}", times, "finite", "leave the sample out")
