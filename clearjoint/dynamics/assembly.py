@@ -16,16 +16,18 @@ from ..compilation import HostFirst
 from ..fields.caching import cached_by_numbers
 from ..fields.checks import checkable, nearest, require, require_finite
 from ..fields.objects import on_device, with_arrays
+from ..math.rotations import rotation_matrix
 from ..math.vectors import Scalar, pack, unpack
 from ..model.bodies import BodyState, State
 from ..model.joints.base import AbstractConstraint
+from ..model.joints.ideal import FixedJoint, PrismaticJoint
 from ..model.scene import Scene
 from ..native import Native
 from .absolute_coordinates import AbsoluteCoordinates
 from .constraint_report import constraint_report
 from .coordinates import AbstractCoordinates, MotionVariables
 from .formulation import Formulation
-from .journals import centring_joints, outside, resting_joints, with_ideal
+from .journals import centring_joints, outside, require_centred, resting_joints, with_ideal
 from .system import System
 
 ITERATIONS = 100
@@ -83,7 +85,7 @@ def assemble(
     the axis if the joint holds it axially. A journal that penetrates the wall by more than a
     micrometre is put into the centre of the bearing, and gets the velocity that an ideal joint
     would give it. A user-defined joint without a centred position (its method `centred_joint`
-    returns ``None``) is left as it is.
+    returns ``None``) is left as it is. A pin in a slot is only centred across the slot.
 
     **Arguments:**
 
@@ -99,6 +101,9 @@ def assemble(
     - if `scene` or `state` has another type, if the state's bodies are not those of the scene, or
       if a number of the state is not finite, or Euler parameters are far from unit norm;
     - if no state near the guess satisfies the constraints; the message names the worst constraint;
+    - if a `FixedJoint` or `PrismaticJoint` would hold a wrong orientation, since the guess is
+      turned too far;
+    - if a journal is deep in a wall although it is centred, such as a pin beyond the end of a slot;
     - if `resting` is a single string;
     - if a name in `resting` is not that of a clearance joint with a centred position;
     - if a journal in `resting` has no load across its axis, or its joint has no position of rest
@@ -119,10 +124,14 @@ def assemble(
     # Loads depend on the position, so resting journals are centred first, then moved to the wall.
     ideal = centring_joints(scene, resting)
     state = _in_bearings(scene, ideal, state, t)
+    require_centred(scene, state, ideal)
     if not resting:
         return state
     ideal |= resting_joints(scene, ideal, resting, state, t)
-    return _in_bearings(scene, ideal, state, t)
+    state = _in_bearings(scene, ideal, state, t)
+    # A journal with a profile, which counts as a circle at rest, may be deeper than others.
+    require_centred(scene, state, set(ideal) - set(resting))
+    return state
 
 
 def _in_bearings(
@@ -153,7 +162,8 @@ def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
     matrix, that satisfies the linearised constraints. The result is therefore only approximately
     the nearest state. Entry speeds, work and bristles are unchanged.
 
-    **Raises:** `ValueError` that names the worst constraint if the iteration does not converge.
+    **Raises:** `ValueError` that names the worst constraint if the iteration does not converge, or
+    a joint that would hold a wrong orientation, see `require_oriented`.
     """
     # Redundant constraints make the equations of a correction singular. The flag selects a solver
     # for that case, so that they need not be known here.
@@ -176,6 +186,7 @@ def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
     report = constraint_report(scene, State(bodies), t)
     # The same limit as for positions, 1e-9, per second.
     _require_satisfied(report.names, report.rates, 1e-9, "assembled", "velocities")
+    require_oriented(scene, State(bodies))
     return State(bodies, state.entry_speeds, state.work, state.bristles)
 
 
@@ -189,6 +200,46 @@ def require_assembled(names: tuple[str, ...], values: np.ndarray, rates: np.ndar
     """
     _require_satisfied(names, values, ACCEPTED_VIOLATION, "consistent", "positions")
     _require_satisfied(names, rates, ACCEPTED_VIOLATION, "consistent", "velocities")
+
+
+def require_oriented(scene: Scene, state: State) -> None:
+    """Check that fixed and prismatic joints hold the orientation that they declare.
+
+    The rows of these joints are also zero after half a revolution about x, y or z and after cyclic
+    permutations of the axes, which are rotations by 180 and 120 degrees. A run would hold such an
+    orientation.
+
+    **Raises:** `ValueError` that names the joint.
+    """
+    for name, cosine in cosines_of_turns(scene, state.bodies).items():
+        turn = round(float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))), 3)
+        second = scene.joints[name].body_names()[1]
+        expected = (
+            f"one in which body {second!r} is less than 90 degrees from the `orientation` of joint "
+            f"{name!r}"
+        )
+        remedy = "turn the body, or give the joint another `orientation`"
+        require(bool(cosine > 0.0), "state", turn, expected, remedy)
+
+
+# NumPy computes this function if it can, since a compilation takes longer than a single call.
+@HostFirst
+def cosines_of_turns(scene: Scene, bodies: dict[str, BodyState]) -> dict[str, Scalar]:
+    """Return the cosine of the angle by which the second body is turned away from the declared
+    orientation, for each fixed and prismatic joint by name.
+
+    In scene and states of the bodies, vectors are arrays (3,).
+    """
+    system = System(unpack(scene), Formulation(AbsoluteCoordinates()))
+    motions = system.motions(system.encode(unpack(bodies)))
+    cosines: dict[str, Scalar] = {}
+    for name, joint in system.scene.joints.items():
+        if isinstance(joint, FixedJoint | PrismaticJoint):
+            first, second = (motions[body].rotation for body in joint.pair())
+            x, y, z = (first.T @ second @ rotation_matrix(joint.orientation).T).rows
+            # The trace of a rotation matrix is one plus twice the cosine of the angle.
+            cosines[name] = 0.5 * (x.x + y.y + z.z - 1.0)
+    return cosines
 
 
 def require_certain(uncertain: tuple[str, ...]) -> None:

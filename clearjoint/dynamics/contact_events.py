@@ -89,20 +89,27 @@ def uses_entry_speed(scene: Scene) -> bool:
     return any(law.uses_entry_speed for family in scene.laws().values() for law in family.values())
 
 
-def initial_entry_speeds(scene: Scene, start: ContactGaps) -> EntrySpeeds:
+def initial_entry_speeds(
+    scene: Scene, start: ContactGaps, given: EntrySpeeds | None = None
+) -> EntrySpeeds:
     """Return the entry speeds at the start of a run, m/s, by joint and contact label, of the
     contacts whose laws use them.
 
+    - A contact in `given` keeps its entry speed.
     - An open contact gets zero.
     - A contact that is just beginning (depth positive, but at most `TOUCHING`) gets its penetration
       rate, or `SLOWEST` if that is larger.
     - A deeper contact gets `UNKNOWN_ENTRY_SPEED`, with which its force is elastic, since its impact
       was before the start.
 
-    **Arguments:** `start`: the contact gaps at the start of the run.
+    **Arguments:** `start`: the contact gaps at the start of the run; `given`: known entry speeds,
+    of which those of other contacts are left out.
     """
 
     def entry_speed(name: str, label: str) -> Scalar:
+        known = (given or {}).get(name, {})
+        if label in known:
+            return known[label]
         gap = start[name][label]
         present = jnp.where(_at_the_wall(gap), jnp.maximum(gap.rate, SLOWEST), UNKNOWN_ENTRY_SPEED)
         return jnp.where(gap.depth > 0.0, present, 0.0)

@@ -144,6 +144,23 @@ def require_in_bearings(scene: Scene, state: State) -> None:
         caution_unless(depth <= usual, "state", depth, meaning, expected, remedy)
 
 
+def require_centred(scene: Scene, state: State, names: Iterable[str]) -> None:
+    """Check that the named joints, whose bodies `assemble` has centred, have no contact deep in a
+    wall: deeper than `FAR_OUTSIDE` times the largest penetration that the joint allows.
+
+    **Raises:** `ValueError` that names the contact. A pin beyond the end of its slot is an example,
+    since it is only centred across the slot.
+    """
+    by_joint, joints = depths(scene, state), scene.contact_joints()
+    for name in names:
+        for label, limit in joints[name].deepest().items():
+            depth, usual = by_joint[name][label], FAR_OUTSIDE * float(limit)
+            where = f"contact {label!r} of joint {name!r}"
+            expected = f"one that can be assembled with {where} at most {usual:g} m deep"
+            remedy = "move the body in the guess, until it is out of this wall"
+            require(depth <= usual, "state", depth, expected, remedy)
+
+
 def warn_of_journals_outside(
     scene: Scene, time: Scalar, final: State, kept: Iterable[tuple[np.ndarray, State]]
 ) -> None:

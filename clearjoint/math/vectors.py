@@ -364,7 +364,9 @@ def unpack(tree: PyTree, leading: int = 0) -> PyTree:
 def _pack_leaf(leaf: PyTree) -> PyTree:
     if isinstance(leaf, Matrix):
         rows = [_pack_leaf(row) for row in leaf.rows]
-        return library(rows).stack(rows, axis=-2)
+        numpy = library(rows)
+        # A row of structural components has no leading axes, but the others may have some.
+        return numpy.stack(numpy.broadcast_arrays(*rows), axis=-2)
     if isinstance(leaf, Vector | EulerParameters):
         parts = jax.tree.leaves(leaf)
         numpy = library(parts)

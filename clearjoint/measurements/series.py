@@ -52,8 +52,8 @@ def to_si(unit: str, si: str | None) -> tuple[float, str]:
     import pint  # Importing it takes a quarter of a second, so it is imported only when needed.
 
     registry = pint.get_application_registry()
-    source = _pint_unit(registry, unit)
-    target = registry.get_base_units(source)[1] if si is None else registry.Unit(si)
+    source = _pint_unit(registry, unit, "unit")
+    target = registry.get_base_units(source)[1] if si is None else _pint_unit(registry, si, "si")
     expected = f"a unit of {'SI' if si is None else si!r}"
     remedy = f"check the column and its channel; {source} has dimension {source.dimensionality}"
     require(source.is_compatible_with(target), "unit", unit, expected, remedy)
@@ -71,8 +71,10 @@ def to_si(unit: str, si: str | None) -> tuple[float, str]:
     return float(one), unit if one == 1.0 else f"{target:~C}" or "1"
 
 
-def _pint_unit(registry: "pint.registry.ApplicationRegistry", unit: str) -> "pint.Unit":
-    """Return the unit of pint that a text names.
+def _pint_unit(
+    registry: "pint.registry.ApplicationRegistry", unit: str, argument: str
+) -> "pint.Unit":
+    """Return the unit of pint that a text names. `argument` is the name of the text in errors.
 
     **Raises:** `ValueError` for an unknown unit, and for one that is too long or has too large
     powers, see `LONGEST` and `LARGEST_POWER`.
@@ -84,19 +86,19 @@ def _pint_unit(registry: "pint.registry.ApplicationRegistry", unit: str) -> "pin
     # preprocessor writes every power with "**", and after every accepted power has become "#",
     # neither "##" nor "**" may be left. In the product, a power below 1 counts as 1, so that it
     # does not compensate for a large one.
-    require(len(unit) <= LONGEST, "unit", unit, f"at most {LONGEST} characters", SPELLING)
+    require(len(unit) <= LONGEST, argument, unit, f"at most {LONGEST} characters", SPELLING)
     plain = string_preprocessor(unit).replace(" ", "")
     powers = POWER.findall(plain)
     chained = "##" in (rest := POWER.sub("#", plain)) or "**" in rest
     small = math.prod(max(float(power), 1.0) for power in powers) <= LARGEST_POWER
     expected = "a unit whose powers are small numbers"
-    require(small and not chained, "unit", unit, expected, SPELLING)
+    require(small and not chained, argument, unit, expected, SPELLING)
     try:
         known = registry.Unit(unit)
         registry.get_base_units(known)  # Overflows for a prefix with a large power.
     except Exception as error:  # pint raises many kinds of errors, including its tokenizer's.
         raise ValueError(
-            f"Argument `unit` must be a unit that pint knows, but is {unit!r}: {SPELLING}."
+            f"Argument `{argument}` must be a unit that pint knows, but is {unit!r}: {SPELLING}."
         ) from error
     return known
 
@@ -161,8 +163,10 @@ class Series(AbstractReadable):
         self.channel, self.name = channel, name
         self.times = as_number(times, "times", "s")
         self.values = as_number(values, "values", unit) * factor
+        self.noise = as_number(noise, "noise", unit) * factor
         # A single deviation is repeated for each sample.
-        self.noise = as_number(noise, "noise", unit) * factor * np.ones(np.shape(self.values))
+        if np.size(self.noise) == 1:
+            self.noise = self.noise * np.ones(np.shape(self.values))
 
     def __check_init__(self):
         # Numbers that JAX traces have no known values, so they are not checked.
@@ -173,10 +177,10 @@ class Series(AbstractReadable):
         label = "" if self.name is None else f" of {self.name!r}"
         fine = times.ndim == 1 and times.size > 0
         require(fine, f"times{label}", times.shape, "a row of times", "pass shape (N,), N > 0")
-        same = values.shape == noise.shape == times.shape
-        shapes = values.shape, noise.shape
-        expected = f"of the shape {times.shape} of the times, as the noise"
-        require(same, f"values{label}", shapes, expected, "pass one value for each time")
+        expected = f"of the shape {times.shape} of the times"
+        remedy = "pass one value for each time"
+        require(values.shape == times.shape, f"values{label}", values.shape, expected, remedy)
+        require(noise.shape == times.shape, f"noise{label}", noise.shape, expected, remedy)
         require_each(np.isfinite(times), f"times{label}", times, "finite", "leave the sample out")
         require_each(np.isfinite(values), f"values{label}", values, "finite", "leave it out")
         positive = np.isfinite(noise) & (noise > 0.0)

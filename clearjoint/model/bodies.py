@@ -411,9 +411,10 @@ class State(AbstractReadable):
     - `bodies`: `BodyState` of each body by name, without the ground.
     - `entry_speeds[joint][contact]`: entry speed of the current contact, its penetration rate at
       the onset, m/s, by name of the joint and label of the contact. It is zero without contact. If
-      a run starts without entry speeds, a contact that began earlier gets 1e9, which makes the
-      damping negligible. Empty for scenes whose laws don't use entry speeds. States saved by
-      `simulate_nonsmooth`, whose contacts are rigid, list zero for each contact.
+      a run starts without the entry speed of a contact that began earlier, the contact gets 1e9,
+      which makes the damping negligible. Empty for scenes whose laws don't use entry speeds; a run
+      ignores those of other contacts. States saved by `simulate_nonsmooth`, whose contacts are
+      rigid, list zero for each contact.
     - `work`: energies since the start, J, by name: "normal damping", "friction", "film" and
       "stabilisation", positive if taken from the motion, and "supplied", positive if drives and
       loads supplied it; empty unless the run keeps this energy ledger.

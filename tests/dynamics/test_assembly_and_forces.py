@@ -1,15 +1,22 @@
 """Assembly by projection, springs and loads against closed forms, and the axial policies."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
 from clearjoint.dynamics.constraint_report import start_rows
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.system import System
 from clearjoint.math.vectors import Vector, unpack
+from clearjoint.simulation.run.run_checks import BY_NUMPY, starts
+
+
+def euler_parameters(rotation):
+    return rotation.as_quat(scalar_first=True)
 
 
 def test_assembly_satisfies_positions_and_velocities():
@@ -51,6 +58,32 @@ def test_redundant_constraints_are_found_from_rows_of_unit_norm():
     lengths = np.linalg.norm(rows.jacobian, axis=1)
     assert lengths.max() > 3.0
     np.testing.assert_allclose(rows.left * lengths[:, None], rows.jacobian, atol=1e-14)
+
+
+@pytest.mark.parametrize("turn", [((1, 0, 0), 180), ((0, 0, 1), 180), ((1, 1, 1), 120)])
+@pytest.mark.parametrize("kind", [cj.FixedJoint, partial(cj.PrismaticJoint, axis=(1, 0, 0))])
+def test_joints_refuse_orientations_other_than_their_own(kind, turn):
+    """The rows vanish there too."""
+    origin, declared = (0, 0, 0), Rotation.from_rotvec((0.4, 0.2, -0.3))
+    joint = kind("ground", "block", origin, origin, orientation=euler_parameters(declared))
+    scene = cj.Scene({"block": cj.Body(1.0, (0.1, 0.1, 0.1))}, {"weld": joint})
+    settings = cj.Settings(coordinates=cj.AbsoluteCoordinates())
+    axis, angle = turn
+    wrong = Rotation.from_rotvec(np.radians(angle) * np.asarray(axis) / np.linalg.norm(axis))
+
+    def state(rotation):
+        return cj.State({"block": cj.body_state(origin, euler_parameters(rotation))})
+
+    message = f"joint 'weld', but is {angle}"
+    with pytest.raises(ValueError, match=message):
+        cj.assemble(scene, state(wrong * declared))
+    # The first starts are checked by NumPy, and the last one by native code.
+    for _ in range(BY_NUMPY + 1):
+        with pytest.raises(ValueError, match=message):
+            cj.simulate(scene, state(wrong * declared), 1e-3, settings, progress=False)
+    right = cj.assemble(scene, state(Rotation.from_rotvec((0.1, 0, 0.1)) * declared))
+    found = starts.redundant(scene, right, 0.0, cj.AbsoluteCoordinates())
+    assert found == ()
 
 
 def test_a_constraint_whose_rows_vanish_is_redundant_there():

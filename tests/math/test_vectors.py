@@ -148,6 +148,9 @@ def test_pack_keeps_leading_axes_and_the_library(library):
 def test_pack_spreads_structural_components():
     np.testing.assert_array_equal(pack(Vector(np.arange(2.0), 0.0, 1.0)), [[0, 0, 1], [1, 0, 1]])
     np.testing.assert_array_equal(pack(IDENTITY), np.eye(3))
+    matrix = Matrix(Vector(np.arange(2.0), 0.0, 1.0), UNIT_Y, UNIT_Z)
+    expected = [[[k, 0, 1], [0, 1, 0], [0, 0, 1]] for k in range(2)]
+    np.testing.assert_array_equal(pack(matrix), expected)
 
 
 def test_rotation_matrix_turns_body_components_into_global_ones():

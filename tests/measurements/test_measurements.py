@@ -55,6 +55,7 @@ def test_units_of_user_defined_functions_become_si_units():
         ("dB", "1", "a multiple of dimensionless, but is 'dB'"),
         ("m/s2", "m/s^2", "a unit that pint knows, but is 'm/s2': write for example"),
         ("(", "m", r"a unit that pint knows, but is '\('"),
+        ("m", "metr", "Argument `si` must be a unit that pint knows, but is 'metr'"),
     ],
 )
 def test_units_without_a_factor_are_refused(unit, si, message):
@@ -181,6 +182,7 @@ def test_dataset_shares_the_time_where_the_series_do():
         ({"times": []}, r"`times` must be a row of times, but is \(0,\)"),
         ({"values": [0.0, 1.0]}, r"`values` must be of the shape \(3,\) of the times"),
         ({"values": [0.0, math.inf, 1.0]}, r"`values\[1\]` must be finite, but is inf"),
+        ({"noise": [1.0, 2.0]}, r"`noise` must be of the shape \(3,\) of the times, .* is \(2,\)"),
         ({"noise": 0.0}, r"`noise\[0\]` must be finite and positive, but is 0\.0"),
         ({"noise": [1.0, 1.0, -1.0]}, r"`noise\[2\]` must be finite and positive"),
         ({"unit": "kg"}, "`unit` must be a unit of 'm', but is 'kg'"),

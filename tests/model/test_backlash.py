@@ -222,6 +222,7 @@ def _at(angle):
     [
         (lambda: backlash(play_length=1e-4), "`play`"),
         (lambda: backlash(play=None), "`play`"),
+        (lambda: cj.Backlash("a", "b", play_length=1e-4, torsional_stiffness=2e4), "`radius` must"),
         (lambda: backlash(play=-1e-3), "`play`"),
         (lambda: backlash(play=7.0), "smaller than a full revolution"),
         (lambda: backlash(radius=0.0), "`radius`"),

@@ -57,6 +57,8 @@ def test_a_load_takes_functions_for_one_component_or_for_all():
     turning = cj.AppliedLoad("rod", lambda t: (jnp.cos(t), jnp.sin(t), 0.0), point=(0, 0, 2.0))
     expected = [np.cos(0.5), np.sin(0.5), 0.0, -2.0 * np.sin(0.5), 2.0 * np.cos(0.5), 0.0]
     np.testing.assert_allclose(load_at(turning, 0.5), expected, rtol=1e-14)
+    along = cj.AppliedLoad("rod", lambda t: UNIT_X * t)
+    np.testing.assert_array_equal(load_at(along, 0.5), [0.5, 0, 0, 0, 0, 0])
     spline = cj.Spline.through(TIMES, rows)
     mid = [float(cj.Spline.through(TIMES, rows[:, k])(0.13)) for k in range(3)]
     np.testing.assert_allclose(load_at(cj.AppliedLoad("rod", spline), 0.13)[:3], mid, rtol=1e-14)
@@ -200,6 +202,14 @@ def test_a_function_that_decides_by_time_without_saying_so_has_no_derivatives():
         (lambda: cj.AppliedLoad("a", (1.0, lambda t: t)), "`force` must be three components"),
         (lambda: cj.AppliedLoad("a", 5.0), r"`force`.*shape \(3,\).*function of time"),
         (lambda: load_at(cj.AppliedLoad("rod", lambda t: t), 0.0), "`function`.*three numbers"),
+        (
+            lambda: load_at(cj.AppliedLoad("rod", lambda t: None), 0.0),
+            "`function`.*three numbers, but is None",
+        ),
+        (
+            lambda: load_at(cj.AppliedLoad("rod", (0.0, lambda t: None, 0.0)), 0.0),
+            "`function`.*one number, but is None",
+        ),
         (
             lambda: load_at(cj.AppliedLoad("rod", (0.0, lambda t: (t, t), 0.0)), 0.0),
             "`function`.*one number",

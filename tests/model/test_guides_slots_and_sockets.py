@@ -242,6 +242,18 @@ def test_bodies_that_start_outside_are_centred_or_moved_to_rest(joint, label, pl
     assert float(contact.gap.depth) == pytest.approx(0.0, abs=1e-12)
 
 
+def test_a_pin_deep_in_the_end_of_its_slot_is_not_assembled():
+    """It is centred across the slot only."""
+    joint = slot("ground", "b", travel=0.1)
+    scene = cj.Scene({"b": cj.Body(1.0, (1e-3,) * 3)}, {"joint": joint}, gravity=(0, -9.81, 0))
+    for resting in ([], ["joint"]):
+        with pytest.raises(ValueError, match=r"'upper end' of joint 'joint'.* but is 0\.002"):
+            state = cj.State({"b": cj.body_state((0.052, 0.0, 0.0))})
+            cj.assemble(scene, state, resting=resting)
+        state = cj.State({"b": cj.body_state((0.05 + 2e-6, 0.0, 0.0))})
+        assert cj.assemble(scene, state, resting=resting).bodies["b"].position[0] > 0.05
+
+
 @pytest.mark.slow
 def test_two_pins_in_slots_move_as_alone():
     """Two pins in slots of the ground with different plays and speeds, against separate runs."""

@@ -24,8 +24,8 @@ WIDE_BACKLASH = 0.5
 LARGEST_RADIUS = 10.0
 """Flank radius above which a warning is issued, m, since it may have been given in mm."""
 DEFAULT_RADIUS = 0.01
-"""Flank radius with a torsional stiffness, m. The motion doesn't depend on it if the play is given
-as an angle; a `play_length` is divided by it."""
+"""Flank radius with a torsional stiffness and a play as an angle, m. The motion is independent of
+it."""
 
 
 class Backlash(AbstractPair, AbstractFlankJoint):
@@ -53,8 +53,8 @@ class Backlash(AbstractPair, AbstractFlankJoint):
       joint.
     - `play`: rad, total angle from flank to flank. Alternatively `play_length`: m, the arc length
       at `radius`, as specified for gears. The joint stores the angle.
-    - `radius`: m, of the flanks. Optional with a `torsional_stiffness`: 0.01 m by default. Give it
-      with a `play_length`.
+    - `radius`: m, of the flanks. Optional with a `torsional_stiffness` and an angle `play`: 0.01 m
+      by default.
     - `middle`: rad, the joint's angle (`quantities.JointAngle`) in the middle of the play. The
       angle is zero for parallel frames of the bodies if both axes have the same components.
     - `law`: normal law of each flank, whose stiffness is given as a number. Alternatively
@@ -63,10 +63,10 @@ class Backlash(AbstractPair, AbstractFlankJoint):
 
     **Raises:** `ValueError` if the play is not between zero and a full revolution; unless exactly
     one of `play` and `play_length`, and exactly one of `law` and `torsional_stiffness`, is given;
-    if a `law` is given with a `restitution` or without a `radius`; if the law's stiffness is not
-    given as a number; if an axis has zero length; if both bodies are the same; or if another value
-    is outside its range. **Warns:** `UnusualValueWarning` for a play of more than 0.5 rad or a
-    radius of more than 10 m.
+    if a `law` is given with a `restitution`; if a `law` or a `play_length` is given without a
+    `radius`; if the law's stiffness is not given as a number; if an axis has zero length; if both
+    bodies are the same; or if another value is outside its range. **Warns:** `UnusualValueWarning`
+    for a play of more than 0.5 rad or a radius of more than 10 m.
 
     Source: dead-zone model with a contact law at the two flanks (M. Nordin, P.-O. Gutman,
     Controlling mechanical systems with backlash: a survey, Automatica 38, 2002).
@@ -123,6 +123,8 @@ class Backlash(AbstractPair, AbstractFlankJoint):
         # A torsional stiffness takes the place of a law. It makes the radius arbitrary, since the
         # law's stiffness is that of the couple over the square of the radius.
         if law is None and radius is None:
+            expected, remedy = "given with a `play_length`", "pass the flanks' radius in m"
+            require(play_length is None, "radius", None, expected, remedy)
             radius = DEFAULT_RADIUS
         # Quotients by the radius would give errors that name other arguments.
         self.radius, self.middle = as_number(radius, "radius", "m"), middle

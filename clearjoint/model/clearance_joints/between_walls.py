@@ -138,8 +138,8 @@ class PinInSlot(AbstractFrictionJoint):
         """Return the ideal joint that keeps the pin's centre in the middle plane of the slot.
 
         `assemble`, which corrects initial states, uses it if the pin penetrates a wall or an end
-        by more than a micrometre. It doesn't move the pin along the slot, so that a pin in an end
-        stays there.
+        by more than a micrometre. It doesn't move the pin along the slot: a pin slightly in an end
+        stays there, and for a pin deep in an end `assemble` raises an error.
         """
         return self._ideal(self.slot_point)
 

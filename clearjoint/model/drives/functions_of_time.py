@@ -395,7 +395,7 @@ def vector_at(given: PyTree, t: Scalar) -> Vector:
     """Return the vector that a field declared by `triple_in_time` has at the time `t`, s.
 
     **Arguments:** `given`: content of the field: a constant `Vector`, a tuple of three numbers or
-    functions of time, or one function that returns three numbers.
+    functions of time, or one function that returns three numbers or a `Vector`.
 
     **Raises:** `ValueError` if a function returns another number of values.
     """
@@ -406,13 +406,18 @@ def vector_at(given: PyTree, t: Scalar) -> Vector:
         return Vector(*(value_at(part, t) for part in given))
     # One function of time for all components.
     parts = given(t)
+    parts = tuple(parts) if isinstance(parts, Vector) else parts
     shape, expected = _shape(parts), "a function of time that returns three numbers"
     remedy = "return (x, y, z), or pass three functions: force=(0.0, function, 0.0)"
     require(shape == (3,), "function", shape, expected, remedy)
     return Vector(*(parts[k] for k in range(3)))
 
 
-def _shape(value: PyTree) -> tuple[int, ...]:
+def _shape(value: PyTree) -> tuple[int, ...] | None:
+    """Return the shape of a function's value; ``None`` for ``None``, the value of a function
+    without ``return``."""
+    if value is None:
+        return None
     return (len(value),) if isinstance(value, tuple | list) else jnp.shape(value)
 
 

@@ -99,7 +99,8 @@ class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
         frame that moves with this body, and that the rows keep parallel to the first body's frame.
         The value of "rotation x" is the scalar product of the first body's y axis and this frame's
         z axis; the others follow by cyclic permutation. The values are also zero at a few other
-        orientations, such as after half a revolution about one of the axes.
+        orientations, such as after half a revolution about one of the axes. `assemble` and the
+        check of an initial state refuse these.
         """
         relative = rotation_matrix(orientation)
         # Parallel frames have y perpendicular to z, z to x, and x to y. A small rotation about x

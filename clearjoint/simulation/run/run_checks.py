@@ -24,8 +24,10 @@ from ...dynamics.assembly import (
     ACCEPTED_VIOLATION,
     REPRESENTED,
     check_names,
+    cosines_of_turns,
     require_assembled,
     require_certain,
+    require_oriented,
     require_representable,
     round_trip,
 )
@@ -129,9 +131,9 @@ def check_structure(
 
     **Returns:** the names of the redundant constraints.
 
-    **Raises:** `ValueError` if the state violates a constraint, if a journal is far outside its
-    bearing, if redundancy cannot be decided, or if the coordinates cannot represent the state or
-    have no variable.
+    **Raises:** `ValueError` if the state violates a constraint, if a joint holds a wrong
+    orientation, if a journal is far outside its bearing, if redundancy cannot be decided, or if the
+    coordinates cannot represent the state or have no variable.
 
     **Warns:** `UnusualValueWarning` for a journal that is less far outside, but deep in the wall.
     """
@@ -140,6 +142,7 @@ def check_structure(
     require_in_bearings(scene, state)
     report = constraint_report(scene, state, t, coordinates)
     require_assembled(report.names, report.values, report.rates)
+    require_oriented(scene, state)
     require_certain(report.uncertain)
     require_representable(scene, state, coordinates)
     return report.redundant
@@ -212,6 +215,9 @@ def _passes(
     # Position and velocity satisfy the constraints.
     rows = start_rows(scene, coordinates, state, t)
     holds += [(jnp.abs(part) <= ACCEPTED_VIOLATION).all() for part in (rows.values, rows.rates)]
+    # As in `require_oriented`, fixed and prismatic joints hold their orientation.
+    cosines = cosines_of_turns.__wrapped__(scene, state.bodies)
+    holds += [cosine > 0.0 for cosine in cosines.values()]
     # The coordinates represent the state: it is the same after conversion to them and back.
     variables, decoded = round_trip.__wrapped__(scene, state, Formulation(coordinates))
     # A scene without variables is invalid, because nothing could move.

@@ -24,6 +24,7 @@ from ...dynamics.contact_forces import EntrySpeeds
 from ...dynamics.system import System
 from ...math.vectors import Condition, Scalar
 from ...model.bodies import State
+from ...model.joints.base import each_label
 from ...native import Native
 from ...parametrisation.parametrised_scene import Coordinates, ParametrisedScene
 from ...quantities.base import Instant, Quantity
@@ -133,7 +134,10 @@ def start_with_tangents(
     # parameters at the start.
     none = jnp.zeros(count)
     y_along = replace(y_along, work=dict.fromkeys(step.y.work, none))
-    entry_speeds_along = entry_speeds_along or jax.tree.map(lambda _: none, step.entry_speeds)
+    given = entry_speeds_along
+    entry_speeds_along = each_label(
+        lambda name, label: given.get(name, {}).get(label, none), step.entry_speeds
+    )
     _, _, state_along = family.with_derivatives(
         solver_state, (step.y, step.entry_speeds), (y_along, entry_speeds_along)
     )

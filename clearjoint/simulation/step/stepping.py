@@ -90,12 +90,12 @@ def start(
     - `first_step`: length of the first step, s; with ``None`` the controller chooses it.
     - `y`: the motion and, to continue an earlier run, integrals of the energy ledger and bristle
       deflections; missing ones are initialised.
-    - `entry_speeds`: m/s, by joint and contact; if empty, they are derived from the contacts at
-      `t0`.
+    - `entry_speeds`: m/s, by joint and contact; missing ones are derived from the contacts at `t0`,
+      and those that no law uses are left out.
     - `derivatives`: whether the caller will add tangents to the step.
     """
     contact_gaps = system.contact_gaps(y.motion)
-    entry_speeds = entry_speeds or initial_entry_speeds(system.scene, contact_gaps)
+    entry_speeds = initial_entry_speeds(system.scene, contact_gaps, entry_speeds)
     y = replace(y, bristles=initial_bristles(system.scene, y.bristles))
     y = replace(y, work=_initial_ledger(system, t0, y, entry_speeds, derivatives))
     term, args = term_of(method), (system, entry_speeds)
