@@ -286,12 +286,14 @@ def _trajectory(motion: Solution | NonsmoothSolution | Trajectory) -> Trajectory
     remedy = "pass a State, the result of simulate(), or a Trajectory"
     kinds = Solution | NonsmoothSolution
     require_type("motion", motion, kinds, "a state or a solution", remedy)
-    for saved in (motion.saved, getattr(motion, "steps", None)):
-        if saved is not None and len(saved):
+    # The steps of a run with rigid contacts are a number, not states.
+    for saved in (motion.saved, motion.steps):
+        if isinstance(saved, Trajectory) and len(saved):
             return saved
     raise ValueError(
         "Argument `motion` must be a solution with saved states, but has none: pass "
-        "save=Saving(times) or Saving(steps=True) to simulate()."
+        "save=Saving(times) to simulate() or simulate_nonsmooth(), or Saving(steps=True) to "
+        "simulate()."
     )
 
 

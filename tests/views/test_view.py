@@ -13,6 +13,7 @@ import trimesh
 from PIL import Image
 
 import clearjoint as cj
+from clearjoint.dynamics.formulation import Formulation
 from clearjoint.views.arrows import LONGEST
 from clearjoint.views.filming import _time_text
 from clearjoint.views.meshes import FORCE, LOAD, METAL, MODES, corners, outline
@@ -442,6 +443,28 @@ def test_motions_that_do_not_fit_are_refused():
     half = jax.tree.map(lambda rows: rows[::2], motion)
     with pytest.raises(ValueError, match="observation"):
         cj.view(scene, half, observation=recorded.observed())
+
+
+def rigid_run(saved):
+    """The result of a run with rigid contacts, which has a number of steps instead of states."""
+    return cj.results.NonsmoothSolution(
+        time=np.asarray(0.02),
+        final=recorded.motion().states,
+        result=cj.RESULTS.successful,
+        steps=np.asarray(200),
+        saved=saved,
+        history=None,
+        saved_count=None,
+        contacts={},
+        residual=np.asarray(0.0),
+        formulation=Formulation(cj.AbsoluteCoordinates()),
+        redundant_constraints=(),
+    )
+
+
+def test_a_run_with_rigid_contacts_and_no_saved_states_is_refused():
+    with pytest.raises(ValueError, match=r"saved states.*simulate_nonsmooth\(\)"):
+        cj.view(recorded.arm_in_bearing(), rigid_run(None))
 
 
 def test_an_observation_at_other_times_is_refused():
