@@ -467,6 +467,14 @@ def test_a_run_with_rigid_contacts_and_no_saved_states_is_refused():
         cj.view(recorded.arm_in_bearing(), rigid_run(None))
 
 
+def test_rigid_contacts_have_no_arrows_of_forces():
+    """But the journal has the colours of its motion modes."""
+    scene, solution = recorded.arm_in_bearing(), rigid_run(recorded.motion())
+    view = cj.view(scene, solution, observation=recorded.observed())
+    assert all(part.colour != FORCE for part in view.parts)
+    assert journal_of(view).colour_at(recorded.COUNT - 1) == MODES[2]
+
+
 def test_an_observation_at_other_times_is_refused():
     later = dataclasses.replace(recorded.observed(), times=recorded.observed().times + 0.1)
     with pytest.raises(ValueError, match="`observation` must be of the motion's"):
