@@ -45,8 +45,7 @@ def arrows(
     pen: SketchingPen, observation: Observation | None, sizes: Proportions, scale: float | None
 ) -> Arrows:
     """Return arrows of the contact forces on the second body of each joint, with tips at the
-    contact points, and of loads, which start at the point of application. A load has the same force
-    in all frames, also if it depends on time (see `SketchingPen.loads`).
+    contact points, and of loads, which start at the point of application.
 
     If no scale is given and the largest force is more than five times the median of all forces
     that are not zero, as in an impact during a motion along the wall, lengths are proportional to

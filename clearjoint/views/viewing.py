@@ -170,8 +170,8 @@ def view(
       structure; a `Trajectory` is shown without contact forces.
     - `forces`: whether to draw arrows of contact forces, and journals in the colours of their
       motion modes. A `NonsmoothSolution` is shown without arrows of contact forces, since its
-      contacts have impulses instead. Arrows of loads are always drawn; that of an `AppliedLoad`
-      shows its force at time zero in all frames.
+      contacts have impulses instead. Arrows of loads are always drawn; for a single state they
+      show the loads at time zero.
     - `frames`: largest number of frames, at about equal distances in time.
     - `meshes`: meshes of bodies by name, in m in body axes, instead of bars: a file that trimesh
       reads, an object with `vertices` and `faces`, or a pair of such arrays.

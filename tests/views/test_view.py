@@ -467,6 +467,23 @@ def test_a_run_with_rigid_contacts_and_no_saved_states_is_refused():
         cj.view(recorded.arm_in_bearing(), rigid_run(None))
 
 
+def test_the_arrow_of_a_load_shows_its_force_at_the_time_of_each_frame():
+    def push(t):
+        return 100.0 * t, 0.0, 1.0
+
+    steps = cj.PiecewiseConstant([0.0, 0.01], [0.0, 20.0])
+    loads = {"push": cj.AppliedLoad("arm", push), "kick": cj.AppliedLoad("arm", (0.0, steps, 0.0))}
+    scene = dataclasses.replace(recorded.arm_in_bearing(), forces=loads)
+    view = cj.view(scene, recorded.motion(), force_scale=1e-3)
+    pushed, kicked = (next(p for p in view.parts if p.name == n).poses[:, :3, 2] for n in loads)
+    expected = np.stack([100.0 * recorded.TIMES, 0.0 * recorded.TIMES, np.ones(recorded.COUNT)], 1)
+    np.testing.assert_allclose(pushed, 1e-3 * expected, atol=1e-12)
+    np.testing.assert_allclose(kicked[:, 1], 0.02 * (recorded.TIMES >= 0.01), atol=1e-8)
+    standing = cj.view(scene, cj.State({"arm": cj.body_state((0.2, 0.0, 0.0))}), force_scale=1e-3)
+    (part,) = [part for part in standing.parts if part.colour == LOAD]
+    np.testing.assert_allclose(part.poses[:, :3, 2], [[0.0, 0.0, 1e-3]], atol=1e-12)
+
+
 def test_rigid_contacts_have_no_arrows_of_forces():
     """But the journal has the colours of its motion modes."""
     scene, solution = recorded.arm_in_bearing(), rigid_run(recorded.motion())
