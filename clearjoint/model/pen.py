@@ -131,6 +131,8 @@ class AbstractPen(abc.ABC):
     ) -> None:
         """Draw a journal in a bearing, each along the axis of its marker.
 
+        A joint draws at most one: a view shows the forces of all its contacts at this journal.
+
         **Arguments:** `bearing`, `journal`: centres with axes. `radius`: of the bearing, m, or
         ``None`` if unknown. `clearance`: radius of the bearing less that of the journal, m.
         `length`: of the journal, m. `profiles`: deviations of the bearing and of the journal from

@@ -100,8 +100,9 @@ class SketchingPen(AbstractPen):
     have sizes in proportion to it.
 
     - `element`: name of the joint or force that is being drawn; the caller sets it.
-    - `journals`: drawn journals, by the joint's name.
-    - `loads`: points (N, 3), m, and forces (N, 3), N, in global axes, by the name of the load.
+    - `journals`: drawn journals, by the joint's name; the last one of a joint with several.
+    - `loads`: for each load, the name of its element, and points (N, 3), m, and forces (N, 3), N,
+      in global axes.
     - `drawn`: names of the joints and forces that have been drawn.
 
     **Arguments:** `poses`: of the bodies in each frame; `proportions`: sizes of the symbols;
@@ -111,7 +112,7 @@ class SketchingPen(AbstractPen):
     def __init__(self, poses: BodyPoses, proportions: Proportions, colours: Mapping[str, str]):
         self.element = ""
         self.journals: dict[str, DrawnJournal] = {}
-        self.loads: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+        self.loads: list[tuple[str, tuple[np.ndarray, np.ndarray]]] = []
         self.drawn: set[str] = set()
         self._poses, self._sizes, self._colours = poses, proportions, colours
         self._bar = proportions.bar
@@ -212,7 +213,7 @@ class SketchingPen(AbstractPen):
             forces = np.asarray(jax.vmap(lambda t: jnp.asarray(force(t)))(times))
         else:
             forces = np.asarray(force)
-        self.loads[self.element] = points, np.broadcast_to(forces, points.shape)
+        self.loads.append((self.element, (points, np.broadcast_to(forces, points.shape))))
         self._hold(marker)
 
     def bearing(

@@ -486,6 +486,22 @@ def test_the_arrow_of_a_load_shows_its_force_at_the_time_of_each_frame():
     np.testing.assert_allclose(part.poses[:, :3, 2], [[0.0, 0.0, 1e-3]], atol=1e-12)
 
 
+class Couple(Mystery):
+    """Two opposite loads."""
+
+    def draw(self, pen):
+        for sign in (-1.0, 1.0):
+            pen.load(cj.extend.Marker(self.body, (0.1 * sign, 0.0, 0.0)), (0.0, 5.0 * sign, 0.0))
+
+
+def test_all_loads_of_an_element_have_arrows():
+    scene = cj.Scene({"ball": BALL}, forces={"couple": Couple("ball")})
+    view = cj.view(scene, cj.State({"ball": cj.body_state(ORIGIN)}), force_scale=0.01)
+    arrows = [part.poses[0, :3] for part in view.parts if part.colour == LOAD]
+    np.testing.assert_allclose([arrow[0, 3] for arrow in arrows], [-0.1, 0.1])
+    np.testing.assert_allclose([arrow[1, 2] for arrow in arrows], [-0.05, 0.05])
+
+
 def test_rigid_contacts_have_no_arrows_of_forces():
     """But the journal has the colours of its motion modes."""
     scene, solution = recorded.arm_in_bearing(), rigid_run(recorded.motion())
