@@ -199,9 +199,11 @@ class AppliedLoad(AbstractForce):
         return breakpoints_of(self.force, self.torque)
 
     def draw(self, pen: AbstractPen) -> None:
-        """Draw an arrow for the force at time zero."""
-        # `vector_at` needs vectors in scalar form, the pen an array.
-        pen.load(Marker(self.body, self.point), pack(vector_at(unpack(self.force), 0.0)))
+        """Draw an arrow for the force."""
+        force = unpack(self.force)  # in scalar form, as `vector_at` needs it; the pen needs arrays
+        constant = isinstance(force, Vector)
+        marker = Marker(self.body, self.point)
+        pen.load(marker, pack(force) if constant else lambda t: pack(vector_at(force, t)))
 
 
 def _require_none_negative(argument: str, value: ArrayLike) -> None:

@@ -6,8 +6,10 @@ all kinds of figures. User-defined elements use the same methods.
 """
 
 import abc
+from collections.abc import Callable
 from typing import NamedTuple
 
+import jax
 import numpy as np
 
 from ..fields.checks import require, require_axis
@@ -109,8 +111,12 @@ class AbstractPen(abc.ABC):
         """Draw a spring between two points."""
 
     @abc.abstractmethod
-    def load(self, marker: Marker, force: Triple) -> None:
-        """Draw an arrow for a force, (3,) N in global axes, that acts at a point."""
+    def load(self, marker: Marker, force: Triple | Callable[[jax.Array], Triple]) -> None:
+        """Draw an arrow for a force that acts at a point.
+
+        **Arguments:** `force`: (3,) N in global axes, or a function of the time in s that returns
+        it, which must work under `jax.vmap`.
+        """
 
     @abc.abstractmethod
     def bearing(
@@ -124,6 +130,8 @@ class AbstractPen(abc.ABC):
         profiles: tuple[AbstractProfile | None, AbstractProfile | None] = (None, None),
     ) -> None:
         """Draw a journal in a bearing, each along the axis of its marker.
+
+        A joint draws at most one: a view shows the forces of all its contacts at this journal.
 
         **Arguments:** `bearing`, `journal`: centres with axes. `radius`: of the bearing, m, or
         ``None`` if unknown. `clearance`: radius of the bearing less that of the journal, m.

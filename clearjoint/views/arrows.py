@@ -45,8 +45,7 @@ def arrows(
     pen: SketchingPen, observation: Observation | None, sizes: Proportions, scale: float | None
 ) -> Arrows:
     """Return arrows of the contact forces on the second body of each joint, with tips at the
-    contact points, and of loads, which start at the point of application. A load has the same force
-    in all frames, also if it depends on time (see `SketchingPen.loads`).
+    contact points, and of loads, which start at the point of application.
 
     If no scale is given and the largest force is more than five times the median of all forces
     that are not zero, as in an impact during a motion along the wall, lengths are proportional to
@@ -62,8 +61,8 @@ def arrows(
       the largest force has the length `LONGEST` times the size of the mechanism. For a given scale,
       longer arrows are cut to this length.
     """
-    contact_forces = {} if observation is None else _contact_forces(pen, observation)
-    all_forces = [force for _, force in (*contact_forces.values(), *pen.loads.values())]
+    contact_forces = [] if observation is None else [*_contact_forces(pen, observation).items()]
+    all_forces = [force for _, (_, force) in (*contact_forces, *pen.loads)]
     magnitudes = np.concatenate([np.linalg.norm(f, axis=1) for f in all_forces] or [np.zeros(1)])
     acting = magnitudes[magnitudes > 0.0]
     largest, longest = float(magnitudes.max()), LONGEST * sizes.size
@@ -74,7 +73,7 @@ def arrows(
     longest *= 1.0 + 1e-9  # a longest arrow is not cut because of rounding errors
     parts = []
     for family, colour, at_tip in ((contact_forces, FORCE, True), (pen.loads, LOAD, False)):
-        for name, (points, forces) in family.items():
+        for name, (points, forces) in family:
             if not np.any(forces):
                 continue
             norms = np.linalg.norm(forces, axis=1, keepdims=True)

@@ -222,8 +222,9 @@ def given_mesh(argument: str, value: MeshLike) -> Mesh:
     """Convert a mesh that a user passes to a `Mesh`, and check it.
 
     **Raises:** `ValueError`, with `argument` as the name of the argument, for a missing file, for
-    an object of another type, and for arrays with wrong shapes, with faces of unknown vertices, or
-    with vertices that are not finite; `ImportError` for a file without the package trimesh.
+    an object of another type, and for arrays with wrong shapes, with faces that are not indices of
+    vertices, or with vertices that are not finite; `ImportError` for a file without the package
+    trimesh.
     """
     remedy = "give a file that trimesh reads, a trimesh object, or (vertices in m, faces)"
     # A file becomes an object with triangles, and this a pair of arrays.
@@ -238,8 +239,9 @@ def given_mesh(argument: str, value: MeshLike) -> Mesh:
     for name, part in (("vertices", vertices), ("faces", faces)):
         is_valid = part.ndim == 2 and part.shape[1] == 3 and len(part) > 0
         require(is_valid, f"{argument} {name}", part.shape, "of shape (n, 3)", remedy)
-    in_range = faces.min() >= 0 and faces.max() < len(vertices)
-    require(bool(in_range), argument, int(faces.max()), "with faces of known vertices", remedy)
+    wrong = faces[~np.isin(faces, np.arange(len(vertices)))].tolist()
+    expected = f"indices of vertices, whole numbers from 0 to {len(vertices) - 1}"
+    require(not wrong, f"{argument} faces", next(iter(wrong), None), expected, remedy)
     require_finite(f"{argument} vertices", vertices)
     return Mesh(vertices.astype(float), faces.astype(int))
 

@@ -5,10 +5,12 @@ a point of a body, with a direction if the symbol has an axis. A view has N fram
 shows the mechanism at one instant; symbols are fixed to bodies, or have a pose in each frame.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from itertools import cycle
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -98,9 +100,9 @@ class SketchingPen(AbstractPen):
     have sizes in proportion to it.
 
     - `element`: name of the joint or force that is being drawn; the caller sets it.
-    - `journals`: drawn journals, by the joint's name.
-    - `loads`: points (N, 3), m, and forces (N, 3), N, in global axes, by the name of the load. The
-      force is the same in all frames; for an `AppliedLoad` it is the one at time zero.
+    - `journals`: drawn journals, by the joint's name; the last one of a joint with several.
+    - `loads`: for each load, the name of its element, and points (N, 3), m, and forces (N, 3), N,
+      in global axes.
     - `drawn`: names of the joints and forces that have been drawn.
 
     **Arguments:** `poses`: of the bodies in each frame; `proportions`: sizes of the symbols;
@@ -110,7 +112,7 @@ class SketchingPen(AbstractPen):
     def __init__(self, poses: BodyPoses, proportions: Proportions, colours: Mapping[str, str]):
         self.element = ""
         self.journals: dict[str, DrawnJournal] = {}
-        self.loads: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+        self.loads: list[tuple[str, tuple[np.ndarray, np.ndarray]]] = []
         self.drawn: set[str] = set()
         self._poses, self._sizes, self._colours = poses, proportions, colours
         self._bar = proportions.bar
@@ -201,11 +203,17 @@ class SketchingPen(AbstractPen):
         length = max(float(np.linalg.norm(end - start, axis=1).mean()), self._bar)
         self._span(meshes.coil(1.2 * self._bar, 0.25 * self._bar, length), start, end)
 
-    def load(self, marker: Marker, force: Triple) -> None:
-        """Add a load, (3,) N in global axes, to `loads`. Its arrow is made later, when the scale of
-        forces is known."""
+    def load(self, marker: Marker, force: Triple | Callable[[jax.Array], Triple]) -> None:
+        """Add a load, (3,) N in global axes or a function of the time in s, to `loads`; for a
+        single state, the load at time zero. Its arrow is made later, when the scale of forces is
+        known."""
         points = self._poses.point(marker.body, marker.point)
-        self.loads[self.element] = points, np.broadcast_to(force, points.shape)
+        if callable(force):
+            times = np.zeros(1) if self._poses.times is None else self._poses.times
+            forces = np.asarray(jax.vmap(lambda t: jnp.asarray(force(t)))(times))
+        else:
+            forces = np.asarray(force)
+        self.loads.append((self.element, (points, np.broadcast_to(forces, points.shape))))
         self._hold(marker)
 
     def bearing(

@@ -169,8 +169,9 @@ def view(
       default, `view` observes a solution, which compiles once for all scenes with the same
       structure; a `Trajectory` is shown without contact forces.
     - `forces`: whether to draw arrows of contact forces, and journals in the colours of their
-      motion modes. Arrows of loads are always drawn; that of an `AppliedLoad` shows its force at
-      time zero in all frames.
+      motion modes. A `NonsmoothSolution` is shown without arrows of contact forces, since its
+      contacts have impulses instead. Arrows of loads are always drawn; for a single state they
+      show the loads at time zero.
     - `frames`: largest number of frames, at about equal distances in time.
     - `meshes`: meshes of bodies by name, in m in body axes, instead of bars: a file that trimesh
       reads, an object with `vertices` and `faces`, or a pair of such arrays.
@@ -200,7 +201,9 @@ def view(
     sizes = proportions(scene, poses, noted, bearing_scale, clearance_scale)
     given = _given(scene, meshes, sizes)
     pen = sketch(scene, poses, sizes, given, centres=centres_of_mass, solids=inertias)
-    force_arrows = arrows(pen, observed, sizes, force_scale)
+    # The contact forces in an observation of rigid contacts, which have impulses, are meaningless.
+    pushing = None if isinstance(motion, NonsmoothSolution) else observed
+    force_arrows = arrows(pen, pushing, sizes, force_scale)
     parts, modes = pen.parts(), []
     if observed is not None:
         parts, modes = coloured_by_mode(parts, observed)
@@ -286,12 +289,14 @@ def _trajectory(motion: Solution | NonsmoothSolution | Trajectory) -> Trajectory
     remedy = "pass a State, the result of simulate(), or a Trajectory"
     kinds = Solution | NonsmoothSolution
     require_type("motion", motion, kinds, "a state or a solution", remedy)
-    for saved in (motion.saved, getattr(motion, "steps", None)):
-        if saved is not None and len(saved):
+    # The steps of a run with rigid contacts are a number, not states.
+    for saved in (motion.saved, motion.steps):
+        if isinstance(saved, Trajectory) and len(saved):
             return saved
     raise ValueError(
         "Argument `motion` must be a solution with saved states, but has none: pass "
-        "save=Saving(times) or Saving(steps=True) to simulate()."
+        "save=Saving(times) to simulate() or simulate_nonsmooth(), or Saving(steps=True) to "
+        "simulate()."
     )
 
 

@@ -8,8 +8,8 @@ import xarray as xr
 
 from clearjoint.sweeps.outputs import Coordinate, Variable
 from clearjoint.sweeps.store import metadata
-from clearjoint.sweeps.store.program import RUN
-from clearjoint.sweeps.store.store import open_sweep
+from clearjoint.sweeps.store.program import RUN, Identity, row_digests
+from clearjoint.sweeps.store.store import SweepStore, open_sweep
 from tests.support.fake_sweep import complete, compute, layout, opened, results
 from tests.sweeps.test_sweep_store import identical
 
@@ -62,6 +62,39 @@ def test_further_values_leave_the_lanes_there_are(path, further):
     assert new["steps"].values.tolist() == [1000 + lane for lane in missing]
     assert opened(path, wanted).missing() == {}
     identical(found, store.dataset())
+
+
+SAME_LANES = {
+    "values in another order": axes(restitution=RESTITUTION.values[::-1]),
+    "axes in another order": {"axes": layout().axes[::-1]},
+    "an axis of one value": {"axes": (*layout().axes, Coordinate("friction", [0.2]))},
+    "zipped": {
+        "axes": tuple(axis._replace(values=layout().values()[axis.name]) for axis in layout().axes),
+        "zipped": True,
+    },
+}
+
+
+@pytest.mark.parametrize("changes", SAME_LANES.values(), ids=SAME_LANES)
+def test_the_same_lanes_are_read_along_the_axes_of_the_last_sweep(path, changes):
+    before = open_sweep(path)
+    wanted = layout(**changes)
+    columns = wanted.values()
+    lanes = row_digests([columns["clearance"], columns["restitution"]])
+    store = SweepStore.open(path, wanted, Identity({RUN: "falls"}, {RUN: lanes}))
+    assert store.missing() == {}
+    found = open_sweep(path)
+    identical(found, store.dataset())
+    with xr.open_zarr(path, chunks=None) as grid:
+        xr.testing.assert_equal(grid, found)
+    assert [axis.name for axis in wanted.axes] == [n for n in found.coords if n in columns]
+    if wanted.zipped:
+        found = found.set_index(lane=["clearance", "restitution"]).unstack("lane")
+    found = found.squeeze(drop=True).sel(before.coords)
+    xr.testing.assert_equal(found.transpose(*before.dims), before)
+    files = {file: file.stat().st_mtime_ns for file in path.rglob("zarr.json")}
+    SweepStore.open(path, wanted, Identity({RUN: "falls"}, {RUN: lanes}))
+    assert {file: file.stat().st_mtime_ns for file in path.rglob("zarr.json")} == files
 
 
 def same_lanes(found: xr.Dataset, before: xr.Dataset) -> None:

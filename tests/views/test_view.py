@@ -13,6 +13,7 @@ import trimesh
 from PIL import Image
 
 import clearjoint as cj
+from clearjoint.dynamics.formulation import Formulation
 from clearjoint.views.arrows import LONGEST
 from clearjoint.views.filming import _time_text
 from clearjoint.views.meshes import FORCE, LOAD, METAL, MODES, corners, outline
@@ -416,7 +417,9 @@ WRONG = {
     "unknown body": ({"meshes": {"leg": "leg.stl"}}, "meshes.*names of bodies.*leg"),
     "no file": ({"meshes": {"arm 2": "none.stl"}}, "meshes.*an existing file"),
     "millimetres": ({"meshes": {"arm 2": (1e6 * np.eye(3), [[0, 1, 2]])}}, "apply_scale"),
-    "faces": ({"meshes": {"arm 2": (np.eye(3), [[0, 1, 3]])}}, "faces of known vertices"),
+    "faces": ({"meshes": {"arm 2": (np.eye(3), [[0, 1, 3]])}}, "faces.*from 0 to 2.*but is 3:"),
+    "negative face": ({"meshes": {"arm 2": (np.eye(3), [[0, 1, -7]])}}, "faces.*but is -7:"),
+    "half a face": ({"meshes": {"arm 2": (np.eye(3), [[0, 1, 0.5]])}}, "whole.*but is 0.5:"),
     "frames": ({"frames": 0}, "frames"),
     "clearance": ({"clearance_scale": 1e4}, "clearance_scale.*at most"),
     "negative": ({"bearing_scale": -1.0}, "bearing_scale"),
@@ -442,6 +445,69 @@ def test_motions_that_do_not_fit_are_refused():
     half = jax.tree.map(lambda rows: rows[::2], motion)
     with pytest.raises(ValueError, match="observation"):
         cj.view(scene, half, observation=recorded.observed())
+
+
+def rigid_run(saved):
+    """The result of a run with rigid contacts, which has a number of steps instead of states."""
+    return cj.results.NonsmoothSolution(
+        time=np.asarray(0.02),
+        final=recorded.motion().states,
+        result=cj.RESULTS.successful,
+        steps=np.asarray(200),
+        saved=saved,
+        history=None,
+        saved_count=None,
+        contacts={},
+        residual=np.asarray(0.0),
+        formulation=Formulation(cj.AbsoluteCoordinates()),
+        redundant_constraints=(),
+    )
+
+
+def test_a_run_with_rigid_contacts_and_no_saved_states_is_refused():
+    with pytest.raises(ValueError, match=r"saved states.*simulate_nonsmooth\(\)"):
+        cj.view(recorded.arm_in_bearing(), rigid_run(None))
+
+
+def test_the_arrow_of_a_load_shows_its_force_at_the_time_of_each_frame():
+    def push(t):
+        return 100.0 * t, 0.0, 1.0
+
+    steps = cj.PiecewiseConstant([0.0, 0.01], [0.0, 20.0])
+    loads = {"push": cj.AppliedLoad("arm", push), "kick": cj.AppliedLoad("arm", (0.0, steps, 0.0))}
+    scene = dataclasses.replace(recorded.arm_in_bearing(), forces=loads)
+    view = cj.view(scene, recorded.motion(), force_scale=1e-3)
+    pushed, kicked = (next(p for p in view.parts if p.name == n).poses[:, :3, 2] for n in loads)
+    expected = np.stack([100.0 * recorded.TIMES, 0.0 * recorded.TIMES, np.ones(recorded.COUNT)], 1)
+    np.testing.assert_allclose(pushed, 1e-3 * expected, atol=1e-12)
+    np.testing.assert_allclose(kicked[:, 1], 0.02 * (recorded.TIMES >= 0.01), atol=1e-8)
+    standing = cj.view(scene, cj.State({"arm": cj.body_state((0.2, 0.0, 0.0))}), force_scale=1e-3)
+    (part,) = [part for part in standing.parts if part.colour == LOAD]
+    np.testing.assert_allclose(part.poses[:, :3, 2], [[0.0, 0.0, 1e-3]], atol=1e-12)
+
+
+class Couple(Mystery):
+    """Two opposite loads."""
+
+    def draw(self, pen):
+        for sign in (-1.0, 1.0):
+            pen.load(cj.extend.Marker(self.body, (0.1 * sign, 0.0, 0.0)), (0.0, 5.0 * sign, 0.0))
+
+
+def test_all_loads_of_an_element_have_arrows():
+    scene = cj.Scene({"ball": BALL}, forces={"couple": Couple("ball")})
+    view = cj.view(scene, cj.State({"ball": cj.body_state(ORIGIN)}), force_scale=0.01)
+    arrows = [part.poses[0, :3] for part in view.parts if part.colour == LOAD]
+    np.testing.assert_allclose([arrow[0, 3] for arrow in arrows], [-0.1, 0.1])
+    np.testing.assert_allclose([arrow[1, 2] for arrow in arrows], [-0.05, 0.05])
+
+
+def test_rigid_contacts_have_no_arrows_of_forces():
+    """But the journal has the colours of its motion modes."""
+    scene, solution = recorded.arm_in_bearing(), rigid_run(recorded.motion())
+    view = cj.view(scene, solution, observation=recorded.observed())
+    assert all(part.colour != FORCE for part in view.parts)
+    assert journal_of(view).colour_at(recorded.COUNT - 1) == MODES[2]
 
 
 def test_an_observation_at_other_times_is_refused():

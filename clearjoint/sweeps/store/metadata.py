@@ -176,7 +176,8 @@ def create(path: Path, contents: Contents) -> None:
 
 
 def extend(path: Path, contents: Contents) -> None:
-    """Add lanes, in rows after the existing ones, or variables to the store at a path.
+    """Add lanes, in rows after the existing ones, or variables to the store at a path, or give it
+    other axes.
 
     Existing chunks of results are not changed. The grid (the copy of the results along the axes),
     whose labels are outdated, is removed.

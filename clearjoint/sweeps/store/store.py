@@ -13,7 +13,8 @@ exchanged file count as pending too. A warning names the file, and the lanes are
 
 A store can be extended by lanes, in rows after the existing ones, and by variables. It recognises
 lanes by the numbers from which they start, and variables by the programs that compute them
-(`.program`). Apart from such extensions and the results, a store doesn't change after its creation.
+(`.program`). It has the axes of the sweep that opened it last. Apart from these changes and the
+results, a store doesn't change after its creation.
 """
 
 import errno
@@ -251,7 +252,8 @@ class SweepStore:
     def open(cls, path: str | os.PathLike, layout: Layout, identity: Identity) -> "SweepStore":
         """Open the store of a sweep at a path, or create it if there is nothing at the path.
 
-        A store with fewer lanes or variables than the requested sweep is extended.
+        A store with fewer lanes or variables than the requested sweep is extended, and one with the
+        same lanes along other axes gets the axes of the requested sweep.
 
         **Arguments:** `layout`: axes, variables and settings of the requested sweep; `identity`:
         digests of its programs and lanes.
@@ -273,7 +275,9 @@ class SweepStore:
             stored = contents_of(path)
             # The order of the rows is a placeholder: `_joined` computes it.
             extended = _joined(path, stored, Contents(layout, identity, stored.order))
-            if len(stored.order) < layout.lanes or extended.added - stored.added:
+            # The same lanes may lie along other axes. A store that is read only keeps its axes.
+            relabelled = not _same_axes(stored.layout, layout) and os.access(path, os.W_OK)
+            if len(stored.order) < layout.lanes or extended.added - stored.added or relabelled:
                 extend(path, extended)
                 write_grid(path, _labelled(path, extended))
         return cls(path, extended)
@@ -443,6 +447,16 @@ def _joined(path: Path, stored: Contents, wanted: Contents) -> Contents:
     order = np.concatenate([kept, np.setdiff1d(np.arange(len(digests)), kept)])
     added = stored.added | (set(wanted.layout.variables) - set(stored.layout.variables))
     return wanted._replace(order=order, added=added)
+
+
+def _same_axes(one: Layout, other: Layout) -> bool:
+    """Return whether two sweeps have the same axes, values and order of both."""
+    if (one.zipped, len(one.axes)) != (other.zipped, len(other.axes)):
+        return False
+    return all(
+        a.name == b.name and np.array_equal(a.values, b.values)
+        for a, b in zip(one.axes, other.axes, strict=True)
+    )
 
 
 def _missing(codes: np.ndarray, order: np.ndarray, chunk: int) -> dict[int, list[int]]:
