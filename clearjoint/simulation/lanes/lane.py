@@ -14,7 +14,6 @@ vectors as arrays (3,); in scalar form a vector is three separate scalars.
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import reduce
 from typing import TypeVar
 
 import equinox as eqx
@@ -23,14 +22,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from ...dynamics.absolute_coordinates import AbsoluteCoordinates
-from ...dynamics.assembly import ACCEPTED_VIOLATION, REPRESENTED
-from ...dynamics.equations_of_motion import flattened
-from ...dynamics.formulation import Formulation
-from ...dynamics.multipliers import row_rate
 from ...dynamics.system import System
 from ...fields.types import Single
-from ...math.vectors import Condition, ConstantFolded, EulerParameters, Scalar, unpack
+from ...math.vectors import Condition, ConstantFolded, Scalar, unpack
 from ...model.bodies import State
 from ...model.scene import Scene
 from ...quantities.base import Quantity
@@ -40,6 +34,7 @@ from ..results.solution import contact_label
 from ..run.host_run import IMPACTS, LATEST, REDUCTIONS, SECTIONS
 from ..run.impact_recorder import ImpactRecorder
 from ..run.recorders import ROWS, LatestDenseStep, ReductionRecorder, RowBuffer
+from ..run.run_checks import assembled
 from ..run.run_loop import Progress, Recorders, RunLoop, begin_run, final_result, final_state
 from ..run.sections import SectionRecorder
 from ..step.dense_output import Snapshot, on_constraints
@@ -188,7 +183,8 @@ def begin_lane(
     the packed initial state; `request`: end time, first step, and rows to record.
     """
     # A compiled lane cannot raise an error. The result code ends this lane, and the others run.
-    fits = _is_assembled(plan, scene, state, start_time)
+    coordinates = plan.scheme.formulation.coordinates
+    fits, _, _ = assembled(scene, state, start_time, coordinates)
     system = plan.scheme.system(scene)
     step = begin_run(
         plan.scheme.method, system, state, start_time, request.end_time, request.first_step
@@ -291,39 +287,6 @@ def _saves(lane: Lane, request: LaneRequest) -> Condition:
     """Return whether a state is due to be saved and the buffer of states has room for it."""
     assert lane.saved is not None
     return _save_is_due(lane, request) & jnp.logical_not(lane.saved.is_full())
-
-
-def _is_assembled(plan: Plan, scene: Scene, state: State, t: Scalar) -> Condition:
-    """Return whether a packed state satisfies the constraints of all ideal joints, and their time
-    derivatives, at a time t, s, and whether the coordinates of the run can represent it. The scene
-    is in scalar form."""
-    bodies, absolute = unpack(state.bodies), System(scene, Formulation(AbsoluteCoordinates()))
-    motions = absolute.motions(absolute.encode(bodies))
-    # The values of constraints, m or rad, and their time derivatives, per s, have the same bound.
-    fits: Condition = jnp.asarray(True)
-    for row in flattened(absolute.rows(motions, t)):
-        violation = jnp.maximum(jnp.abs(row.value), jnp.abs(row_rate(row, motions)))
-        fits = fits & (violation <= ACCEPTED_VIOLATION)
-    # Joint coordinates represent only motions that their joints allow. If the state is the same
-    # after conversion to coordinates and back, they represent it. Orientations are enough: a state
-    # that satisfies all constraints is not represented if, for example, the axis of a joint is
-    # reversed, which changes an orientation by far more than `REPRESENTED`.
-    chosen = System(scene, plan.scheme.formulation)
-    for name, body in chosen.decode(chosen.encode(bodies)).items():
-        difference = _orientation_difference(body.orientation, bodies[name].orientation)
-        fits = fits & (difference < REPRESENTED)
-    return fits
-
-
-def _orientation_difference(p: EulerParameters, q: EulerParameters) -> Scalar:
-    """Return the largest difference between the Euler parameters of two orientations.
-
-    p and -p are the same orientation, so the sign is chosen for which the difference is smaller.
-    """
-    pairs = ((p.e0, q.e0), (p.e1, q.e1), (p.e2, q.e2), (p.e3, q.e3))
-    alike = reduce(jnp.maximum, [jnp.abs(one - other) for one, other in pairs])
-    opposite = reduce(jnp.maximum, [jnp.abs(one + other) for one, other in pairs])
-    return jnp.minimum(alike, opposite)
 
 
 class Task(eqx.Module):

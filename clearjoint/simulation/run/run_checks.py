@@ -32,7 +32,7 @@ from ...dynamics.assembly import (
     round_trip,
 )
 from ...dynamics.constraint_report import StartRows, constraint_report, dependent, start_rows
-from ...dynamics.coordinates import AbstractCoordinates
+from ...dynamics.coordinates import AbstractCoordinates, MotionVariables
 from ...dynamics.formulation import Formulation
 from ...dynamics.journals import FAR_OUTSIDE, contact_depths, require_in_bearings
 from ...fields.caching import cached_by_numbers
@@ -212,16 +212,31 @@ def _passes(
         for name, joint in scene.contact_joints().items()
         for label, limit in joint.deepest().items()
     ]
-    # Position and velocity satisfy the constraints.
+    fits, rows, variables = assembled(scene, state, t, coordinates)
+    # A scene without variables is invalid, because nothing could move.
+    holds += [fits, jnp.asarray(bool(jax.tree.leaves(variables)))]
+    return reduce(and_, holds), rows, numbers is not None
+
+
+def assembled(
+    scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
+) -> tuple[Condition, StartRows, MotionVariables]:
+    """Evaluate whether a state satisfies the constraints of a scene and their time derivatives, at
+    a time t, s, and whether the coordinates of a run can represent it. A compiled program, which
+    can't raise the errors of `check_structure`, makes the same checks by this function.
+
+    **Returns:** the condition, the constraint equations, and the variables of the state.
+    """
     rows = start_rows(scene, coordinates, state, t)
-    holds += [(jnp.abs(part) <= ACCEPTED_VIOLATION).all() for part in (rows.values, rows.rates)]
-    # As in `require_oriented`, fixed and prismatic joints hold their orientation.
+    # Native code has no `all` of an array without elements, as in a scene without constraints.
+    residuals = [part for part in (rows.values, rows.rates) if part.size]
+    holds = [(jnp.abs(part) <= ACCEPTED_VIOLATION).all() for part in residuals]
+    # As in `require_oriented`, fixed and prismatic joints hold their orientation. These functions
+    # compute known numbers by NumPy. Here JAX traces, so the functions inside are called.
     cosines = cosines_of_turns.__wrapped__(scene, state.bodies)
     holds += [cosine > 0.0 for cosine in cosines.values()]
     # The coordinates represent the state: it is the same after conversion to them and back.
     variables, decoded = round_trip.__wrapped__(scene, state, Formulation(coordinates))
-    # A scene without variables is invalid, because nothing could move.
-    holds.append(jnp.asarray(bool(jax.tree.leaves(variables))))
     for name, body in state.bodies.items():
         # As in `require_representable`, only orientations are compared: with an axis reversed, a
         # state may satisfy all constraints, but its orientation after the conversion is another.
@@ -229,7 +244,7 @@ def _passes(
         # Both signs of Euler parameters are the same orientation.
         apart = jnp.minimum(jnp.abs(given - same).max(), jnp.abs(given + same).max())
         holds.append(apart < REPRESENTED)
-    return reduce(and_, holds), rows, numbers is not None
+    return reduce(and_, holds, jnp.asarray(True)), rows, variables
 
 
 class _Starts:
