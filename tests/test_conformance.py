@@ -538,6 +538,20 @@ def test_broken_contact_joints_are_refused(kind, complaint):
         check_contact_joint(Broken(), MOTIONS)
 
 
+def test_bristles_between_faces_that_resist_rotation_are_refused():
+    """A bristle law has no moment about the normal."""
+
+    class Faces(Floor):
+        def contacts(self, motions):
+            return {"floor": replace(super().contacts(motions)["floor"], face_radius=0.01)}
+
+        def bristle_laws(self):
+            return {"floor": cj.frictions.LuGre(0.2, 0.1, stribeck_speed=0.01)}
+
+    with pytest.raises(ValueError, match=r"`bristle_laws` must be .*`face_radius`.*\['floor'\]"):
+        check_contact_joint(Faces(), MOTIONS)
+
+
 @pytest.mark.parametrize(
     "force",
     [

@@ -79,7 +79,8 @@ def contact_forces(
     - `bristles`: deflections, m, of the contacts with bristle laws, in the axes of the joint's
       first body.
 
-    **Raises:** `ValueError` if `bristles` lacks a contact with a bristle law.
+    **Raises:** `ValueError` for a contact with a bristle law that `bristles` lacks, or that has a
+    `face_radius`.
     """
     forces: ByLabel[LoadedContact] = {}
     for name, joint in scene.contact_joints().items():
@@ -173,7 +174,8 @@ def contact_force(
     - `motions`: pose and velocities of each body.
     - `bristles`: deflections of the joint's contacts, m, by label.
 
-    **Raises:** `ValueError` if `bristles` lacks this contact and it has a bristle law.
+    **Raises:** `ValueError` for a contact with a bristle law that `bristles` lacks, or that has a
+    `face_radius`.
     """
 
     def normal_force(gap: Gap) -> Scalar:
@@ -188,6 +190,10 @@ def contact_force(
         expected = f"those of all contacts with bristles, also {label!r}"
         remedy = "give it a deflection, bristles[joint][contact]; zero if the contact is open"
         require(label in bristles, "bristles", list(bristles), expected, remedy)
+        # The friction of bristles acts in the tangent plane, so the moment of faces would be lost.
+        remedy = "leave out its bristle law, and compute its friction in `friction_force`"
+        expected = "without contacts that have a `face_radius`"
+        require(contact.face_radius is None, "bristle_laws", [label], expected, remedy)
         to_first = motions[joint.pair()[0]]
         deflection = to_first.direction(bristles[label])
         friction, rate = _bristle_friction(bristle_law, contact, deflection, normal)

@@ -8,8 +8,9 @@ A parameter's coordinate is its value on its scale, such as the logarithm of the
 There are four differences from `optimistix.LevenbergMarquardt`. Coordinates are scaled by the
 column norms of the first Jacobian, so that damping affects all of them alike. The damping decreases
 if the linear model was good, not only if it was almost exact. In one step no coordinate changes by
-more than the `max_step` that the parameter's scale sets. The search ends when the Gauss-Newton step
-is a small fraction of the standard deviation of the estimates.
+more than the `max_step` that the parameter's scale sets, and a step that increases chi squared is
+never accepted. The search ends when the Gauss-Newton step is a small fraction of the standard
+deviation of the estimates.
 """
 
 from collections.abc import Callable, Iterable
@@ -65,8 +66,8 @@ class Iteration:
       `identify`) each window is a search of its own, and so is each local search of the test of the
       covariance (argument `check_runs`).
     - `accepted`: whether this run becomes the best so far, from which the search continues. Its chi
-      squared must have decreased by at least 1 % of what the linear model predicts; the first run
-      is always accepted.
+      squared must have decreased by at least 1 % of what the linear model predicts, or must not
+      have increased if the model predicts no decrease; the first run is always accepted.
     - `chi_squared`: sum of the squared residuals of this run, with those of the prior in a window
       before the last.
     - `coordinates`: (p,) values of the parameters in this run on their scales, such as logarithms.
@@ -154,6 +155,17 @@ class _ClippedDescent(optx.AbstractDescent):
         return jnp.clip(step, -self.limits, self.limits), result
 
 
+class _TrustRegion(optx.ClassicalTrustRegion):
+    """The trust region of optimistix, without steps that increase chi squared.
+
+    Because a clipped step has another direction, the linear model may predict an increase for it.
+    optimistix would then accept a step with up to 1 % of this increase.
+    """
+
+    def predict_reduction(self, y_diff: jax.Array, f_info: PyTree) -> jax.Array:
+        return jnp.minimum(super().predict_reduction(y_diff, f_info), 0.0)
+
+
 def decrement(residuals: jax.Array, jacobian: jax.Array) -> jax.Array:
     """Return the length of the Gauss-Newton step in standard deviations of the estimates, ().
 
@@ -204,7 +216,7 @@ def _advance(
         optx.LevenbergMarquardt(rtol=0.0, atol=0.0),
         (
             _ClippedDescent(optx.DampedNewtonDescent(), limits),
-            optx.ClassicalTrustRegion(high_cutoff=0.7),
+            _TrustRegion(high_cutoff=0.7),
         ),
     )
     rows = jax.eval_shape(lambda: model[1])

@@ -90,9 +90,9 @@ def minimise(
     **Returns:** a `Minimum`, for the run with the smallest objective.
 
     **Raises:** `ValueError` for an invalid scene or state, for no parameters, for no outputs or
-    outputs that the scene doesn't have, for times that decrease or are before the start, for
-    `iterations` below 1, for settings with which derivatives can't be computed, and if the first
-    run fails or its objective is not finite.
+    outputs that the scene doesn't have, for no times, for times that decrease or are before the
+    start, for `iterations` below 1, for settings with which derivatives can't be computed, and if
+    the first run fails or its objective is not finite.
 
     >>> def squares(outputs):
     ...     return jnp.sum((outputs["x"] - 0.1 * jnp.cos(12.0 * times)) ** 2)

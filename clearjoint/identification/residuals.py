@@ -37,7 +37,13 @@ from ..simulation.run.sampling import NOTHING_ELSE, Sampled, padded, sampled_com
 from ..simulation.run.sensitivities import check_outputs
 from ..simulation.step import presets
 from ..simulation.step.method import Scheme
-from ..simulation.step.settings import Settings, check_span, checked_times, settings_or
+from ..simulation.step.settings import (
+    Settings,
+    check_span,
+    checked_times,
+    rising_times,
+    settings_or,
+)
 
 APART = 1e-7
 """Time, s, from a delayed time to either end of the central difference that gives the rate of a
@@ -232,16 +238,16 @@ def experiment(
     `clearjoint.presets.derivatives`.
 
     **Raises:** `ValueError` for an invalid scene or state, for no parameters, for no outputs or
-    outputs that the scene doesn't have, for times that decrease or are before the start, if the
-    last time is not after the start, for a delay of an unknown output, for two delays of one
-    output, and for settings with which derivatives can't be computed.
+    outputs that the scene doesn't have, for no times, for times that decrease or are before the
+    start, if the last time is not after the start, for a delay of an unknown output, for two delays
+    of one output, and for settings with which derivatives can't be computed.
     """
     check_parameters(parameters)
     require(len(parameters) > 0, "parameters", {}, "at least one Parameter", PASS_PARAMETERS)
     check_outputs(outputs, scene)
     settings = settings_or(settings, presets.derivatives)
     scheme = derivative_scheme(scene, state, settings, start_time)
-    end_time = float(np.max(times))
+    end_time = float(rising_times(times, "times")[-1])
     check_span(start_time, end_time)
     rising = checked_times(start_time, end_time, times, "times")
     delays = _delays(parameters, outputs)

@@ -274,11 +274,10 @@ class Identifiability:
     def correlation(self) -> Float[np.ndarray, "p p"]:
         """Correlation of the estimated coordinates, (p, p).
 
-        It is meaningful only if `rank` is p. Otherwise, the correlations of a parameter without any
-        effect on the data are NaN, and those of other parameters that are not determined are near 1
-        or -1 or NaN. Correlations of determined parameters may then be NaN or wrong.
+        Correlations of a parameter that the data don't determine, whose standard deviation is
+        infinite, are NaN.
         """
-        return information.correlation(information.covariance(self.root))
+        return information.correlation_together(self.root, self.accuracy)
 
     @property
     def combinations(self) -> tuple[Combination, ...]:

@@ -61,6 +61,28 @@ def deviations_together(
     **Arguments:** `roots`: roots (..., r, p) of the information; `accuracy`: relative error of the
     derivatives.
     """
+    return np.linalg.norm(_parts_together(roots, accuracy), axis=-2)
+
+
+def correlation_together(
+    root: Float[np.ndarray, "p p"], accuracy: float
+) -> Float[np.ndarray, "p p"]:
+    """Return the correlations (p, p) of the parameters' estimates if all are estimated.
+
+    Those of a parameter with an infinite bound in `deviations_together` are NaN.
+
+    **Arguments:** `root`: root (p, p) of the information; `accuracy`: as for `deviations_together`.
+    """
+    parts = _parts_together(root, accuracy)
+    half = np.where(np.isinf(parts).any(axis=0), np.nan, parts)
+    return correlation(half.T @ half)
+
+
+def _parts_together(
+    roots: Float[np.ndarray, "*T r p"], accuracy: float
+) -> Float[np.ndarray, "*T k p"]:
+    """Return the parts (..., k, p) of the bounds in `deviations_together`, of which these are the
+    norms over the k = min(r, p) singular directions."""
     # Columns of unit length make the test independent of the units of the parameters.
     lengths, values, directions = _equilibrated(roots)
     negligible = _negligible(values, accuracy)[..., None]
@@ -70,7 +92,7 @@ def deviations_together(
     parts = np.where(
         negligible, np.where(np.abs(directions) > np.sqrt(accuracy), np.inf, 0.0), parts
     )
-    return np.linalg.norm(parts, axis=-2) / np.where(lengths > 0.0, lengths, 1.0)
+    return parts / np.where(lengths > 0.0, lengths, 1.0)[..., None, :]
 
 
 def deviations_alone(roots: Float[np.ndarray, "*T r p"]) -> Float[np.ndarray, "*T p"]:

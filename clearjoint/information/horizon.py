@@ -18,16 +18,18 @@ cumulative sums are the slopes for records of every length.
 import itertools
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from ..fields.cautions import level_of_the_user
 from ..fields.checks import require, require_positive
+from ..math.smoothing import wrapped
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter, coordinates_of, values_at
+from ..quantities.base import Quantity
 from ..simulation.run.sensitivities import Sensitivities, sensitivities
 from ..simulation.step import presets
 from ..simulation.step.settings import Settings, settings_or
@@ -283,14 +285,21 @@ def fit_horizon(
         return sensitivities(scene, state, end, *given, start_time=start_time, throw=throw)
 
     true_run, weights = run_at(truth, tight), _weights(by_name, times)
-    errors = _errors(true_run, run_at(truth, tight.looser(LOOSER)), weights, len(truth))
+    loose = _near(run_at(truth, tight.looser(LOOSER)), true_run, outputs)
+    errors = _errors(true_run, loose, weights, len(truth))
     sizes = growth.sizes(true_run.derivatives, points)
     # Differences grow exponentially only through impacts, so the rate is fitted from the first
     # contact on.
     touching = np.any([true_run.values[name] > 0.0 for name in contacts], axis=0)
     onset = _first(times, touching)
     guesses = [
-        _wrong_guess(lambda u: run_at(u, tight, throw=False), true_run, truth, one, weights)
+        _wrong_guess(
+            lambda u: _near(run_at(u, tight, throw=False), true_run, outputs),
+            true_run,
+            truth,
+            one,
+            weights,
+        )
         for one in offsets(spread)
     ]
     return FitHorizon(
@@ -328,6 +337,24 @@ def _weights(sensors: Mapping[str, Sensor], times: np.ndarray) -> dict[str, np.n
         weight[np.searchsorted(times, sensor.times)] = 1.0 / sensor.noise
         weights |= dict.fromkeys(outputs_of({name: sensor}), weight)
     return weights
+
+
+def _near(
+    run: Sensitivities, reference: Sensitivities, outputs: Mapping[str, Quantity]
+) -> Sensitivities:
+    """Return a run whose values of outputs with a period, such as angles, are the nearest to those
+    of a reference run, among all values that differ by whole periods.
+
+    The residuals of a fit are differences modulo the period too.
+
+    **Arguments:** `run`: it may have ended early; `reference`: a run over the whole record.
+    """
+    values = dict(run.values)
+    for name, output in outputs.items():
+        if (period := getattr(output, "period", None)) is not None:
+            known = reference.values[name][: len(run.times)]
+            values[name] = known + wrapped(values[name] - known, period)
+    return replace(run, values=values)
 
 
 def _errors(

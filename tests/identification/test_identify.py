@@ -217,6 +217,8 @@ def test_minimum_of_an_objective(clean):
         cj.minimise(scene, STATE, lambda o: -jnp.sqrt(-objective(o)), PARAMETERS, PROBES, TIMES)
     with pytest.raises(ValueError, match="`iterations` must be a whole number, positive, but is 0"):
         cj.minimise(scene, STATE, objective, PARAMETERS, PROBES, TIMES, iterations=0)
+    with pytest.raises(ValueError, match="`times` must be a rising one-dimensional array"):
+        cj.minimise(scene, STATE, objective, PARAMETERS, PROBES, [])
 
 
 @pytest.mark.parametrize("factor", [0.3, 4.0])

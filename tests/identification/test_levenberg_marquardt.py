@@ -86,6 +86,23 @@ def test_no_step_exceeds_the_stride():
     np.testing.assert_allclose(steps, 0.25)
 
 
+def test_a_rise_is_refused_though_the_model_predicts_a_larger_one():
+    """Limiting one component of a step can turn it into one along which the model rises."""
+    root = np.linalg.cholesky(np.array([[1.0, 0.9], [0.9, 1.0]])).T
+    start = -root @ [4.8, -4.2]
+
+    def rising(at):
+        rise = 1e-6 if at.any() else 0.0
+        return misfit(at, start * (1.0 + rise), root)
+
+    best, iterations, _ = run(rising, [0.0, 0.0], np.array([1e-3, 5.0]))
+    step = iterations[1].coordinates
+    assert step[0] == pytest.approx(1e-3)
+    assert np.sum((start + root @ step) ** 2) > start @ start + 0.05
+    assert not any(one.accepted for one in iterations[1:])
+    assert best.chi_squared == start @ start
+
+
 def test_endings():
     data = noisy()
     assert (

@@ -111,6 +111,7 @@ def test_what_noise_does_not_explain_is_screened_anew(data):
         ({"spread": {"a": np.inf}}, "`spread` must be finite and positive, but is {'a': inf}"),
         ({"finish": 40}, "`keep` must be above 4, at least finish = 40, .*, but is 32"),
         ({"keep": 4}, "`keep` must be above 4"),
+        ({"keep": 32.0}, "`keep` must be a whole number, positive, but is 32.0"),
         ({"keep": 1000}, "at most 4 times number, but is 1000: keep about a fifth of number"),
     ],
 )

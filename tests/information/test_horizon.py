@@ -13,7 +13,8 @@ from clearjoint import plot
 from clearjoint.fields.checks import conditions_of
 from clearjoint.information import error_growth as growth
 from clearjoint.information.horizon import PATH_POINTS, blocked_records, offsets
-from clearjoint.quantities import JournalOffset
+from clearjoint.math.smoothing import wrapped
+from clearjoint.quantities import Angle, JournalOffset
 from tests.support.dropped_rod import dropped_rod
 
 LAST = 0.04
@@ -137,6 +138,31 @@ def test_a_run_that_fails_closes_the_way():
     short = 1.1 * times[None, :4]
     closed = blocked_records(times[None], short, 0.1 * times[None, :4])
     assert closed.tolist() == [False] * 4 + [True] * 6
+
+
+def test_angles_that_pass_half_a_turn():
+    """A free body turns past 180 degrees; a sensor counts angles modulo 1e-11 rad, far below the
+    integration error."""
+
+    class Remainder(Angle):
+        period = 1e-11
+
+        def __call__(self, now):
+            return wrapped(super().__call__(now), self.period)
+
+    turned = cj.body_state((0, 0, 0), cj.rotation((0, 0, 1), 3.0), spin=(0, 0, 10.0))
+    limits = cj.fit_horizon(
+        cj.Scene({"rod": cj.Body(1.0, (0.1, 0.1, 0.1))}),
+        cj.State({"rod": turned}),
+        {"spin": cj.Parameter.initial(lambda state: state.bodies["rod"].spin[2])},
+        {
+            "angle": cj.Sensor(Angle("rod", (0, 0, 1)), np.linspace(0.01, 0.1, 10), 1e-3),
+            "remainder": cj.Sensor(Remainder("rod", (0, 0, 1)), np.linspace(0.5, 1.0, 50), 1e-12),
+        },
+        uncertainty={"spin": 5.0},
+    )
+    assert not any(guess.blocked[:10].any() for guess in limits.guesses)
+    assert 3.0 < limits.error.max() <= 5.0 * (1.0 + 1e-6)
 
 
 def test_guesses_of_several_parameters():

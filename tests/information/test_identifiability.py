@@ -112,6 +112,23 @@ def _parts(ball, velocity):
     return ball.position, ball.orientation, velocity, ball.spin
 
 
+def test_correlations_of_what_is_determined_beside_what_is_not():
+    """The correlation of three parameters, beside one without effect and two that act alike."""
+    known, other = np.random.default_rng(2).standard_normal((50, 3)), np.linspace(0.0, 1.0, 50)
+    rows = np.column_stack([known, 0.0 * other, other, 3.0 * other])
+    names = tuple("abcdef")
+    report = cj.results.Identifiability(
+        names, (cj.Linear(1.0),) * 6, np.ones(6), np.full(50, "probe"), other, rows, 1e-9
+    )
+    # The combination of the last two that the data determine is estimated too.
+    inverse = np.linalg.inv(np.column_stack([known, other]).T @ np.column_stack([known, other]))
+    expected = np.full((6, 6), np.nan)
+    expected[:3, :3] = information.correlation(inverse)[:3, :3]
+    assert report.rank == 4
+    np.testing.assert_allclose(report.correlation, expected, atol=1e-12)
+    assert str(report).splitlines()[5].split()[-3:] == ["-", "-", "-"]
+
+
 def test_a_root_keeps_what_its_square_would_lose():
     """Two columns apart by 1e-9: the information's condition is beyond double precision."""
     generator = np.random.default_rng(0)

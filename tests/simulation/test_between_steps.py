@@ -59,13 +59,19 @@ def test_integrals_are_linear_and_entry_speeds_those_of_the_steps_start():
     np.testing.assert_array_equal(found.entry_speeds["pin"]["V"], [1.0, 2.0, 2.0, 3.0])
 
 
-def test_a_step_of_no_length_has_the_state_at_its_start():
+def test_a_step_of_no_length_has_the_state_at_its_end():
     times = np.array([1.0, 1.1, 1.1])
-    states = cj.State({"body": body(times)})
-    states.bodies["body"].velocity[2] *= -1.0
-    found = states_between(times, states, np.array([1.1])).bodies["body"]
-    np.testing.assert_allclose(found.velocity, velocities(times[1:2]), rtol=1e-14)
-    np.testing.assert_allclose(found.position, positions(times[1:2]), rtol=1e-14)
+    rows, ends = np.arange(3.0), positions(times)
+    states = cj.State({"body": body(times)}, {"pin": {"V": rows}}, {"friction": rows})
+    # The last state differs from the one before in all parts.
+    changed = states.bodies["body"]
+    changed.velocity[2], changed.position[2] = -changed.velocity[2], 2.0 * ends[2]
+    found = states_between(times, states, np.array([1.05, 1.1]))
+    last = found.bodies["body"]
+    np.testing.assert_allclose(last.position[1], 2.0 * ends[2], rtol=1e-14)
+    np.testing.assert_allclose(last.velocity[1], -velocities(times[2:])[0], rtol=1e-14)
+    assert found.entry_speeds["pin"]["V"].tolist() == [0.0, 2.0]
+    assert found.work["friction"][1] == 2.0
 
 
 def flying(accelerations, spins, times):

@@ -111,6 +111,18 @@ def test_tolerances_may_be_those_of_lanes():
     assert lanes.tolist() == [int(attempts(1e-4)), int(attempts(1e-10))]
 
 
+def test_a_list_of_times_may_contain_traced_numbers():
+    scene = cj.Scene({"ball": cj.Body(1.0, (1.0, 1.0, 1.0))})
+    state = cj.State({"ball": cj.body_state((0, 0, 0), velocity=(2.0, 0, 0))})
+
+    @jax.jit
+    def places(end):
+        saved = cj.simulate(scene, state, end, save=cj.Saving([0.1, end])).saved
+        return saved.states.bodies["ball"].position[:, 0]
+
+    np.testing.assert_allclose(places(0.3), [0.2, 0.6], rtol=1e-12)
+
+
 @pytest.mark.parametrize("times", [[0.2, 0.1], [], [[0.1]], [0.1, np.nan]])
 def test_times_to_save_at_rise(times):
     with pytest.raises(ValueError, match="`times` must be a rising"):

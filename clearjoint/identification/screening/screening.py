@@ -74,9 +74,9 @@ class Screening:
       the chi squared of the best fit.
     - `seed`: seed of the random numbers.
 
-    **Raises:** `ValueError` for a `number`, `finish`, `rounds`, `smoothing` or `passes` that is not
-    a positive integer, for a `spread` that is not finite and positive, and for a `keep` below 5,
-    below `finish`, or above 4 times `number`.
+    **Raises:** `ValueError` for a `number`, `keep`, `finish`, `rounds`, `smoothing` or `passes`
+    that is not a positive integer, for a `spread` that is not finite and positive, and for a `keep`
+    below 5, below `finish`, or above 4 times `number`.
 
     >>> cj.Screening(number=80, spread={"clearance": 0.5}).finish
     4
@@ -92,7 +92,7 @@ class Screening:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        for name in ("number", "finish", "rounds", "smoothing", "passes"):
+        for name in ("number", "keep", "finish", "rounds", "smoothing", "passes"):
             require_count(name, getattr(self, name), "leave it at its default")
         sizes = self.spread.values() if isinstance(self.spread, Mapping) else [self.spread]
         wide = all(math.isfinite(size) and size > 0.0 for size in sizes)

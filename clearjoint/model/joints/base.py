@@ -341,7 +341,8 @@ class AbstractContactJoint(AbstractElement):
         """Return the friction laws with bristles by label of the contact; empty by default.
 
         Such a law models sticking by a deflection of the surfaces, which is integrated with the
-        motion. It replaces `friction_force` for its contact, whose `slip` must not be ``None``.
+        motion. It replaces `friction_force` for its contact, whose `slip` must not be ``None`` and
+        whose `face_radius` must be ``None``.
         """
         return {}
 

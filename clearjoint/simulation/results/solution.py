@@ -177,8 +177,7 @@ def states_between(times: Times, states: State, wanted: Wanted) -> State:
     states at these times; `wanted`: (M,) s, not decreasing, between the first and the last of
     `times`.
 
-    If a time occurs several times in `times`, the last state there counts. But if it is the last
-    of `times`, the motions of bodies there are those of the last row but one.
+    If a time occurs several times in `times`, the last state there counts.
 
     **Returns:** a state whose arrays have a first axis of length M.
 
@@ -234,14 +233,14 @@ def _body(body: BodyState, left: Rows, x: np.ndarray, h: np.ndarray) -> BodyStat
 def _along(start: Slope, end: Slope, x: np.ndarray, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the cubic Hermite interpolants and their time derivatives, (M, components) each.
 
-    For a step of length zero they are the value and the rate at its start.
+    For a step of length zero they are the value and the rate at its end.
 
     **Arguments:** `start`, `end`: values and rates at the ends of M steps, (M, components) each;
     `x`, `h`: as of `_body`.
     """
     there, length = h > 0.0, np.where(h > 0.0, h, 1.0)
     value, rate = hermite_value(x, start, end, length), hermite_rate(x, start, end, length)
-    return np.where(there, value, start.value), np.where(there, rate, start.rate)
+    return np.where(there, value, end.value), np.where(there, rate, end.rate)
 
 
 def _product(first: np.ndarray, second: np.ndarray) -> np.ndarray:

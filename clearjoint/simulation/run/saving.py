@@ -4,7 +4,14 @@ state."""
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from ...fields.checks import concrete, errors_about, require, require_array_names, require_type
+from ...fields.checks import (
+    as_number,
+    concrete,
+    errors_about,
+    require,
+    require_array_names,
+    require_type,
+)
 from ...fields.types import ArrayLike
 from ...math.vectors import Scalar
 from ...model.scene import Scene
@@ -55,8 +62,14 @@ class Saving:
         for name in ("steps", "impacts"):
             value = getattr(self, name)
             require(isinstance(value, bool), name, value, "True or False", "pass a bool")
-        if self.times is not None and concrete(self.times) is not None:
-            strictly_rising_times(self.times, "times")
+        if self.times is not None:
+            times = as_number(self.times, "times", "s")
+            if concrete(times) is None:
+                # An array replaces a list with traced numbers, which NumPy can't convert. The class
+                # is frozen, so its fields are set by `object`.
+                object.__setattr__(self, "times", times)
+            else:
+                strictly_rising_times(times, "times")
         for argument, kind, expected, example in (
             ("sections", Section, "a Section", '{"top": cj.Section(crossing, channels, count)}'),
             ("outputs", AbstractReduction, "a reduction", '{"hits": cj.ImpactCount("pin")}'),
