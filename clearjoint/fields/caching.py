@@ -7,7 +7,7 @@ the same numbers.
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from functools import wraps
-from typing import Any, ParamSpec, TypeVar
+from typing import ParamSpec, TypeVar
 
 import jax
 import numpy as np
@@ -16,7 +16,6 @@ from jaxtyping import PyTree
 
 KEPT = 256
 """Number of results that are cached for each function; the least recently used one is removed."""
-_MISSING = object()
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 
@@ -29,7 +28,7 @@ def cached_by_numbers(function: Callable[Arguments, Result]) -> Callable[Argumen
     and callers must not change its results. Neither errors nor results for traced numbers are
     cached.
     """
-    results: OrderedDict[Hashable, Any] = OrderedDict()
+    results: OrderedDict[Hashable, Result] = OrderedDict()
 
     @wraps(function)
     def cached(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
@@ -40,8 +39,9 @@ def cached_by_numbers(function: Callable[Arguments, Result]) -> Callable[Argumen
         key = structure, tuple(map(content, leaves))
         # The result used last is at the end, so that the first one is the next to be removed. It is
         # removed and added again in one operation each, as other threads use the cache too.
-        result = results.pop(key, _MISSING)
-        if result is _MISSING:
+        try:
+            result = results.pop(key)
+        except KeyError:
             result = function(*args, **kwargs)
         results[key] = result
         if len(results) > KEPT:
