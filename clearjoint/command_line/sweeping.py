@@ -17,7 +17,7 @@ from ..sweeps.outputs import check_outputs
 from ..sweeps.store.store import open_sweep
 from ..sweeps.sweep import sweep as run_sweep
 from .endings import FAILED, INTERRUPTED, WELL, CommandResult, has_error_stream, say
-from .folders import STORE, Summary, write_scene, write_summary
+from .folders import STORE, Summary, remove_old, write_scene, write_summary
 from .reports import write_sweep_report
 from .study import AxisPart, FoundPath, Study, SweepPart, find_path
 
@@ -72,6 +72,7 @@ def sweep(study: Study, folder: Path) -> CommandResult:
             raise
         dataset, code = open_sweep(folder / STORE), INTERRUPTED
     summary, line = _summary(dataset, code)
+    remove_old(folder)
     # The page shows the summary and the table, so it is written after them.
     write_summary(folder, "sweep", study, summary)
     write_sweep_report(folder, dataset.load())
