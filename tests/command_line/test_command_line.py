@@ -124,6 +124,16 @@ def test_check_describes_a_study(folder):
     assert "fit: clearance from rig.csv" in output
 
 
+def test_lanes_of_zipped_axes_are_counted_once(folder):
+    changed("[sweep]", "[sweep]\nzipped = true")
+    assert "sweep: 2 lanes over clearance, gravity" in invoke("check", "study.toml").output
+    unequal = "--set", "sweep.axes.gravity.count=3"
+    for command in ("check", "sweep"):
+        outcome = invoke(command, "study.toml", *unequal)
+        message = r"`sweep.axes`: found .*2, .*3.*expected axes of equal length"
+        assert outcome.exit_code == 2 and re.search(message, outcome.output), outcome.output
+
+
 def test_scene_and_study_may_be_one_file(folder):
     scene = Path("rod.toml").read_text()
     Path("both.toml").write_text(f"title = 'x'\n{scene}\n[run]\nend = 0.03125\n")
