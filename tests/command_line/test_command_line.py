@@ -247,6 +247,12 @@ def test_bad_input_is_a_sentence_with_a_remedy(case, folder):
 
 
 WRONG = {
+    "end": ('end = "31.25 ms"', "end = 0", r"study.toml, line 6, `run.end`: .*after the start"),
+    "end of lanes": (
+        'preset = "preview"',
+        'preset = "preview"\nend = -1',
+        r"study.toml, line \d+, `sweep.end`: .*after the start",
+    ),
     "path": ('"joints.pin.clearance"\nvalues', '"joints.pin.clearence"\nvalues', "clearance'"),
     "not a number": ('"gravity.1"', '"gravity"', "the path of one number.*0, 1, 2"),
     "quantity": (
