@@ -63,7 +63,8 @@ def fit(study: Study, folder: Path) -> CommandResult:
         )
     except FitInterrupted as stopped:
         if not stopped.fits:
-            return CommandResult(INTERRUPTED, "interrupted before the first run ended")
+            line = "interrupted before the first run ended"
+            return CommandResult(INTERRUPTED, line, wrote=False)
         # Finished fits come first, if there are several. The last entry is the best result so far
         # of the fit that was interrupted.
         interrupted, found = True, stopped.fits[-1]

@@ -766,6 +766,19 @@ def test_an_interrupted_fit_writes_the_best_so_far(folder, monkeypatch):
     assert "it was interrupted" in Path("stopped/report.txt").read_text()
 
 
+def test_a_fit_interrupted_at_once_names_no_old_page(folder, monkeypatch):
+    def stopped(*_arguments, **_options):
+        raise fitting.FitInterrupted([])
+
+    monkeypatch.setattr(fitting, "identify", stopped)
+    Path("rig.csv").write_text("time,height [um]\n0.01,1\n")
+    Path("out").mkdir()
+    Path("out/index.html").write_text("old")
+    outcome = invoke("fit", "study.toml", "--out", "out")
+    assert outcome.exit_code == 130, outcome.output
+    assert outcome.stdout == "interrupted before the first run ended: nothing was written\n"
+
+
 def test_the_formulation_of_a_run_is_read_from_its_settings():
     """`clearjoint report` observes a run again, whose reactions depend on the stabilisation."""
     for stabilisation in (cj.Baumgarte(alpha=3.0, beta=7.0), cj.Projection(), cj.Unstabilised()):
