@@ -182,7 +182,7 @@ def test_a_class_is_named_with_or_without_its_module(read, name):
     assert type(scene.joints["pin"].law) is Doubled
 
 
-@pytest.mark.parametrize("classes", [Doubled, "Doubled", ["Doubled"]])
+@pytest.mark.parametrize("classes", [Doubled, "Doubled", ["Doubled"], None, 5, iter([Doubled])])
 def test_classes_are_passed_as_a_list(read, classes):
     with pytest.raises(ValueError, match=r"Argument `classes` must be a list of classes"):
         read(classes=classes)
