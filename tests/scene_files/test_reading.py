@@ -122,7 +122,7 @@ def test_units_of_components(read):
         ("mass = 7.02", f"mass = {'1' * 400}", r"line 3, `bodies.arm.mass`: found .* of 1326 bits"),
         ("mass = 7.02", f"mass = '{'1' * 400} kg'", r"`bodies.arm.mass`: found '1+\.\.\.1+ kg'"),
         ("mass = 7.02", "mass = '1e400 kg'", r"`bodies.arm.mass`: .*expected a number below 1.8e"),
-        ('"10 mm"', "'1e308 km'", r"`joints.pin.bearing_radius`: .*expected a number below 1.8e.* m"),
+        ('"10 mm"', "'1e308 km'", r"`joints.pin.bearing_radius`: .*a number below 1.8e.* m"),
         ("mass = 7.02", f"mass = {'[' * 50}{']' * 50}", r"pin.toml: .*at most 32 levels"),
         ("mass = 7.02", f"mass = {'[' * 9999}{']' * 9999}", r"pin.toml: .*at most 32 levels"),
         ("mass = 7.02", f"mass{'.a' * 9999} = 1", r"pin.toml: .*at most 32 levels"),
