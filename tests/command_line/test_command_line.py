@@ -172,13 +172,26 @@ def test_numbers_with_one_value_have_one_unit():
         ("joints['a.b'].clearance", ("joints", "a.b", "clearance")),
         ("gravity.1", ("gravity", "1")),
         ("gravity[1]", ("gravity", "1")),
+        ("state.bodies['a']['b.c'].\"d'e\"", ("state", "bodies", "a", "b.c", "d'e")),
     ],
 )
 def test_paths_are_written_with_dots_or_brackets(text, keys):
     assert keys_of(text) == keys
 
 
-@pytest.mark.parametrize("text", ["", "joints..pin", ".gravity", "gravity]]", "joints.'pin"])
+@pytest.mark.parametrize("key", ["a.b", "a'b", 'a"b', "a[0]", "it's 1.5", 'the "1.5" gear', ""])
+def test_a_written_key_is_read_back(key):
+    assert keys_of(written(("joints", key, "axis", 0))) == ("joints", key, "axis", "0")
+    assert keys_of(written((key, "axis"))) == (key, "axis")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("", "joints..pin", ".gravity", "gravity.", "gravity]]", "joints.'pin"),
+        *("a]b", "joints.[0", "joints.[0]", "joints[0", "a'b'", "'a'b", "a[0]b"),
+    ],
+)
 def test_a_text_that_is_no_path_is_refused(text):
     with pytest.raises(ValueError, match="Argument `path` must be names with dots between"):
         keys_of(text)
