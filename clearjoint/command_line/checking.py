@@ -26,7 +26,7 @@ from ..scene_files.files import save
 from ..simulation.run.run_checks import check_start
 from .fitting import fit_parameters
 from .study import Study
-from .sweeping import sweep_axes
+from .sweeping import shape_of_lanes, sweep_axes
 from .wearing import check_wear_section
 
 
@@ -134,9 +134,12 @@ def _sections(study: Study) -> Iterator[str]:
     study.check_elements(study.sections(), "run", "sections")
     if run.end is not None:
         yield f"run: {run.start:g} s to {study.end():g} s"
-    if study.parts.sweep is not None:
-        axes = sweep_axes(study, study.parts.sweep)
-        lanes = "x".join(str(axis.values.size) for axis in axes.values())
+    if (sweep := study.parts.sweep) is not None:
+        axes = sweep_axes(study, sweep)
+        # Without an end, the command line must give it.
+        if sweep.end is not None or run.end is not None:
+            study.end(sweep.end)
+        lanes = "x".join(map(str, shape_of_lanes(axes, sweep)))
         yield f"sweep: {lanes} lanes over {', '.join(axes)}"
     if fit is not None:
         fit_parameters(study, fit)  # raises an error for an unknown path

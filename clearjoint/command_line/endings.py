@@ -19,10 +19,12 @@ class CommandResult(NamedTuple):
 
     - `code`: exit code.
     - `line`: text to print: the result in one line, in some commands after the lines of a table.
+    - `wrote`: whether the command wrote results.
     """
 
     code: int
     line: str
+    wrote: bool = True
 
 
 def say(text: str) -> None:

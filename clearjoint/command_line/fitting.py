@@ -16,12 +16,14 @@ from ..parametrisation.parameter import Parameter
 from ..scene_files.documents import FileLocation
 from ..scene_files.reading import number_of_text
 from .endings import FAILED, INTERRUPTED, WELL, CommandResult, say
-from .folders import write_scene, write_summary, write_table
+from .folders import remove_old, write_scene, write_summary, write_table
 from .reports import write_fit_report
 from .study import FitPart, Study, find_path
 
 REPORT = "report.txt"
 """File of the report."""
+SERIES = "series "
+"""Prefix of the names of the tables of the fitted series."""
 
 
 def fit(study: Study, folder: Path) -> CommandResult:
@@ -61,11 +63,13 @@ def fit(study: Study, folder: Path) -> CommandResult:
         )
     except FitInterrupted as stopped:
         if not stopped.fits:
-            return CommandResult(INTERRUPTED, "interrupted before the first run ended")
+            line = "interrupted before the first run ended"
+            return CommandResult(INTERRUPTED, line, wrote=False)
         # Finished fits come first, if there are several. The last entry is the best result so far
         # of the fit that was interrupted.
         interrupted, found = True, stopped.fits[-1]
     folder.mkdir(parents=True, exist_ok=True)
+    remove_old(folder, [f"{SERIES}*"])
     _write(found, folder)
     summary = {
         "ended": "interrupted" if interrupted else found.ending.value,
@@ -161,4 +165,4 @@ def _write(found: Fit, folder: Path) -> None:
             "residual": Labelled(rows, found.residuals[name], "1", "(fitted - measured) / noise"),
         }
         times = {"time": Labelled(rows, np.asarray(series.times), "s", "time")}
-        write_table(folder, f"series {name}", labelled_dataset(f"fit of {name}", columns, times))
+        write_table(folder, f"{SERIES}{name}", labelled_dataset(f"fit of {name}", columns, times))

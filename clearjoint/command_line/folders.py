@@ -3,7 +3,7 @@
 import json
 import re
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import fields
 from pathlib import Path
@@ -87,6 +87,23 @@ def write_scene(folder: Path, scene: Scene, state: State, name: str = SCENE) -> 
     be saved: a failed run may have ended in a state with NaN."""
     with suppress(ValueError):
         save(scene, state, folder / name)
+
+
+def remove_old(folder: Path, tables: Iterable[str] = (), files: Iterable[str] = ()) -> None:
+    """Remove figures, tables and files of earlier results of a command from its folder.
+
+    Otherwise the new page would also show those that the command does not write again, such as the
+    figure of an output that is no longer in the study. Nothing is removed from a folder without a
+    summary, whose files are not results.
+
+    **Arguments:** `tables`: names of tables, as for `write_table`, and `files`: names of files;
+    "*" in a name stands for any characters.
+    """
+    if (folder / SUMMARY).is_file():
+        both = [f"{table}.{suffix}" for table in tables for suffix in ("nc", "csv")]
+        for pattern in (f"{FIGURES}/*.png", *both, *files):
+            for path in folder.glob(pattern):
+                path.unlink()
 
 
 def file_name(name: str) -> str:

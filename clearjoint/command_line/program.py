@@ -304,7 +304,7 @@ def _compute(
     **options: str | None,
 ) -> None:
     """Call the function that computes a command, print its result, and exit with its code. The last
-    line ends with the path of the page or, if there is no page, tells that nothing was written.
+    line ends with the path of the page or, without results, tells that nothing was written.
 
     **Arguments:** `command`: name of the command and of its section in a study; `function`:
     computes, given the study and the folder of the results; `out`: this folder, by default
@@ -314,6 +314,5 @@ def _compute(
 
     folder = out or Path("results") / file.stem / command
     result = function(_read_study(file, changes, command, options), folder)
-    page = folder / PAGE
-    click.echo(f"{result.line}: {page if page.exists() else 'nothing was written'}")
+    click.echo(f"{result.line}: {folder / PAGE if result.wrote else 'nothing was written'}")
     raise click.exceptions.Exit(result.code)

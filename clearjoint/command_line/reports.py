@@ -68,7 +68,7 @@ def _draw_run(folder: Path, scene: Scene, solution: Solution) -> None:
         if len(crossings):
             _save(folder, f"section {name}", _draw_section(crossings))
     title = str(read_summary(folder)["title"])
-    plot.report(scene, solution, folder / "report.pdf", title=title)
+    plot.report(scene, solution, folder / PDF, title=title)
 
 
 def worn_parts(found: xr.Dataset) -> list[tuple[str, Part]]:
@@ -156,8 +156,8 @@ ROWS = 20
 """Rows of a table that the page shows at most."""
 STAGES, PROFILES = "stages.csv", "profiles.csv"
 """Files of the tables of wear: depths before each stage, and around each worn part at the end."""
-VIEW = "view.html"
-"""File of the page with the animation of a run."""
+VIEW, PDF = "view.html", "report.pdf"
+"""Files of the page with the animation of a run, and of its report on one page."""
 STYLE = Path(__file__).parent / "templates" / "page.css"
 """Style sheet of the page."""
 

@@ -31,7 +31,7 @@ from ..simulation.step.method import Scheme
 from ..simulation.step.settings import Settings
 from . import folders
 from .endings import FAILED, INTERRUPTED, WELL, CommandResult, has_error_stream, say
-from .reports import write_run_report
+from .reports import PDF, VIEW, write_run_report
 from .study import RunPart, Study
 
 FRAMES = 1000
@@ -94,6 +94,8 @@ def run(study: Study, folder: Path) -> CommandResult:
         assert isinstance(stopped.solution, Solution)
         code, solution = INTERRUPTED, stopped.solution
     folder.mkdir(parents=True, exist_ok=True)
+    names = [folders.MOTION, folders.OBSERVED, folders.IMPACTS, folders.OUTPUTS]
+    folders.remove_old(folder, [*names, f"{folders.SECTION}*"], [folders.NUMBERS, PDF, VIEW])
     folders.write_scene(folder, study.scene, study.state)
     # The tables are about the saved states, without which none is written.
     force, contact = 0.0, ""

@@ -464,17 +464,18 @@ class Study:
         return replace(getattr(presets, part.preset or "default"), **changes)
 
     def end(self, section_end: float | None = None) -> float:
-        """Return the time at which runs end, s: `section_end` or, if that is None, the end in the
-        section [run].
+        """Return the time at which runs end, s: `section_end`, the end in the section [sweep], or,
+        if that is None, the end in the section [run].
 
         **Raises:** `ValueError` if there is neither, and for an end that is not after the `start`
-        of the section [run].
+        of the section [run], with the location in the file.
         """
         end = self.parts.run.end if section_end is None else section_end
         if end is None:
             remedy = 'write end = "1 s", or pass --end 1'
             self.location.at("run").refuse(None, "an `end`", remedy)
-        require(end > self.parts.run.start, "end", end, "after the start", "give it in s")
+        with self.location.at("run" if section_end is None else "sweep", "end").in_errors():
+            require(end > self.parts.run.start, "end", end, "after the start", "give it in s")
         return float(end)
 
     def check_elements(self, named: Mapping[str, Checkable], *keys: str) -> None:

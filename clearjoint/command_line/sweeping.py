@@ -17,7 +17,7 @@ from ..sweeps.outputs import check_outputs
 from ..sweeps.store.store import open_sweep
 from ..sweeps.sweep import sweep as run_sweep
 from .endings import FAILED, INTERRUPTED, WELL, CommandResult, has_error_stream, say
-from .folders import STORE, Summary, write_scene, write_summary
+from .folders import STORE, Summary, remove_old, write_scene, write_summary
 from .reports import write_sweep_report
 from .study import AxisPart, FoundPath, Study, SweepPart, find_path
 
@@ -42,9 +42,7 @@ def sweep(study: Study, folder: Path) -> CommandResult:
     if part is None:
         study.location.at("sweep").refuse(None, "a section [sweep]", "add [sweep.axes.<name>]")
     axes = sweep_axes(study, part)
-    sizes = [axis.values.size for axis in axes.values()]
-    # Zipped axes have equal numbers of values, one for each lane; others form a grid of lanes.
-    lanes = sizes[0] if part.zipped else int(np.prod(sizes))
+    lanes = int(np.prod(shape_of_lanes(axes, part)))
     # A chunk is written to the store when all its lanes have ended. With many chunks, long sweeps
     # show results early, and a process that is killed loses few of them.
     chunk = part.chunk or int(np.clip(np.ceil(lanes / 16), 1, 256))
@@ -72,6 +70,7 @@ def sweep(study: Study, folder: Path) -> CommandResult:
             raise
         dataset, code = open_sweep(folder / STORE), INTERRUPTED
     summary, line = _summary(dataset, code)
+    remove_old(folder)
     # The page shows the summary and the table, so it is written after them.
     write_summary(folder, "sweep", study, summary)
     write_sweep_report(folder, dataset.load())
@@ -87,9 +86,9 @@ def sweep(study: Study, folder: Path) -> CommandResult:
 def sweep_axes(study: Study, part: SweepPart) -> dict[str, Axis]:
     """Return the axes of a study's section [sweep] by name, and check the section's outputs.
 
-    **Raises:** `ValueError` without axes, for values that can't be converted to the unit of their
-    axis, and for paths and outputs that the scene does not have. The message names the place in the
-    study's file.
+    **Raises:** `ValueError` without axes, for zipped axes of different lengths, for values that
+    can't be converted to the unit of their axis, and for paths and outputs that the scene does not
+    have. The message names the place in the study's file.
     """
     location = study.location.at("sweep")
     axes = {}
@@ -100,6 +99,11 @@ def sweep_axes(study: Study, part: SweepPart) -> dict[str, Axis]:
         axes[name] = make(found.path, _values(axis, found, axis_location))
     if not axes:
         location.at("axes").refuse({}, "at least one axis", "add [sweep.axes.<name>]")
+    sizes = [axis.values.size for axis in axes.values()]
+    if part.zipped and len(set(sizes)) > 1:
+        expected = "axes of equal length, since they are zipped"
+        remedy = "give all axes as many values, or leave `zipped` out"
+        location.at("axes").refuse(sizes, expected, remedy)
     # Each output is checked alone, so that an error names its place in the file, and then all are
     # checked together. The energy ledger counts as switched on: `Study.settings` does so if an
     # output needs it.
@@ -107,6 +111,13 @@ def sweep_axes(study: Study, part: SweepPart) -> dict[str, Axis]:
     with location.at("outputs").in_errors():
         check_outputs(part.outputs, study.scene, ledger=True)
     return axes
+
+
+def shape_of_lanes(axes: dict[str, Axis], part: SweepPart) -> list[int]:
+    """Return the numbers of values of the axes, whose grid the lanes form; only the common number
+    if the axes are zipped."""
+    sizes = [axis.values.size for axis in axes.values()]
+    return sizes[:1] if part.zipped else sizes
 
 
 def _values(part: AxisPart, found: FoundPath, location: FileLocation) -> np.ndarray:

@@ -13,7 +13,7 @@ import numpy as np
 from ..durability.wear import check_wear, cycles_to_depth, final_state, open_wear, worn
 from ..durability.wear import wear as compute_wear
 from .endings import FAILED, INTERRUPTED, WELL, CommandResult, has_error_stream, say
-from .folders import WEAR_STORE, Summary, write_scene, write_summary
+from .folders import WEAR_STORE, Summary, remove_old, write_scene, write_summary
 from .reports import stage_table, worn_parts, write_wear_report
 from .study import Study, WearPart
 
@@ -72,6 +72,7 @@ def wear(study: Study, folder: Path) -> CommandResult:
     write_scene(folder, worn(study.scene, found), final_state(found), WORN_SCENE)
     # The page shows the summary and the table, so it is written after them.
     summary, line = _summary(found, part, code)
+    remove_old(folder)
     write_summary(folder, "wear", study, summary)
     write_wear_report(folder, found)
     if code == INTERRUPTED:

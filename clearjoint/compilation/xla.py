@@ -211,9 +211,11 @@ class HostFirst(Generic[Arguments, Result]):
 
     def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
         """Return the function's result, with NumPy arrays if NumPy has computed it."""
-        # NumPy is not tried again for a structure of arguments for which it has failed once.
-        structure = jax.tree.structure((arguments, options))
-        if structure not in self._need_jax:
+        # NumPy is not tried again for a structure of arguments for which it has failed once. It
+        # can't compute with tracers, but perhaps with the numbers of a later call.
+        leaves, structure = jax.tree.flatten((arguments, options))
+        is_traced = any(isinstance(leaf, Tracer) for leaf in leaves)
+        if not is_traced and structure not in self._need_jax:
             results = self._by_numpy(arguments, options)
             if results:
                 return results[0]

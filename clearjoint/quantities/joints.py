@@ -57,10 +57,7 @@ class AbstractJointQuantity(AbstractQuantity):
 
 
 class AbstractContactQuantity(AbstractJointQuantity):
-    """Base class of quantities of a contact of a joint; `contact` is its label, such as "V".
-
-    A subclass may allow ``None``, which stands for all contacts of the joint.
-    """
+    """Base class of quantities of a contact of a joint; `contact` is its label, such as "V"."""
 
     contact: str = eqx.field(static=True)
 
@@ -74,9 +71,7 @@ class AbstractContactQuantity(AbstractJointQuantity):
         **Raises:** `ValueError` with the available names.
         """
         super().check(scene)
-        # ``None``, for all contacts, is no label that could be unknown.
-        if self.contact is not None:
-            require_known("contact", self.contact, scene.laws()[self.joint])
+        require_known("contact", self.contact, scene.laws()[self.joint])
 
 
 class ContactForce(AbstractContactQuantity):
@@ -92,6 +87,16 @@ class ContactForce(AbstractContactQuantity):
 
     contact: str | None = eqx.field(default=None, static=True)
     unit: ClassVar[str | None] = "N"
+
+    def check(self, scene: Scene) -> None:
+        """Check that the scene has the joint, and that the joint has the contact, if one is given.
+
+        **Raises:** `ValueError` with the available names.
+        """
+        if self.contact is not None:
+            super().check(scene)
+        else:  # all contacts of the joint
+            require_known("joint", self.joint, self.joints(scene))
 
     def __call__(self, now: Instant) -> Scalar:
         """Return the normal force, N."""

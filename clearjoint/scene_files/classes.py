@@ -108,7 +108,9 @@ def makers(families: tuple[type, ...], given: Classes) -> dict[str, Maker]:
 
     **Raises:** `ValueError` unless `given` is a collection of classes.
     """
-    is_valid = not isinstance(given, type) and all(isinstance(one, type) for one in given)
+    # An iterator is no collection: it could be read only once. A class may be one, such as an enum.
+    is_collection = isinstance(given, Collection) and not isinstance(given, type)
+    is_valid = is_collection and all(isinstance(one, type) for one in given)
     remedy = "pass for example classes=[MyLaw]"
     require(is_valid, "classes", given, "a list of classes", remedy)
     included = filter(is_from_package, (*families, *_subclasses(AbstractReadable)))

@@ -25,8 +25,10 @@ from ..fields.checks import require
 
 Keys: TypeAlias = tuple[str | int, ...]
 """Keys of tables and indices of lists that lead to a location."""
-KEY = re.compile(r"""\[?(?:'([^']*)'|"([^"]*)"|([^.\[\]'"]+))\]?\.?""")
-"""One key or index of a written path, with or without quotation marks, in brackets or not."""
+NAME = r"""'[^']*'|"[^"]*"|[^.\[\]'"]+"""
+"""One key or index, with or without quotation marks."""
+KEY = re.compile(rf"\[({NAME})\]|(?:^|(?!^)\.)({NAME})")
+"""One key or index of a written path, in brackets, or behind a dot unless it is the first one."""
 SHORT = reprlib.Repr()
 """Makes the texts of values in error messages, without the middle of long texts and the end of long
 lists."""
@@ -38,12 +40,13 @@ def split(text: str) -> tuple[str, ...]:
     """Return the keys and indices of a written path: ("joints", "crank pin", "axis", "0") for
     "joints.crank pin.axis[0]".
 
-    All are returned as texts, also the indices. Keys that contain dots are in quotation marks. Keys
-    and indices may also be in brackets, as in "joints['crank pin'].clearance", the form that
-    `clearjoint.parameters` returns. Characters that don't belong to a path, such as a second dot in
-    a row, are skipped.
+    All are returned as texts, also the indices. Keys that contain dots, brackets or quotation marks
+    are in quotation marks. Keys and indices may also be in brackets, as in
+    "joints['crank pin'].clearance", the form that `clearjoint.parameters` returns. Characters that
+    don't belong to a path, such as a second dot in a row, are skipped.
     """
-    return tuple("".join(groups) for groups in KEY.findall(text))
+    names = map("".join, KEY.findall(text))
+    return tuple(name[1:-1] if name[0] in "'\"" else name for name in names)
 
 
 def keys_of(text: str) -> tuple[str, ...]:
@@ -59,12 +62,17 @@ def keys_of(text: str) -> tuple[str, ...]:
 
 
 def written(keys: Keys) -> str:
-    """Return the written path of keys and indices, such as "joints.crank pin.axis[0]"; keys that
-    contain dots are quoted."""
-    steps = [
-        f"[{key}]" if isinstance(key, int) else f".'{key}'" if "." in key else f".{key}"
-        for key in keys
-    ]
+    """Return the written path of keys and indices, such as "joints.crank pin.axis[0]".
+
+    Keys that contain dots, brackets or quotation marks are quoted. A key with both kinds of
+    quotation marks can't be read back by `keys_of`.
+    """
+
+    def quoted(key: str) -> str:
+        mark = '"' if "'" in key else "'"
+        return key if re.fullmatch(r"""[^.\[\]'"]+""", key) else f"{mark}{key}{mark}"
+
+    steps = (f"[{key}]" if isinstance(key, int) else f".{quoted(key)}" for key in keys)
     return "".join(steps).removeprefix(".")
 
 

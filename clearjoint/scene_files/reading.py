@@ -239,8 +239,8 @@ def number_of_text(text: str, unit: str | None, location: FileLocation) -> float
     text, for messages.
 
     **Raises:** `ValueError` for a text without a number or of more than 200 characters, for a
-    finite number that is too large for a float, for a unit that is not a multiple of `unit`, and
-    for a unit where none is declared.
+    finite number that is too large for a float, also after the conversion, for a unit that is not a
+    multiple of `unit`, and for a unit where none is declared.
     """
     expected = "a number" if unit is None else f"a number in {unit}"
     # Longer texts are no numbers that a user means, and exact computation with them may be slow.
@@ -248,9 +248,9 @@ def number_of_text(text: str, unit: str | None, location: FileLocation) -> float
     if matched is None:
         location.refuse(text, expected, "write a number, in quotes only if it has a unit")
     digits, written = matched[1], matched[2].strip()
-    number = float(digits)
+    number, largest = float(digits), f"a number below {sys.float_info.max:.2g}"
     if math.isinf(number) and "inf" not in digits:  # 1e999, say
-        location.refuse(text, f"a number below {sys.float_info.max:.2g}", "write a smaller one")
+        location.refuse(text, largest, "write a smaller one")
     if not written:
         return number
     if unit is None:
@@ -263,5 +263,13 @@ def number_of_text(text: str, unit: str | None, location: FileLocation) -> float
             f"{location}: found {text!r}, expected {expected}: write a unit of this dimension, "
             f"or a plain number in {unit}."
         ) from error
-    # Decimal numbers have 28 digits in products, a float 17: only float() rounds noticeably.
-    return float(Decimal(digits) * Decimal(repr(factor))) if math.isfinite(number) else number
+    if math.isinf(number):
+        return number
+    try:
+        # Decimal numbers have 28 digits in products, a float 17: only float() rounds noticeably.
+        converted = float(Decimal(digits) * Decimal(repr(factor)))
+    except ArithmeticError:  # Decimal lacks exponents beyond 1e18; the float is zero with them
+        return number
+    if math.isinf(converted):
+        location.refuse(text, f"{largest} {unit}", "write a smaller one")
+    return converted

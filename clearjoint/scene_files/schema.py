@@ -114,8 +114,6 @@ class Catalogue:
     def _references(self, families: tuple[type, ...]) -> list[Schema]:
         """Return references to the definitions of all classes and static methods whose objects
         have one of the given base classes. Definitions that are missing are added."""
-        # The class that a table has if it does not name one.
-        implied = families[0] if len(families) == 1 and not is_abstract(families[0]) else None
         # A user-defined class has two names; the last one, with its module, names its definition.
         names: dict[Maker, list[str]] = {}
         for name, make in makers(families, self.classes).items():
@@ -124,17 +122,24 @@ class Catalogue:
             if known[-1] not in self.definitions:
                 self.definitions[known[-1]] = {}  # the definition may refer to itself
                 properties = {KIND: {"enum": sorted(known)}} | self.properties(make)
-                needed = [] if make is implied else [KIND]
                 # Classes with the arguments `quantity` and `unit` are reductions: results that are
                 # updated at every step, such as the peak of a quantity. The unit may be omitted,
                 # since the reader then takes that of the quantity.
                 omitted = "unit" if "quantity" in properties else None
                 given = {name: one for name, one in arguments(make).items() if name != omitted}
-                needed += [name for name, one in given.items() if one.default is REQUIRED]
+                needed = [name for name, one in given.items() if one.default is REQUIRED]
                 summary = (make.__doc__ or "").strip().split("\n")[0]
                 definition = _table(properties, needed) | {"description": summary}
                 self.definitions[known[-1]] = definition
-        return [_reference(known[-1]) for known in names.values()]
+        # The class that a table has if it does not name one. Another argument may allow further
+        # classes, so that the definition itself doesn't require the name.
+        implied = families[0] if len(families) == 1 and not is_abstract(families[0]) else None
+        references = {make: _reference(known[-1]) for make, known in names.items()}
+        # Editors that follow older drafts ignore what stands beside "$ref", but not beside "allOf".
+        return [
+            one if make is implied else {"allOf": [one], "required": [KIND]}
+            for make, one in references.items()
+        ]
 
 
 def _table(properties: Schema, required: list[str]) -> Schema:

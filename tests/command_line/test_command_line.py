@@ -124,6 +124,16 @@ def test_check_describes_a_study(folder):
     assert "fit: clearance from rig.csv" in output
 
 
+def test_lanes_of_zipped_axes_are_counted_once(folder):
+    changed("[sweep]", "[sweep]\nzipped = true")
+    assert "sweep: 2 lanes over clearance, gravity" in invoke("check", "study.toml").output
+    unequal = "--set", "sweep.axes.gravity.count=3"
+    for command in ("check", "sweep"):
+        outcome = invoke(command, "study.toml", *unequal)
+        message = r"`sweep.axes`: found .*2, .*3.*expected axes of equal length"
+        assert outcome.exit_code == 2 and re.search(message, outcome.output), outcome.output
+
+
 def test_scene_and_study_may_be_one_file(folder):
     scene = Path("rod.toml").read_text()
     Path("both.toml").write_text(f"title = 'x'\n{scene}\n[run]\nend = 0.03125\n")
@@ -162,13 +172,26 @@ def test_numbers_with_one_value_have_one_unit():
         ("joints['a.b'].clearance", ("joints", "a.b", "clearance")),
         ("gravity.1", ("gravity", "1")),
         ("gravity[1]", ("gravity", "1")),
+        ("state.bodies['a']['b.c'].\"d'e\"", ("state", "bodies", "a", "b.c", "d'e")),
     ],
 )
 def test_paths_are_written_with_dots_or_brackets(text, keys):
     assert keys_of(text) == keys
 
 
-@pytest.mark.parametrize("text", ["", "joints..pin", ".gravity", "gravity]]", "joints.'pin"])
+@pytest.mark.parametrize("key", ["a.b", "a'b", 'a"b', "a[0]", "it's 1.5", 'the "1.5" gear', ""])
+def test_a_written_key_is_read_back(key):
+    assert keys_of(written(("joints", key, "axis", 0))) == ("joints", key, "axis", "0")
+    assert keys_of(written((key, "axis"))) == (key, "axis")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("", "joints..pin", ".gravity", "gravity.", "gravity]]", "joints.'pin"),
+        *("a]b", "joints.[0", "joints.[0]", "joints[0", "a'b'", "'a'b", "a[0]b"),
+    ],
+)
 def test_a_text_that_is_no_path_is_refused(text):
     with pytest.raises(ValueError, match="Argument `path` must be names with dots between"):
         keys_of(text)
@@ -237,6 +260,12 @@ def test_bad_input_is_a_sentence_with_a_remedy(case, folder):
 
 
 WRONG = {
+    "end": ('end = "31.25 ms"', "end = 0", r"study.toml, line 6, `run.end`: .*after the start"),
+    "end of lanes": (
+        'preset = "preview"',
+        'preset = "preview"\nend = -1',
+        r"study.toml, line \d+, `sweep.end`: .*after the start",
+    ),
     "path": ('"joints.pin.clearance"\nvalues', '"joints.pin.clearence"\nvalues', "clearance'"),
     "not a number": ('"gravity.1"', '"gravity"', "the path of one number.*0, 1, 2"),
     "quantity": (
@@ -333,7 +362,8 @@ def test_new_writes_files_that_can_run_and_fit_the_schema(tmp_path, monkeypatch)
 
 def test_the_schema_has_the_kinds_of_outputs(folder):
     outputs = study_schema()["$defs"]["SweepPart"]["properties"]["outputs"]
-    kinds = {one["$ref"] for one in outputs["additionalProperties"]["anyOf"] if "$ref" in one}
+    families = outputs["additionalProperties"]["anyOf"]
+    kinds = {part["$ref"] for one in families for part in one.get("allOf", ())}
     assert {"#/$defs/Peak", "#/$defs/ImpactTable", "#/$defs/MeanPowerLost"} <= kinds
 
 
@@ -445,7 +475,9 @@ def test_forces_are_drawn_of_joints_that_have_not_worn(tmp_path):
     assert [path.stem for path in (tmp_path / "figures").iterdir()] == ["forces"]
 
 
-def test_a_run_without_saved_states_writes_its_scene(folder, monkeypatch):
+@pytest.fixture
+def without_states(monkeypatch):
+    """Runs end before the first saved state; returns the scene."""
     scene, state = dropped_rod()
     counts = {"attempts": 1, "accepted": 0, "saved_count": 0}
     parts = {"time": 0.0, "final": state, "result": cj.RESULTS.max_steps_reached, **counts}
@@ -454,9 +486,30 @@ def test_a_run_without_saved_states_writes_its_scene(folder, monkeypatch):
         **parts, **nothing, formulation=Formulation(), redundant_constraints=()
     )
     monkeypatch.setattr(running, "simulate", lambda *arguments, **options: found)
+    return scene
+
+
+def test_a_run_without_saved_states_writes_its_scene(folder, without_states):
     assert invoke("run", "study.toml", "--out", "early").exit_code == 1
     read, _ = cj.load("early/scene.toml")
-    assert cj.parameters(read).keys() == cj.parameters(scene).keys()
+    assert cj.parameters(read).keys() == cj.parameters(without_states).keys()
+
+
+def test_results_of_an_earlier_run_are_removed(folder, without_states):
+    tables = "motion", "observed", "impacts", "outputs", "section low"
+    old = [f"{table}.{suffix}" for table in tables for suffix in ("nc", "csv")]
+    old += ["numbers.csv", "report.pdf", "view.html", "figures/output_height.png"]
+    others = ["notes.md", "sweep.csv", "sweep.zarr/zarr.json", "figures/plot.tex"]
+    for name in (*old, *others):
+        (Path("out") / name).parent.mkdir(parents=True, exist_ok=True)
+        (Path("out") / name).write_text("output,value,unit\n")
+    folders.remove_old(Path("out"), tables, ["numbers.csv"])  # files of others, without a summary
+    assert all((Path("out") / name).exists() for name in (*old, *others))
+    Path("out/summary.json").write_text('{"kind": "run", "title": "old"}')
+    invoke("run", "study.toml", "--out", "out")
+    assert not [name for name in old if (Path("out") / name).exists()]
+    assert all((Path("out") / name).exists() for name in others)
+    assert "output height" not in Path("out/index.html").read_text()
 
 
 @pytest.mark.slow
@@ -502,6 +555,10 @@ def test_a_run_writes_tables_figures_and_a_page(folder):
         path.unlink()
     assert invoke("report", str(out)).exit_code == 0
     assert sorted((out / "figures").glob("*.png")) == pictures
+    changed("run.sections.low", "run.sections.high")
+    assert invoke("run", "study.toml").exit_code == 0
+    assert [path.stem for path in out.glob("section *.nc")] == ["section high"]
+    assert not (out / "figures" / "section_low.png").exists()
 
 
 @pytest.mark.parametrize("name", ["a b", "x/mm", "x" * 300])
@@ -546,8 +603,10 @@ def test_a_sweep_is_stored_and_continued(folder):
     assert len(frame) == 4 and set(frame["result"]) == {"successful"}
     np.testing.assert_array_equal(frame["peak [N]"], dataset["peak"].values.ravel())
     assert (out / "figures" / "peak.png").exists() and (out / "index.html").exists()
+    (out / "figures" / "old.png").touch()
     assert invoke("sweep", "study.toml", "--set", "sweep.axes.gravity.count=3").exit_code == 0
     assert len(pd.read_csv(out / "sweep.csv")) == 6
+    assert not (out / "figures" / "old.png").exists()
 
 
 WEAR = """
@@ -590,9 +649,10 @@ def test_wear_is_computed_continued_and_written(rotor, monkeypatch):
         patch.setattr(wearing, "compute_wear", interrupted)
         outcome = invoke("wear", "wear.toml")
     assert outcome.exit_code == 130 and "run the same command" in outcome.output, outcome.output
+    out = Path("results/wear/wear")
+    (out / "figures" / "old.png").touch()
     outcome = invoke("wear", "wear.toml")
     assert outcome.exit_code == 0, outcome.output
-    out = Path("results/wear/wear")
     stages = pd.read_csv(out / "stages.csv")
     np.testing.assert_array_equal(stages["cycles"][:2], stopped[0]["cycles"].values)
     # Of one cycle: both the sliding distance and the worn surface have the journal's circumference.
@@ -709,11 +769,28 @@ def test_an_interrupted_fit_writes_the_best_so_far(folder, monkeypatch):
         return cj.identify(*arguments, progress=stop, **options)
 
     monkeypatch.setattr(fitting, "identify", stopped)
+    Path("stopped").mkdir()
+    for name in ("summary.json", "series old.nc", "series old.csv"):
+        (Path("stopped") / name).touch()
     outcome = invoke("fit", "study.toml", "--out", "stopped")
     assert outcome.exit_code == 130, outcome.output
+    assert [path.stem for path in Path("stopped").glob("series *.csv")] == ["series height"]
     assert "interrupted; the best fit so far is in stopped" in outcome.output
     assert json.loads(Path("stopped/summary.json").read_text())["ended"] == "interrupted"
     assert "it was interrupted" in Path("stopped/report.txt").read_text()
+
+
+def test_a_fit_interrupted_at_once_names_no_old_page(folder, monkeypatch):
+    def stopped(*_arguments, **_options):
+        raise fitting.FitInterrupted([])
+
+    monkeypatch.setattr(fitting, "identify", stopped)
+    Path("rig.csv").write_text("time,height [um]\n0.01,1\n")
+    Path("out").mkdir()
+    Path("out/index.html").write_text("old")
+    outcome = invoke("fit", "study.toml", "--out", "out")
+    assert outcome.exit_code == 130, outcome.output
+    assert outcome.stdout == "interrupted before the first run ended: nothing was written\n"
 
 
 def test_the_formulation_of_a_run_is_read_from_its_settings():

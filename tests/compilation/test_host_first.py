@@ -57,6 +57,15 @@ def test_functions_that_need_jax_are_compiled_once(function):
     assert first.programs() == 1 and len(asked) == 2
 
 
+def test_numpy_is_tried_after_a_call_while_jax_traces():
+    function = HostFirst(kinked)
+    x, y = jnp.asarray(0.25), jnp.asarray(2.0)
+    traced = jax.jit(lambda x: function(x, y=y))(x)
+    found = function(x, y=y)
+    assert isinstance(found["angle"], np.ndarray | np.generic) and function.programs() <= 1
+    assert traced["angle"] == pytest.approx(found["angle"])
+
+
 def test_where_under_vmap_selects_in_each_lane():
     x = jnp.linspace(-1.0, 1.0, 5)
     np.testing.assert_array_equal(jax.vmap(lambda a: where(a > 0.0, a, -a))(x), jnp.abs(x))

@@ -372,6 +372,11 @@ def test_bad_arguments_are_refused(make, message):
         (q.Acceleration("ground"), r"`body` must be one of the scene's \['arm 2', 'arm 3'\].*grou"),
         (q.ContactForce("elbow"), r"`joint` must be one of the scene's \['shoulder'\].*'elbow'"),
         (q.Penetration("shoulder", "U"), r"`contact` must be one of the scene's \['V', 'W'\]"),
+        (q.Penetration("shoulder", None), r"`contact` must be .*\['V', 'W'\], but is None"),
+        (q.PenetrationRate("shoulder", None), r"`contact` must be .*'W'\], but is None"),
+        (q.FrictionForce("shoulder", None), r"`contact` must be .*'W'\], but is None"),
+        (q.ContactForce("elbow", None), r"`joint` must be one of the scene's \['shoulder'\]"),
+        (q.ContactForce("shoulder", "U"), r"`contact` must be one of the scene's \['V', 'W'\]"),
         (q.JournalOffset("elbow", "x"), r"`joint` must be one of the scene's \['shoulder'\]"),
         (q.ReactionMoment("shoulder", "arm 2"), r"`joint` must be one of the scene's \['elbow'\]"),
         (q.Reaction("hip", "arm 2"), r"`joint` must be .*\['elbow', 'shoulder'\].*'hip'"),
@@ -385,6 +390,7 @@ def test_unknown_names_are_refused(quantity, message):
     scene, _ = cj.mechanisms.double_pendulum()
     with pytest.raises(ValueError, match=message):
         quantity.check(scene)
+    q.ContactForce("shoulder", None).check(scene)
 
 
 def test_an_instant_of_a_late_run_has_the_same_time_after_a_transformation():

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from clearjoint.scene_files.documents import FileLocation
+from clearjoint.scene_files.reading import number_of_text
 
 PIN = """
 [bodies.arm]
@@ -67,6 +69,14 @@ def test_converted_numbers_are_rounded_once(read, written, number):
     assert float(scene.joints["pin"].clearance) == number
 
 
+@pytest.mark.parametrize(
+    ("text", "number"),
+    [("1e-999 mm", 0.0), ("1e-9999999999999999999999 mm", 0.0), ("-inf km", -np.inf)],
+)
+def test_numbers_beyond_the_range_of_floats(text, number):
+    assert number_of_text(text, "m", FileLocation("here")) == number
+
+
 def test_units_of_components(read):
     scene, _ = read(
         PIN,
@@ -112,6 +122,7 @@ def test_units_of_components(read):
         ("mass = 7.02", f"mass = {'1' * 400}", r"line 3, `bodies.arm.mass`: found .* of 1326 bits"),
         ("mass = 7.02", f"mass = '{'1' * 400} kg'", r"`bodies.arm.mass`: found '1+\.\.\.1+ kg'"),
         ("mass = 7.02", "mass = '1e400 kg'", r"`bodies.arm.mass`: .*expected a number below 1.8e"),
+        ('"10 mm"', "'1e308 km'", r"`joints.pin.bearing_radius`: .*a number below 1.8e.* m"),
         ("mass = 7.02", f"mass = {'[' * 50}{']' * 50}", r"pin.toml: .*at most 32 levels"),
         ("mass = 7.02", f"mass = {'[' * 9999}{']' * 9999}", r"pin.toml: .*at most 32 levels"),
         ("mass = 7.02", f"mass{'.a' * 9999} = 1", r"pin.toml: .*at most 32 levels"),
@@ -182,7 +193,7 @@ def test_a_class_is_named_with_or_without_its_module(read, name):
     assert type(scene.joints["pin"].law) is Doubled
 
 
-@pytest.mark.parametrize("classes", [Doubled, "Doubled", ["Doubled"]])
+@pytest.mark.parametrize("classes", [Doubled, "Doubled", ["Doubled"], None, 5, iter([Doubled])])
 def test_classes_are_passed_as_a_list(read, classes):
     with pytest.raises(ValueError, match=r"Argument `classes` must be a list of classes"):
         read(classes=classes)

@@ -53,6 +53,19 @@ def test_editors_find_the_schema_and_the_file_satisfies_it(files, schema):
     assert schema == cj.scene_schema([Motor])
 
 
+def test_a_table_needs_its_kind_only_where_several_classes_are_allowed(tmp_path):
+    cj.save(*cj.mechanisms.rotor_in_bearing(film=cj.films.CaponeFilm(0.02)), tmp_path / "a.json")
+    document = json.loads((tmp_path / "a.json").read_text())
+    bearing = document["joints"]["bearing"]
+    assert bearing["kind"] == "LubricatedJoint" and "kind" not in bearing["dry"]
+    schema = jsonschema.Draft202012Validator(cj.scene_schema())
+    schema.validate(document)
+    del bearing["kind"]
+    assert not schema.is_valid(document)
+    document["joints"]["bearing"] = bearing["dry"]
+    assert not schema.is_valid(document)
+
+
 @pytest.mark.parametrize(
     ("path", "value"),
     [
