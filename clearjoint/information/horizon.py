@@ -25,7 +25,6 @@ from jaxtyping import Bool, Float
 
 from ..fields.cautions import level_of_the_user
 from ..fields.checks import require, require_positive
-from ..math.smoothing import wrapped
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter, coordinates_of, values_at
@@ -352,8 +351,8 @@ def _near(
     values = dict(run.values)
     for name, output in outputs.items():
         if (period := getattr(output, "period", None)) is not None:
-            known = reference.values[name][: len(run.times)]
-            values[name] = known + wrapped(values[name] - known, period)
+            difference = values[name] - reference.values[name][: len(run.times)]
+            values[name] = values[name] - period * np.round(difference / period)
     return replace(run, values=values)
 
 
