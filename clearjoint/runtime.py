@@ -170,7 +170,10 @@ def threads_of_sweeps() -> int:
 
 
 def in_force() -> dict[str, Setting]:
-    """Return the settings of this process that affect results and speed, by name.
+    """Return the settings that all processes of a sweep share, by the names of JAX's settings and
+    of environment variables: 64-bit floats, the folder of compiled programs and the compile time
+    from which JAX writes to it, whether `clearjoint.native` compiles, and whether whole programs
+    are saved. The number of threads is not among them, since each process has its own.
 
     A sweep sends them to its worker processes, which take them over with `adopt`.
     """

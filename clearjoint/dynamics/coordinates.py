@@ -73,9 +73,10 @@ class AbstractMechanics(abc.ABC):
         """Return the rates of the speeds under given wrenches, one for each body, by its name, and
         gravity, without constraints.
 
-        Gravity accelerates all bodies of a tree alike if no joint connects it with the ground. The
-        rates of such a tree may be relative to free fall: they then leave gravity out, and
-        `accelerations` and `variable_rates` add it.
+        Joints that the coordinates eliminate connect bodies to trees. Gravity accelerates all
+        bodies of a tree alike if none of these joints connects it with the ground. The rates of
+        such a tree may be relative to free fall: they then leave gravity out, and `accelerations`
+        and `variable_rates` add it.
         """
 
     @abc.abstractmethod

@@ -271,8 +271,9 @@ class AbstractConverting(AbstractReadable):
     def field_converter(cls, name: str) -> Callable[[PyTree], PyTree]:
         """Return the function that converts the values given for the field `name`.
 
-        It is called when a class is defined, for each field that is not static and does not declare
-        a converter. A subclass may override this method, which returns `as_numbers` by default.
+        This method is called when a class is defined, for each field that the class itself
+        annotates (not for inherited ones), unless the field is static or declares a converter. A
+        subclass may override it for its own fields; by default it returns `as_numbers`.
         """
         del name
         return as_numbers

@@ -188,8 +188,8 @@ class ScaledValues(NamedTuple):
 
 
 def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
-    """Convert data to the unit with the SI prefix that brings the largest value between 1 and 1000,
-    and make the label of their axis.
+    """Convert data to the unit with the SI prefix that brings the largest magnitude between 1 and
+    1000, and make the label of their axis.
 
     Prefixes are from n to M, but metres, seconds and radians get neither k nor M. Units that are
     not in `PREFIXED` stay as they are.
@@ -250,8 +250,8 @@ def legend_label(dataset: xr.Dataset, variable: str, axis: str) -> str:
 
 
 def fitting_unit(values: np.ndarray, unit: str) -> tuple[float, str]:
-    """Choose the prefix that brings the largest of `values` (any shape, in the SI unit `unit`)
-    between 1 and 1000; forces are in N if all are below 10 kN, else in kN.
+    """Choose the prefix that brings the largest magnitude of `values` (any shape, in the SI unit
+    `unit`) between 1 and 1000; forces are in N if all are below 10 kN, else in kN.
 
     Prefixes are from n to M, but metres, seconds and radians get neither k nor M. Units that are
     not in `PREFIXED` stay as they are.
@@ -294,11 +294,11 @@ def time_axis(
 
 
 def _prefixed(values: np.ndarray, unit: str) -> tuple[int, str]:
-    """Return the power of ten of the prefix that brings the largest finite value between 1 and
-    1000, and the text of the unit with this prefix.
+    """Return the power of ten of the prefix that brings the largest finite magnitude between 1 and
+    1000, and the text of the unit with this prefix, in which "^2" is written "²".
 
-    The power is 0 for units without prefix and if all values are zero. It is limited by `PREFIXES`,
-    and to at most 0 for metres, seconds and radians.
+    The power is 0 for units without prefix and if no finite value differs from zero. It is limited
+    by `PREFIXES`, and to at most 0 for metres, seconds and radians.
     """
     text = unit.replace("^2", "²").replace("^3", "³")
     first = unit.split("/")[0]  # a prefix scales the numerator: mm/s for m/s

@@ -107,7 +107,7 @@ def rate_series(
 def trajectory_of(solution: Solution, trajectory: Trajectory | None) -> Trajectory:
     """Return `trajectory`, or for None the saved states of the solution.
 
-    **Raises:** `ValueError` for a solution without saved states.
+    **Raises:** `ValueError` if `trajectory` is ``None`` and the solution has no saved states.
     """
     trajectory = solution.saved if trajectory is None else trajectory
     remedy = "pass save=Saving(times) to simulate(), or trajectory=solution.steps"

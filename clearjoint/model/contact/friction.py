@@ -26,7 +26,8 @@ from ...math.vectors import Scalar, Vector
 
 
 class AbstractFriction(AbstractConverting):
-    """Base class of friction laws: a force against the slip, proportional to the normal force.
+    """Base class of friction laws without bristles: a force against the slip, proportional to the
+    normal force. Laws with bristles derive from `AbstractBristleFriction`.
 
     A subclass defines the ratio of friction to normal force as a function of the slip speed. The
     ratio must vanish at zero speed, so that the force and its derivatives are finite there.

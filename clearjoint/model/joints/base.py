@@ -457,7 +457,7 @@ class AbstractPair(AbstractElement):
     def _between(self, motions: Motions) -> tuple[tuple[str, str], Motion, Motion]:
         """Return the pair of names, and the motions of both bodies.
 
-        They are the first three arguments of the functions in `constraint_rows`.
+        Most functions of the module `.constraint_rows` take them as their first three arguments.
         """
         return self.pair(), motions[self.first], motions[self.second]
 

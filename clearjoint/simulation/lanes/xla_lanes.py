@@ -1,9 +1,11 @@
-"""Loop over lanes compiled by XLA, for accelerators and for CPUs without native code.
+"""Loop over lanes compiled by XLA, for accelerators, and for scenes on CPUs for which
+`clearjoint.native` cannot make machine code.
 
-A lane is one run of a sweep, and a turn is one iteration of the loop, in which each lane tries one
-step. All programs compute a fixed number of lanes, so that the rounding in a lane does not depend
-on the number of other lanes. Between two calls of the loop, the data of lanes are in memory that is
-divided into cells of 8 bytes, one column of cells for each lane.
+A lane is one run of a sweep, and a turn is one iteration of the loop, in which each lane that does
+not wait for Python tries one step. All programs compute a fixed number of lanes, so that the
+rounding in a lane does not depend on the number of other lanes. Between two calls of the loop, the
+data of lanes are in memory that is divided into cells of 8 bytes, one column of cells for each
+lane.
 """
 
 from collections.abc import Callable

@@ -121,8 +121,9 @@ FINEST = 16
 """Number of parts into which the most curved step is divided for drawing. Dividing a step into n
 parts reduces the distance between a path and its chords to 1/n^2 of its value, here to 1/256."""
 LARGEST_ROTATION = 0.05
-"""Largest rotation of a body within one part of a step, rad. The chord of an arc of this angle is
-nowhere farther from the arc than 3e-4 of its radius."""
+"""Largest rotation of a body within one part of a step, rad, at the spin of the step's start and
+unless the step has `MOST` parts. The chord of an arc of this angle is nowhere farther from the arc
+than 3e-4 of its radius."""
 MOST = 64
 """Largest number of parts into which a step is divided, so that a body that spins fast in a long
 step does not make the result arbitrarily long."""
@@ -136,9 +137,10 @@ def instants_of_smooth_curves(times: Times, states: State) -> Wanted:
     """Choose times in s such that the states at these times, joined by straight lines, look like a
     smooth curve.
 
-    The result contains the ends of all steps, and equidistant times inside steps in which the path
-    of a body is curved, compared with the most curved step, or a body rotates by more than
-    `LARGEST_ROTATION`.
+    The result contains the ends of all steps, and equidistant times inside a step if the velocity
+    of a body changes in it (if the step's length times this change is more than 1/256 of the
+    largest in the run), or if a body would rotate by more than `LARGEST_ROTATION` at the spin of
+    the step's start. A step has at most `MOST` parts.
 
     **Arguments:** `times`: (N,) s, not decreasing, the ends of the steps; `states`: the N states at
     these times.
@@ -154,7 +156,7 @@ def instants_of_smooth_curves(times: Times, states: State) -> Wanted:
         bend = np.maximum(bend, lengths * change)
         # The angle by which the body rotates in the step, rad, at the spin of the step's start.
         rotation = np.maximum(rotation, lengths * np.linalg.norm(body.spin[:-1], axis=1))
-    # If all bodies move along straight lines, the tiny number avoids a division by zero.
+    # If all velocities are constant, the tiny number avoids a division by zero.
     largest = max(bend.max(initial=0.0), np.finfo(float).tiny)
     # n parts reduce the distance from the chord by n^2, so the number of parts grows with its root.
     parts = np.maximum(FINEST * np.sqrt(bend / largest), rotation / LARGEST_ROTATION)
@@ -283,13 +285,14 @@ class Trajectory(AbstractReadable, AbstractTabular):
     def between(self, times: ArrayLike | None = None) -> "Trajectory":
         """Interpolate the states between the ends of accepted steps, to draw smooth curves.
 
-        The interpolation is a cubic Hermite polynomial in each step, and its error is far below the
-        clearances. It is valid for `solution.steps` only, since between two saved states there may
-        be impacts, across which positions are not smooth.
+        Motions of bodies are interpolated by a cubic Hermite polynomial in each step, with an error
+        far below the clearances. Bristle deflections and the energy ledger are interpolated
+        linearly, and entry speeds keep their values. This is valid for `solution.steps` only, since
+        between two saved states there may be impacts, across which positions are not smooth.
 
         **Arguments:** `times`: (M,) s, not decreasing, between the first and last time of the
-        trajectory. By default, the ends of all steps, and further times inside those steps in which
-        a body rotates or moves along a curve.
+        trajectory. By default, the ends of all steps, and further times inside steps in which a
+        body rotates by more than 0.05 rad, or its velocity changes much compared with other steps.
 
         **Returns:** a `Trajectory` of M times and states.
 

@@ -161,7 +161,8 @@ def _inwards(gap: ContactGap) -> Scalar:
 
 
 def _turns(start: ContactGap, end: ContactGap) -> Condition:
-    """Return whether the penetration of a contact moves towards zero at the `start` of a step, and
-    in the opposite direction at its `end`."""
+    """Return whether the penetration of a contact moves in the direction of the contact's next
+    event at the `start` of a step (see `_inwards`; a depth of zero counts as flight), and in the
+    opposite direction at its `end`."""
     inwards = _inwards(start)
     return (inwards * start.rate > 0.0) & (inwards * end.rate < 0.0)
