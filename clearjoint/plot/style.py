@@ -259,7 +259,7 @@ def fitting_unit(values: np.ndarray, unit: str) -> tuple[float, str]:
     **Returns:** the factor from the SI unit to the unit with prefix, and the latter's text.
     """
     if unit == "N":
-        largest = np.abs(values).max(initial=0.0)
+        largest = np.nanmax(np.abs(values), initial=0.0)
         return (1e-3, "kN") if largest >= 1e4 else (1.0, "N")
     exponent, text = _prefixed(np.asarray(values, dtype=float), unit)
     return 10.0**-exponent, text

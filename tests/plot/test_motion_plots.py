@@ -63,6 +63,7 @@ def test_large_contact_forces_are_in_kilonewtons(turning):
     axes = plot.contact_forces(seen, "pin")
     assert axes.get_ylabel() == "normal force, kN"
     assert max(axes.get_lines()[0].get_ydata()) == pytest.approx(1e-3 * force.max())
+    assert plot.style.fitting_unit(np.array([2e4, np.nan]), "N") == (1e-3, "kN")
 
 
 @pytest.mark.parametrize("draw", [plot.position, plot.acceleration])
