@@ -264,8 +264,9 @@ class LaneMargins:
         count = min(first_violation(self.margins), len(self.margins) - 1)
         ends = self.margins[: count + 1]
         # The infinite margin of a failed run or of a zero peak tells nothing about the rate at
-        # which the margin changes.
-        changes = np.nan_to_num(np.abs(np.diff(ends)), posinf=0.0)
+        # which the margin changes. The difference of two infinite margins is NaN.
+        with np.errstate(invalid="ignore"):
+            changes = np.nan_to_num(np.abs(np.diff(ends)), posinf=0.0)
         # With zeros at both ends, the first and the last interval have neighbours, too.
         around = np.pad(changes, NEIGHBOURS)
         largest_change = sliding_window_view(around, 2 * NEIGHBOURS + 1).max(axis=1)

@@ -135,6 +135,12 @@ def test_rows_are_put_in_order():
     assert not row([1.0, 2.0], [1.0, 1.1]).falls(0.05) and row([1.0, 2.0], [1.0, 1.1]).falls(0.2)
 
 
+def test_intervals_beside_infinite_margins_are_judged_without_warning():
+    margins = row([1.0, 2.0, 3.0, 4.0], [np.inf, np.inf, 1.0, -1.0])
+    with np.errstate(invalid="raise"):
+        np.testing.assert_array_equal(margins.doubtful(), [False, True, True])
+
+
 MISTAKEN = {
     "no parameter": ({"parameter": None}, "`parameter` must be a Parameter, but is 'NoneType'"),
     "a range that falls": ({"between": (1e-3, 1e-4)}, "`between` must be two rising values"),
