@@ -1,5 +1,6 @@
 """The largest value that keeps limits, for given margins and for a drop with a closed form."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
@@ -144,7 +145,11 @@ def test_intervals_beside_infinite_margins_are_judged_without_warning():
 MISTAKEN = {
     "no parameter": ({"parameter": None}, "`parameter` must be a Parameter, but is 'NoneType'"),
     "a range that falls": ({"between": (1e-3, 1e-4)}, "`between` must be two rising values"),
-    "a limit below zero": ({"limit": -1.0}, "`limit.'quantity'.` must be a positive number"),
+    "a limit below zero": ({"limit": -1.0}, "`limit.'quantity'.` must be positive, but is -1.0"),
+    "an infinite limit": ({"limit": np.inf}, "`limit.'quantity'.` must be finite, but is inf"),
+    "a limit as text": ({"limit": "1 N"}, "`limit.'quantity'.` must be a number"),
+    "no quantities": ({"quantity": {}, "limit": {}}, "`quantity` must be one or more"),
+    "an array as limit, but two lanes": ({"limit": jnp.array(1e3), "lanes": 2}, "`lanes` must be"),
     "a limit of another": ({"limit": {"x": 1.0}}, "`limit` must be one for each of .'quantity'."),
     "a quantity by name": ({"quantity": "force"}, "`quantity.'quantity'.` must be a scalar"),
     "several results": (
