@@ -923,7 +923,8 @@ def check_wear(
         require(fine, f"rates[{name!r}]", of_joint, expected, "pass cj.WearRates(bearing=...)")
     require_positive("cycle", cycle, "give the duration of a cycle in s")
     goals = np.atleast_1d(np.asarray(cycles, float))
-    positive = goals.ndim == 1 and bool(np.all(np.diff(goals, prepend=0.0) > 0.0))
+    row = goals.ndim == 1 and goals.size > 0
+    positive = row and bool(np.all(np.diff(goals, prepend=0.0) > 0.0))
     remedy = "give a number of cycles, such as 1e6, or a rising row of them"
     require(positive, "cycles", cycles, "positive and rising", remedy)
     if depth is not None:

@@ -465,6 +465,7 @@ def test_a_cycle_that_is_not_periodic_is_refused():
         ({"rates": {"pins": cj.WearRates(bearing=RATE)}}, "rates"),
         ({"cycle": -1.0}, "cycle"),
         ({"cycles": 0.0}, "cycles"),
+        ({"cycles": []}, r"`cycles` must be positive and rising, but is \[\]"),
         ({"depth": 0.0}, "depth"),
         ({"settle": -1}, "`settle` must be a whole number, zero or positive"),
         ({"settle": True}, "settle"),
