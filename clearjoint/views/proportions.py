@@ -115,7 +115,7 @@ def equivalent_solid(body: Body) -> BodySolid:
     moments, axes = (inertia, np.eye(3)) if inertia.ndim == 1 else np.linalg.eigh(inertia)
     # Axes for which the moments about the two other axes are equal. There is one for a cylinder,
     # and there are three, for example, for a cube.
-    equal = [k for k in range(3) if np.isclose(moments[k - 1], moments[k - 2], rtol=1e-3)]
+    equal = [k for k in range(3) if np.isclose(moments[k - 1], moments[k - 2], rtol=1e-3, atol=0.0)]
     # A cylinder of mass m, radius r and length L has the moments m r² / 2 along its axis, and
     # m (3 r² + L²) / 12 across. Moments of no real solid could give a negative L².
     if len(equal) == 1:

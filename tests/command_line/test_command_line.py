@@ -803,3 +803,5 @@ def test_the_formulation_of_a_run_is_read_from_its_settings():
         written = Formulation(cj.AbsoluteCoordinates(), stabilisation, redundant=True, ledger=True)
         assert describe(read) == describe(written)
     assert describe(formulation_of({}, redundant=False)) == describe(Formulation())
+    with pytest.raises(ValueError, match="`setting_coordinates` must be .*, but is 'Screws'"):
+        formulation_of({"setting_coordinates": "Screws(pitch=1.0)"}, redundant=False)
