@@ -71,8 +71,10 @@ def as_number(value: object, argument: str = "value", unit: str = "1") -> np.nda
         "pass a float, a list of floats or an array",
     )
     try:
-        # NumPy would convert strings, bools, dates and complex numbers to floats without an error.
-        unfit = value is None or np.asarray(value).dtype.kind in "USbcmM"
+        # NumPy would convert strings, bools, dates and complex numbers to floats without an error,
+        # and ``None`` in a list to NaN.
+        array = np.asarray(value)
+        unfit = array.dtype.kind in "USbcmM" or (array.dtype.kind == "O" and None in array.ravel())
         numbers = None if unfit else np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         numbers = None
