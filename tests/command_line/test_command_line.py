@@ -243,7 +243,10 @@ REFUSED = {
     "no fit": (["fit", "rod.toml"], r"expected a section \[fit\]"),
     "no wear": (["wear", "rod.toml"], r"`wear`.*expected a section \[wear\]"),
     "no data": (["fit", "study.toml"], r"`fit\.measurements`.*expected a CSV file"),
-    "rare states": (["check", "study.toml", "--set", "run.save_every='1 h'"], "at most the duratio"),
+    "rare states": (
+        ["check", "study.toml", "--set", "run.save_every='1 h'"],
+        "at most the duration",
+    ),
     "a body off": (
         ["check", "rod.toml", "--set", "joints.pin.bearing_point=[0.1, 0, 0]"],
         "assemble",
