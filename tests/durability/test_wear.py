@@ -214,7 +214,7 @@ def test_stages_are_limited_where_the_force_begins_before_the_surfaces_touch():
     deepest = found["penetration"].values[0, :-1]
     assert np.all(deepest < 0.0)
     changes = np.diff(found["bearing_depth"][0].max("angle"))
-    limits = 0.2 * (deepest + scene.joints["pin"].law.onset_offset())
+    limits = 0.2 * (deepest + float(scene.joints["pin"].law.onset_offset()))
     np.testing.assert_allclose(changes, limits * [0.1, 1.0], rtol=0.02)
 
 
