@@ -1,7 +1,8 @@
 """Draw fits to measurements, the accuracy of estimated parameters, and limits of a fit by one run.
 
-The accuracy of a parameter refers to its coordinate: its value on its scale, such as the logarithm
-of the value for the scale `Log`, on which a small difference is a relative error.
+The accuracy of a parameter is that of its coordinate, the parameter's value on its scale. On the
+scale `Log` the coordinate is the logarithm of the value: a small error of the logarithm is the
+relative error of the value.
 """
 
 from collections.abc import Collection, Iterable
@@ -162,11 +163,11 @@ def record_length(report: Identifiability, *, axes: Axes | None = None) -> Axes:
     """Draw how accurately parameters can be estimated from measurements of increasing length.
 
     Each parameter has a line: the lower bound of the standard deviation of its estimate, if all
-    parameters are estimated together. It is that of the parameter's coordinate, the value on its
-    scale: for the scale `Log` the relative error, for `Linear` the error in multiples of the
-    scale's `unit`. The line is thin and faint where the standard deviation exceeds `report.limits`,
-    above which an estimate carries no information; dotted horizontal lines show these limits. A
-    line begins at the first end of the record at which it determines the parameter at all.
+    parameters are estimated together. This is the standard deviation of the parameter's coordinate,
+    the value on its scale: for the scale `Log` the relative error, for `Linear` the error in
+    multiples of the scale's `unit`. The line is thin and faint where the standard deviation exceeds
+    `report.limits`, above which an estimate carries no information; dotted horizontal lines show
+    these limits. A line begins with the shortest record that determines the parameter at all.
 
     **Arguments:** `report`: from `cj.identifiability`; pass `report.of("probe")` to draw the
     accuracy by the sensor "probe" alone. `axes`: axes to draw on, new ones by default.
