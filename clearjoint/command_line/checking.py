@@ -28,6 +28,7 @@ from ..scene_files.documents import FileLocation, keys_of, written
 from ..scene_files.files import save
 from ..simulation.run.run_checks import check_start
 from .fitting import fit_parameters
+from .running import saved_times
 from .study import Study
 from .sweeping import shape_of_lanes, sweep_axes
 from .wearing import check_wear_section
@@ -136,6 +137,7 @@ def _sections(study: Study) -> Iterator[str]:
     study.check_elements(run.outputs, "run", "outputs")
     study.check_elements(study.sections(), "run", "sections")
     if run.end is not None:
+        saved_times(run, study.end())
         yield f"run: {run.start:g} s to {study.end():g} s"
     if (sweep := study.parts.sweep) is not None:
         axes = sweep_axes(study, sweep)

@@ -15,6 +15,7 @@ import xarray as xr
 from ..dynamics.formulation import Formulation
 from ..export.datasets import to_frame, write_netcdf
 from ..fields.cautions import quiet
+from ..fields.checks import errors_about, require
 from ..model.bodies import BodyState, State
 from ..model.scene import Scene
 from ..result_codes import RESULTS
@@ -145,7 +146,8 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
     The solution has no accepted steps, since these are not stored. If the run ended with a message
     that this version of the package does not know, the result code is `max_steps_reached`.
 
-    **Raises:** `ValueError` for a folder without saved states or without the file of the scene.
+    **Raises:** `ValueError` for a folder without saved states or without the file of the scene, and
+    for coordinates or a stabilisation of a class that this version does not know.
     """
     motion = read_table(folder, MOTION)
     if motion is None or not (folder / SCENE).exists():
@@ -160,6 +162,8 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
     # The file has the message of the result instead of its code. The message of another version may
     # be unknown here; such a run counts as one that was not finished.
     results = {RESULTS[item]: item for item in RESULTS._name_to_item.values()}
+    with errors_about(f"{folder / MOTION}.nc"):
+        formulation = formulation_of(motion.attrs, bool(names))
     impacts = read_table(folder, IMPACTS)
     solution = Solution(
         time=float(motion.attrs["time_reached"]),
@@ -171,7 +175,7 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
         saved_count=motion.sizes["time"],
         steps=None,
         impacts=None if impacts is None else _impacts(impacts),
-        formulation=formulation_of(motion.attrs, bool(names)),
+        formulation=formulation,
         redundant_constraints=names,
         sections=_sections(folder),
         settings=tuple(
@@ -194,6 +198,8 @@ def formulation_of(notes: Mapping[str, object], redundant: bool) -> Formulation:
       "setting_stabilisation" and "setting_ledger" are texts such as
       "Baumgarte(alpha=5.0, beta=5.0)"; the defaults of `Formulation` replace absent ones.
     - `redundant`: whether some constraints depend on others.
+
+    **Raises:** `ValueError` for a class that this version of the package does not know.
     """
     chosen = {}
     # A text names a class and its fields, from which the object is made again.
@@ -201,8 +207,10 @@ def formulation_of(notes: Mapping[str, object], redundant: bool) -> Formulation:
         kind, _, arguments = str(notes.get(f"setting_{name}", "")).partition("(")
         if kind:
             numbers = re.findall(r"(\w+)=([^,)]+)", arguments)
-            make = next(one for one in CLASSES if one.__name__ == kind)
-            chosen[name] = make(**{key: float(number) for key, number in numbers})
+            known = [one for one in CLASSES if one.__name__ == kind]
+            expected, remedy = "a class of this version", "run `clearjoint run` again"
+            require(len(known) == 1, f"setting_{name}", kind, expected, remedy)
+            chosen[name] = known[0](**{key: float(number) for key, number in numbers})
     ledger = notes.get("setting_ledger") == "True"
     return Formulation(**chosen, redundant=redundant, ledger=ledger)
 

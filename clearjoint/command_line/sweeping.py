@@ -45,7 +45,7 @@ def sweep(study: Study, folder: Path) -> CommandResult:
     lanes = int(np.prod(shape_of_lanes(axes, part)))
     # A chunk is written to the store when all its lanes have ended. With many chunks, long sweeps
     # show results early, and a process that is killed loses few lanes.
-    chunk = part.chunk or int(np.clip(np.ceil(lanes / 16), 1, 256))
+    chunk = int(np.clip(np.ceil(lanes / 16), 1, 256)) if part.chunk is None else part.chunk
     end, settings = study.end(part.end), study.settings("sweep")
     folder.mkdir(parents=True, exist_ok=True)
     write_scene(folder, study.scene, study.state)

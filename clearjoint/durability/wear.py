@@ -530,7 +530,8 @@ class _Stages:
             self._refuse(found.failure, difference, run)
             return
         # Number of cycles to the next of several goals, or to the only one.
-        left = float(goals[goals > self.cycles[-1]].min()) - self.cycles[-1]
+        goal = float(goals[goals > self.cycles[-1]].min())
+        left = goal - self.cycles[-1]
         # Without wear, no number of cycles leads to a depth.
         if np.isinf(left) and not found.halves[:, 0].any():
             self.failure = "no part wears in the measured cycles"
@@ -544,6 +545,9 @@ class _Stages:
         # Several goals prescribe the stages, so that no limit shortens them.
         length = left if goals.ndim == 1 else self._length(scene, left, largest_change)
         self._extrapolate(length)
+        # By rounding, the sum could be below the goal, and a needless stage would follow.
+        if length == left:
+            self.cycles[-1] = goal
 
     def has_ended(self, cycles: float, stages: int, depth: float | None) -> bool:
         """Return whether there is nothing more to compute, and set `ending` if so.
@@ -927,7 +931,8 @@ def check_wear(
         require(fine, f"rates[{name!r}]", of_joint, expected, "pass cj.WearRates(bearing=...)")
     require_positive("cycle", cycle, "give the duration of a cycle in s")
     goals = np.atleast_1d(np.asarray(cycles, float))
-    positive = goals.ndim == 1 and bool(np.all(np.diff(goals, prepend=0.0) > 0.0))
+    row = goals.ndim == 1 and goals.size > 0
+    positive = row and bool(np.all(np.diff(goals, prepend=0.0) > 0.0))
     remedy = "give a number of cycles, such as 1e6, or a rising row of them"
     require(positive, "cycles", cycles, "positive and rising", remedy)
     if depth is not None:

@@ -4,6 +4,7 @@ poor fits, and runs that leave the range of a model's validity.
 The subclasses of `UserWarning` let users silence one kind, or turn it into an error.
 """
 
+import os
 import sys
 import warnings
 from collections.abc import Iterator
@@ -13,7 +14,9 @@ from pathlib import Path
 
 import equinox as eqx
 
-_PACKAGES = str(Path(__file__).parents[1]), str(Path(eqx.__file__).parent)
+_PACKAGES = tuple(
+    f"{folder}{os.sep}" for folder in (Path(__file__).parents[1], Path(eqx.__file__).parent)
+)
 """Folders of this package and of Equinox. Stack frames of code in them are not the user's."""
 SILENCE = "To silence this:"
 """Start of the last sentence of each warning, on how to silence it."""

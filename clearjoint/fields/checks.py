@@ -56,9 +56,9 @@ def as_number(value: object, argument: str = "value", unit: str = "1") -> np.nda
     **Arguments:** `value`: a number, an array, or nested lists of numbers. `argument`, `unit`: name
     and unit of the value in the error message.
 
-    **Raises:** `ValueError` if the value does not consist of numbers; texts, bools, dates and
-    complex numbers are refused. In a list that also contains numbers, NumPy takes a bool as 0 or 1
-    and ``None`` as NaN, without an error.
+    **Raises:** `ValueError` if the value does not consist of numbers; texts, bools, dates, complex
+    numbers and ``None`` are refused. In a list that also contains numbers, NumPy takes a bool as 0
+    or 1, without an error.
     """
     if isinstance(value, jax.Array):
         return value
@@ -73,8 +73,10 @@ def as_number(value: object, argument: str = "value", unit: str = "1") -> np.nda
         "pass a float, a list of floats or an array",
     )
     try:
-        # NumPy would convert strings, bools, dates and complex numbers to floats without an error.
-        unfit = value is None or np.asarray(value).dtype.kind in "USbcmM"
+        # NumPy would convert strings, bools, dates and complex numbers to floats without an error,
+        # and ``None`` in a list to NaN.
+        array = np.asarray(value)
+        unfit = array.dtype.kind in "USbcmM" or (array.dtype.kind == "O" and None in array.ravel())
         numbers = None if unfit else np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         numbers = None

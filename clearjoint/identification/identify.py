@@ -51,13 +51,17 @@ class FitInterrupted(KeyboardInterrupt):
     `fits`: list of `Fit`: the finished fits and, last, the best result so far of the interrupted
     fit, if at least one run of its searches had ended; runs of a `Screening` don't count.
 
+    **Arguments:** `partly`: whether the last of the `fits` is that of the interrupted fit.
+
     >>> cj.FitInterrupted([]).fits
     []
     """
 
-    def __init__(self, fits: Sequence[Fit]):
+    def __init__(self, fits: Sequence[Fit], partly: bool = True):
         text = "The fit was interrupted before the first run of a search had ended."
-        if fits:
+        if fits and not partly:
+            text += " The exception's `fits` has the finished fits of earlier sets."
+        elif fits:
             values = ", ".join(f"{n} {value:.6g}" for n, value in fits[-1].estimates.items())
             last = fits[-1]
             text = (
@@ -245,7 +249,7 @@ def identify_many(
             fit, stopped = problem.fit(one, on_iteration, progress is True)
             fits += [] if fit is None else [fit]
             if stopped:
-                raise FitInterrupted(fits)
+                raise FitInterrupted(fits, fit is not None)
     _warn(fits)
     return fits
 

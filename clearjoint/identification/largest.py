@@ -18,6 +18,7 @@ from jaxtyping import Bool, Float
 from numpy.lib.stride_tricks import sliding_window_view
 
 from ..fields.checks import (
+    as_number,
     as_shown,
     require,
     require_count,
@@ -273,8 +274,9 @@ class LaneMargins:
         count = min(first_violation(self.margins), len(self.margins) - 1)
         ends = self.margins[: count + 1]
         # The infinite margin of a failed run or of a zero peak tells nothing about the rate at
-        # which the margin changes.
-        changes = np.nan_to_num(np.abs(np.diff(ends)), posinf=0.0)
+        # which the margin changes. The difference of two infinite margins is NaN.
+        with np.errstate(invalid="ignore"):
+            changes = np.nan_to_num(np.abs(np.diff(ends)), posinf=0.0)
         # With zeros at both ends, the first and the last interval have neighbours, too.
         around = np.pad(changes, NEIGHBOURS)
         largest_change = sliding_window_view(around, 2 * NEIGHBOURS + 1).max(axis=1)
@@ -545,17 +547,17 @@ def _range_on_scale(parameter: Parameter, between: tuple[float, float]) -> tuple
 
 
 def _check_limits(outputs: Mapping[str, object], limits: Mapping[str, float]) -> None:
-    """Check that each output has one positive limit, under the same name.
+    """Check that each output has one positive, finite limit, under the same name.
 
     **Raises:** `ValueError` otherwise.
     """
+    require(len(outputs) > 0, "quantity", dict(outputs), "one or more quantities", "name one")
     remedy = "give each quantity one limit, under the same name"
     same = set(outputs) == set(limits)
     require(same, "limit", sorted(limits), f"one for each of {sorted(outputs)}", remedy)
     for name, limit in limits.items():
-        fine = isinstance(limit, int | float | np.number) and 0.0 < float(limit) < np.inf
-        remedy = "pass the largest allowed magnitude or distance"
-        require(fine, f"limit[{name!r}]", limit, "a positive number", remedy)
+        argument, remedy = f"limit[{name!r}]", "pass the largest allowed magnitude or distance"
+        require_positive(argument, as_number(limit, argument), remedy)
 
 
 def _check(

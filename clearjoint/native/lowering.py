@@ -251,7 +251,9 @@ def _are_equal(atoms: Sequence[Atom]) -> bool:
     first = atoms[0]
     if not isinstance(first, core.Literal):
         return all(atom is first for atom in atoms)
-    return all(isinstance(a, core.Literal) and np.array_equal(a.val, first.val) for a in atoms)
+    # The bits count: 0.0 and -0.0 are different numbers, and NaN is equal to itself.
+    bits = {np.asarray(a.val).tobytes() for a in atoms if isinstance(a, core.Literal)}
+    return len(bits) == 1 and all(isinstance(a, core.Literal) for a in atoms)
 
 
 class Lowering:

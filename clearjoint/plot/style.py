@@ -10,6 +10,7 @@ import xarray as xr
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
+from matplotlib.colors import to_hex
 from matplotlib.projections.polar import PolarAxes
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 
@@ -42,7 +43,7 @@ def lines() -> Iterator[tuple[str, Dashes]]:
 
 def next_colour(axes: Axes) -> str:
     """Return the first colour of `LINES` that no line on the axes has, or else the rarest one."""
-    drawn = [line.get_color() for line in axes.get_lines()]
+    drawn = [to_hex(line.get_color()).upper() for line in axes.get_lines()]
     return min((colour for colour, _ in LINES), key=drawn.count)
 
 
@@ -87,11 +88,13 @@ def dress(axes: Axes, x: str, y: str) -> Axes:
 def draw_lines(
     axes: Axes, curves: Iterable[tuple[str, ArrayLike, ArrayLike]], linewidth: float = 1.5
 ) -> None:
-    """Draw curves that differ by colour and line style.
+    """Draw curves that differ by colour and line style, also from lines already on the axes.
 
     **Arguments:** `curves`: label, x (N,) and y (N,) of each curve; `linewidth`: points.
     """
-    for (label, x, y), (colour, style) in zip(curves, lines(), strict=False):
+    for label, x, y in curves:
+        colour = next_colour(axes)
+        style = dict(LINES)[colour]
         axes.plot(x, y, color=colour, linestyle=style, linewidth=linewidth, label=label)
 
 
@@ -260,7 +263,7 @@ def fitting_unit(values: np.ndarray, unit: str) -> tuple[float, str]:
     **Returns:** the factor from the SI unit to the unit with prefix, and the latter's text.
     """
     if unit == "N":
-        largest = np.abs(values).max(initial=0.0)
+        largest = np.nanmax(np.abs(values), initial=0.0)
         return (1e-3, "kN") if largest >= 1e4 else (1.0, "N")
     exponent, text = _prefixed(np.asarray(values, dtype=float), unit)
     return 10.0**-exponent, text

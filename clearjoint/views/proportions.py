@@ -111,16 +111,16 @@ def equivalent_solid(body: Body) -> BodySolid:
     """Return the homogeneous solid with a body's mass and moments of inertia.
 
     The solid is a cylinder if exactly one pair of principal moments is equal, and a box otherwise.
-    Moments count as equal if they differ by at most a thousandth plus 1e-8 kg m². The solid
-    represents a body whose shape is unknown. For moments that no real solid has, sides whose square
-    would be negative are zero.
+    Moments count as equal if they differ by at most a thousandth. The solid represents a body whose
+    shape is unknown. For moments that no real solid has, sides whose square would be negative are
+    zero.
     """
     # `inertia` has either the moments (3,) about the body axes, or is a matrix (3, 3).
     inertia, mass = np.asarray(body.inertia), float(np.asarray(body.mass))
     moments, axes = (inertia, np.eye(3)) if inertia.ndim == 1 else np.linalg.eigh(inertia)
     # Numbers of the axes for which the moments about the two other axes are equal: one axis for a
     # cylinder, all three for a cube.
-    equal = [k for k in range(3) if np.isclose(moments[k - 1], moments[k - 2], rtol=1e-3)]
+    equal = [k for k in range(3) if np.isclose(moments[k - 1], moments[k - 2], rtol=1e-3, atol=0.0)]
     # A cylinder of mass m, radius r and length L has the moments m r² / 2 along its axis, and
     # m (3 r² + L²) / 12 across. Moments of no real solid could give a negative L².
     if len(equal) == 1:

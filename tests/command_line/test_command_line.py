@@ -243,6 +243,10 @@ REFUSED = {
     "no fit": (["fit", "rod.toml"], r"expected a section \[fit\]"),
     "no wear": (["wear", "rod.toml"], r"`wear`.*expected a section \[wear\]"),
     "no data": (["fit", "study.toml"], r"`fit\.measurements`.*expected a CSV file"),
+    "rare states": (
+        ["check", "study.toml", "--set", "run.save_every='1 h'"],
+        "at most the duration",
+    ),
     "a body off": (
         ["check", "rod.toml", "--set", "joints.pin.bearing_point=[0.1, 0, 0]"],
         "assemble",
@@ -803,3 +807,5 @@ def test_the_formulation_of_a_run_is_read_from_its_settings():
         written = Formulation(cj.AbsoluteCoordinates(), stabilisation, redundant=True, ledger=True)
         assert describe(read) == describe(written)
     assert describe(formulation_of({}, redundant=False)) == describe(Formulation())
+    with pytest.raises(ValueError, match="`setting_coordinates` must be .*, but is 'Screws'"):
+        formulation_of({"setting_coordinates": "Screws(pitch=1.0)"}, redundant=False)

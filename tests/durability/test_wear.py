@@ -2,6 +2,7 @@
 
 import dataclasses
 import inspect
+from types import SimpleNamespace
 
 import equinox as eqx
 import jax
@@ -213,7 +214,7 @@ def test_stages_are_limited_where_the_force_begins_before_the_surfaces_touch():
     deepest = found["penetration"].values[0, :-1]
     assert np.all(deepest < 0.0)
     changes = np.diff(found["bearing_depth"][0].max("angle"))
-    limits = 0.2 * (deepest + scene.joints["pin"].law.onset_offset())
+    limits = 0.2 * (deepest + float(scene.joints["pin"].law.onset_offset()))
     np.testing.assert_allclose(changes, limits * [0.1, 1.0], rtol=0.02)
 
 
@@ -445,6 +446,21 @@ def test_worn_profiles_are_put_into_the_scene(found):
     assert worn["pin"].journal_profile is None and worn["other pin"].bearing_profile is None
 
 
+def test_the_last_stage_ends_at_the_goal_without_rounding():
+    goal, begun = 961.1, 177.8
+    assert begun + (goal - begun) < goal
+    depths, of_run = np.zeros((1, 0, 2, 8)), np.zeros((2, 1, 0, 2, 8))
+    stages = wear_module._Stages(
+        [], [], np.zeros((0, 2)), [0.0, begun], [depths] * 2, [depths], [np.zeros((0, 2))], None
+    )
+    found = SimpleNamespace(failure="", halves=of_run, extremes=np.zeros((0, 2)), state=None)
+    run = SimpleNamespace(
+        measure=lambda scene, state: found, difference=lambda found: 0.0, tolerance=0.1
+    )
+    stages.add(run, whirling()[0], np.array(goal), None)
+    assert stages.cycles == [0.0, begun, goal] and stages.has_ended(goal, 9, None)
+
+
 PIN_CLEARANCE = cj.Parameter(lambda scene: scene.joints["pin"].clearance)
 
 
@@ -465,6 +481,7 @@ def test_a_cycle_that_is_not_periodic_is_refused():
         ({"rates": {"pins": cj.WearRates(bearing=RATE)}}, "rates"),
         ({"cycle": -1.0}, "cycle"),
         ({"cycles": 0.0}, "cycles"),
+        ({"cycles": []}, r"`cycles` must be positive and rising, but is \[\]"),
         ({"depth": 0.0}, "depth"),
         ({"settle": -1}, "`settle` must be a whole number, zero or positive"),
         ({"settle": True}, "settle"),

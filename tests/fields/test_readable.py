@@ -94,7 +94,9 @@ def test_public_modules_list_neither_modules_nor_types_of_numpy(module):
     assert not [one for one in callables if "numpy._typing" in str(inspect.signature(one))]
 
 
-@pytest.mark.parametrize("value", [np.array([1.0 + 2.0j]), np.array(["2026-01-01"], "M8[D]"), True])
+@pytest.mark.parametrize(
+    "value", [np.array([1.0 + 2.0j]), np.array(["2026-01-01"], "M8[D]"), True, [None, 1.0]]
+)
 def test_only_real_numbers_are_numbers(value):
     with pytest.raises(ValueError, match="`mass` must be a number or an array of numbers"):
         as_number(value, "mass", "kg")

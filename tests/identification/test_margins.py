@@ -1,5 +1,6 @@
 """The largest value that keeps limits, for given margins and for a drop with a closed form."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
@@ -135,10 +136,20 @@ def test_rows_are_put_in_order():
     assert not row([1.0, 2.0], [1.0, 1.1]).falls(0.05) and row([1.0, 2.0], [1.0, 1.1]).falls(0.2)
 
 
+def test_intervals_beside_infinite_margins_are_judged_without_warning():
+    margins = row([1.0, 2.0, 3.0, 4.0], [np.inf, np.inf, 1.0, -1.0])
+    with np.errstate(invalid="raise"):
+        np.testing.assert_array_equal(margins.doubtful(), [False, True, True])
+
+
 MISTAKEN = {
     "no parameter": ({"parameter": None}, "`parameter` must be a Parameter, but is 'NoneType'"),
     "a range that falls": ({"between": (1e-3, 1e-4)}, "`between` must be two rising values"),
-    "a limit below zero": ({"limit": -1.0}, "`limit.'quantity'.` must be a positive number"),
+    "a limit below zero": ({"limit": -1.0}, "`limit.'quantity'.` must be positive, but is -1.0"),
+    "an infinite limit": ({"limit": np.inf}, "`limit.'quantity'.` must be finite, but is inf"),
+    "a limit as text": ({"limit": "1 N"}, "`limit.'quantity'.` must be a number"),
+    "no quantities": ({"quantity": {}, "limit": {}}, "`quantity` must be one or more"),
+    "an array as limit, but two lanes": ({"limit": jnp.array(1e3), "lanes": 2}, "`lanes` must be"),
     "a limit of another": ({"limit": {"x": 1.0}}, "`limit` must be one for each of .'quantity'."),
     "a quantity by name": ({"quantity": "force"}, "`quantity.'quantity'.` must be a scalar"),
     "several results": (

@@ -8,6 +8,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.identification import checking
+from clearjoint.identification.identify import _Problem
 from clearjoint.identification.residuals import UNREACHED, experiment, samples
 from clearjoint.identification.screening.misfit_curves import SideBySide
 
@@ -231,6 +232,16 @@ def test_an_interrupted_screening_has_no_fit(data, monkeypatch):
     with pytest.raises(cj.FitInterrupted, match="before the first run of a search") as stopped:
         fitted(data, starts=cj.Screening(40))
     assert stopped.value.fits == []
+
+
+def test_fits_of_earlier_sets_are_not_the_best_of_an_interrupted_one(data, monkeypatch):
+    options = {"guess": {"stiffness": 51.0}, "check_runs": 0, "progress": False}
+    fit = cj.identify(SCENE, STATE, data, PARAMETERS, **options)
+    results = iter([(fit, False), (None, True)])
+    monkeypatch.setattr(_Problem, "fit", lambda *_: next(results))
+    with pytest.raises(cj.FitInterrupted, match="before the first run .* earlier sets") as stopped:
+        cj.identify_many(SCENE, STATE, [data, data], PARAMETERS, **options)
+    assert len(stopped.value.fits) == 1 and stopped.value.fits[0] is fit
 
 
 @pytest.mark.parametrize("last", [2, 5])

@@ -61,6 +61,11 @@ def test_the_law_keeps_what_laws_promise():
     assert float(LAW.elastic_force(gap)) == 0.0
 
 
+def test_a_smoothed_law_begins_before_the_asperities():
+    wide = cj.laws.RoughCylinders(ROUGH, LENGTH, cj.laws.Hertz(1e10, smoothing=1e-5))
+    assert float(wide.onset_offset()) == 1e-5 > float(ROUGH.reach)
+
+
 def coefficient(carried):
     """Friction coefficient of the bearing."""
     return abs(float(carried.moment)) / (LOAD * RADIUS)

@@ -121,3 +121,15 @@ def test_lanes_that_leave_a_branch_keep_results_of_functions(way):
     for _ in range(20):
         now = turn((), jnp.asarray(stiffness[3]), now)
     np.testing.assert_allclose(together[3][1:], [float(y) for y in now[1:]], rtol=1e-12)
+
+
+@jax.jit
+def inverse(z, x):
+    return 1.0 / z + x
+
+
+def test_zeros_of_both_signs_are_different_arguments(way):
+    program = NativeProgram(
+        jax.make_jaxpr(lambda x: [inverse(z, x) for z in (0.0, -0.0, 0.0)])(1.0)
+    )
+    assert np.ravel(program([1.0])).tolist() == [np.inf, -np.inf, np.inf]

@@ -63,6 +63,17 @@ def test_large_contact_forces_are_in_kilonewtons(turning):
     axes = plot.contact_forces(seen, "pin")
     assert axes.get_ylabel() == "normal force, kN"
     assert max(axes.get_lines()[0].get_ydata()) == pytest.approx(1e-3 * force.max())
+    assert plot.style.fitting_unit(np.array([2e4, np.nan]), "N") == (1e-3, "kN")
+
+
+def test_curves_on_the_same_axes_have_different_looks():
+    angle = np.linspace(0.0, 1.0, 5)
+    axes = plot.style.axes_or_new(None)
+    axes.plot(angle, angle, color=np.array((0.5, 0.5, 0.5)))
+    for name in "ab":
+        plot.over_angle({name: (angle, angle)}, "force, N", axes=axes)
+    looks = [(line.get_color(), line.get_linestyle()) for line in axes.get_lines()[1:]]
+    assert looks == [(plot.style.BLUE, "-"), (plot.style.VERMILLION, "--")]
 
 
 @pytest.mark.parametrize("draw", [plot.position, plot.acceleration])

@@ -71,7 +71,7 @@ def compute(store: SweepMemory | SweepStore, chunks=None) -> None:
     """Write what is missing, or that of some chunks."""
     for chunk, lanes in store.missing().items():
         if chunks is None or chunk in chunks:
-            store.write(chunk, lanes, results(store.layout, lanes))
+            store.write(chunk, tuple(lanes), results(store.layout, lanes))
 
 
 def large_layout() -> Layout:

@@ -138,6 +138,10 @@ def test_the_solid_of_a_box_is_that_box(sides):
     assert not solid.round
 
 
+def test_small_moments_of_inertia_are_compared_relative_to_their_size():
+    assert equivalent_solid(cj.Body(1e-5, (2e-11, 2e-11, 3e-11))).round
+
+
 def test_the_solid_of_a_turned_cylinder_is_that_cylinder():
     radius, length, axis = 0.1, 0.3, np.array([1.0, 2.0, 2.0]) / 3.0
     across, along = radius**2 / 4.0 + length**2 / 12.0, radius**2 / 2.0

@@ -601,8 +601,9 @@ class RoughCylinders(AbstractContactLaw):
         return of_asperities + self.law.stored_energy(gap)
 
     def onset_offset(self) -> Scalar:
-        """Return the distance of the mean surfaces at which asperities begin to touch, m."""
-        return self.asperities.reach
+        """Return the distance of the mean surfaces at which the force begins, m: that of asperities
+        that touch, or of a smoothed law of the surfaces if that is larger."""
+        return jnp.maximum(self.asperities.reach, self.law.onset_offset())
 
     def slope_jumps(self) -> bool:
         """Return ``False``: the force of asperities begins with zero slope."""

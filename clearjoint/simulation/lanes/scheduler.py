@@ -391,12 +391,14 @@ class _Group:
         empty = [column for column, slot in enumerate(self._slots) if slot is None]
         numbers = self._shared.next_lanes(len(empty))
         if numbers:
+            # They count as running while their first states are computed, which may compile.
+            start = float(self._shared.batch.common.start_time)
+            self._shared.times.update(dict.fromkeys(numbers, start))
             own = self._shared.own[numbers]
             states = self._begin(own[:, : self._programs.task_cells])
             # There may be more empty columns than lanes left; the other columns stay empty.
             for column, number, cells, state in zip(empty, numbers, own, states, strict=False):
                 self._slots[column] = _LaneSlot(number)
-                self._shared.times[number] = float(self._shared.batch.common.start_time)
                 self._loop.write_lane(self._columns, column, cells, state)
         return len(numbers) > 0 or len(empty) < len(self._slots)
 

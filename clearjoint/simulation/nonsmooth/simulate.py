@@ -187,7 +187,9 @@ def _to_stop(rigid: Rigid, now: RigidRun, start: Scalar, stop: Scalar, longest: 
         now, k = carry
         return _after_step(rigid, now, start + k * h, h), k + 1.0
 
-    return jax.lax.while_loop(goes, go, (now, jnp.zeros(())))[0]
+    end, _ = jax.lax.while_loop(goes, go, (now, jnp.zeros(())))
+    # The sum of the steps differs from `stop` by rounding errors.
+    return replace(end, t=jnp.where(end.result == RESULTS.successful, stop, end.t))
 
 
 def _first(rigid: Rigid, variables: MotionVariables, t: Scalar) -> RigidRun:

@@ -474,8 +474,9 @@ class Solution(AbstractReadable, AbstractTabular):
 
         save = cj.Saving(np.linspace(0.0, 0.01, 11))
         solution = cj.simulate(*cj.mechanisms.double_pendulum(), 0.01, save=save)
+        print(solution.to_xarray()["position"].sel(body="arm 2", component="x"))
+        print(solution.to_dataframe()["arm 2.position.x [m]"])
         solution.to_netcdf("motion.nc")
-        print(solution.to_dataframe()["arm 1.position.x [m]"])
         ```
 
         **Raises:** `ValueError` if no states were saved.

@@ -226,7 +226,7 @@ class SweepMemory:
         """Keep the results of some lanes; the arguments are those of `SweepStore.write`."""
         del chunk
         for name, values in results.items():
-            self._arrays[name][lanes] = values
+            self._arrays[name][list(lanes)] = values  # NumPy takes a tuple for indices of axes
 
     def write_grid(self) -> None:
         """Do nothing, because other programs can't read this memory."""
