@@ -104,9 +104,10 @@ class Fit(AbstractTabular):
     def to_xarray(self) -> "xr.Dataset":
         """Return an `xarray.Dataset` with the estimates along the dimension "parameter".
 
-        Variables are `estimate`, `standard_error` and the bounds of the 95 % `interval` (parameter,
-        bound) in the `unit` of each parameter, and the `correlation` (parameter, with). Attributes
-        are `ending`, `chi_squared`, `degrees_of_freedom`, `p_value` and `warnings`.
+        Variables are `estimate`, `standard_error` and the bounds of the 95 % `interval`
+        ("parameter", "bound") in the `unit` of each parameter, and the `correlation` ("parameter",
+        "with"). Attributes are `ending`, `chi_squared`, `degrees_of_freedom`, `p_value` and
+        `warnings`.
         """
         names = [*self.parameters]
         along, errors = ("parameter",), self.standard_errors

@@ -230,7 +230,7 @@ class Identifiability:
 
     @property
     def slopes(self) -> Float[np.ndarray, " p"]:
-        """Absolute derivatives of the values by the coordinates, (p,), SI."""
+        """Magnitude of the derivative of each parameter's value by its coordinate, (p,), SI."""
         pairs = zip(self.scales, self.coordinates, strict=True)
         return np.abs([float(scale.slope(u)) for scale, u in pairs])
 

@@ -84,10 +84,11 @@ def _pint_unit(
     from pint.util import string_preprocessor
 
     # Units come from headers of files, so pint's parser must not be given an expression that takes
-    # it very long. Only powers with small exponents are accepted, and no powers of powers: pint's
-    # preprocessor writes every power with "**", and after every accepted power has become "#",
-    # neither "##" nor "**" may be left. In the product, an exponent below 1 counts as 1, so that it
-    # does not compensate for a large one.
+    # it very long. Only powers with small exponents are accepted, and no power directly after
+    # another: pint's preprocessor writes every power with "**", and after every accepted power has
+    # become "#", neither "##" nor "**" may be left. Exponents of nested powers, as in (m**2*s)**2,
+    # multiply, so their product is limited. In it, an exponent below 1 counts as 1, so that it does
+    # not compensate for a large one.
     require(len(unit) <= LONGEST, argument, unit, f"at most {LONGEST} characters", SPELLING)
     plain = string_preprocessor(unit).replace(" ", "")
     powers = POWER.findall(plain)

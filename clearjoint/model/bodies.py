@@ -116,8 +116,9 @@ def _require_inertia(argument: str, value: ArrayLike) -> None:
     """Check principal moments, (3,), or an inertia matrix, (3, 3), kg m^2. `argument` is the name
     of the value in error messages.
 
-    Of a value that JAX traces, only the shape is checked, because its numbers are unknown, unless
-    conditions are collected for a compiled program (`conditions_of`).
+    If JAX traces the value, its numbers are unknown, and only the shape is checked. The exception
+    is inside `conditions_of`, which collects the other checks as conditions that a compiled program
+    evaluates.
 
     **Raises:** `ValueError` for another shape, a number that is not finite, or an inertia that no
     rigid body has: a matrix that is not symmetric, a principal moment that is not positive, or one

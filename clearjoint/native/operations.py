@@ -457,8 +457,8 @@ class Operations:
         Values from outside that the function uses are written to memory in the current block, and
         the function reads them there.
 
-        **Arguments:** `build`: adds the entries of the function. All lanes execute these entries,
-        also within `masked`.
+        **Arguments:** `build`: adds the entries of the function. They write in all lanes, even if
+        the function is added inside a `masked` context, whose condition does not apply in it.
 
         **Returns:** the number of the function.
         """

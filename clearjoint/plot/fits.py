@@ -1,4 +1,5 @@
-"""Draw fits to measurements, the accuracy of estimated parameters, and limits of a fit by one run.
+"""Draw fits to measurements, the accuracy of estimated parameters, and the length of record that a
+single run can fit.
 
 The accuracy of a parameter is that of its coordinate, the parameter's value on its scale. On the
 scale `Log` the coordinate is the logarithm of the value: a small error of the logarithm is the
@@ -172,8 +173,8 @@ def record_length(report: Identifiability, *, axes: Axes | None = None) -> Axes:
     **Arguments:** `report`: from `cj.identifiability`; pass `report.of("probe")` to draw the
     accuracy by the sensor "probe" alone. `axes`: axes to draw on, new ones by default.
 
-    **Returns:** the axes; time of the record's last sample in ms, which is the record's length only
-    if the run starts at time 0; standard deviation on a logarithmic scale.
+    **Returns:** the axes, which show the time of the record's last sample in ms (the record's
+    length only if the run starts at time 0), and the standard deviation on a logarithmic scale.
 
     >>> report = cj.identifiability(scene, state, unknown, probe)
     >>> axes = plot.record_length(report)
@@ -206,7 +207,7 @@ def growth(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
 
     **Arguments:** `horizon`: from `cj.fit_horizon`; `axes`: axes to draw on, new ones by default.
 
-    **Returns:** the axes; time in ms, displacements in m on a logarithmic scale.
+    **Returns:** the axes, which show time in ms, displacements in m on a logarithmic scale.
 
     >>> axes = plot.growth(limits)
     """
@@ -226,7 +227,7 @@ def integration_error(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
 
     **Arguments:** `horizon`: from `cj.fit_horizon`; `axes`: axes to draw on, new ones by default.
 
-    **Returns:** the axes; time in ms, errors on a logarithmic scale.
+    **Returns:** the axes, which show time in ms, errors on a logarithmic scale.
 
     >>> axes = plot.integration_error(limits)
     """

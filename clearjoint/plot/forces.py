@@ -51,7 +51,8 @@ def contact_and_reaction(
     - `window`: start and end of the drawn time, s, by default all observed times; `axes`: axes to
       draw on, by default new ones.
 
-    **Returns:** the axes; time in ms or s, forces in N or kN. The legend gives the peaks.
+    **Returns:** the axes, which show time in ms or s, forces in N or kN. The legend gives the
+    peaks.
 
     **Raises:** `ValueError` for unknown names, and for a window without observed times.
 
@@ -104,7 +105,7 @@ def contact_forces(
     - `window`: start and end of the drawn time, s, by default all observed times; `axes`: axes to
       draw on, by default new ones.
 
-    **Returns:** the axes; time in ms or s, force in N or kN.
+    **Returns:** the axes, which show time in ms or s, force in N or kN.
 
     **Raises:** `ValueError` unless `joint` is the name of a joint with contacts, and for a window
     outside of the observed times.
@@ -128,7 +129,7 @@ def joint_forces(
 
     **Arguments:** `observation`, `logarithmic`, `window`, `axes`: see `contact_forces`.
 
-    **Returns:** the axes; time in ms or s, force in N or kN.
+    **Returns:** the axes, which show time in ms or s, force in N or kN.
 
     **Raises:** `ValueError` for a scene without contacts, and for a window outside of the observed
     times.
@@ -210,7 +211,7 @@ def hysteresis(
     - `count`: largest number of impacts to draw, 1 or more, from the first one on.
     - `axes`: axes to draw on, by default new ones.
 
-    **Returns:** the axes; penetration with a suitable prefix of m, force in N or kN.
+    **Returns:** the axes, which show penetration with a suitable prefix of m, force in N or kN.
 
     **Raises:** `ValueError` if `impacts` is empty, if `count` is not a positive integer, if the
     contact is not observed, or if fewer than three observed instants lie in one of the drawn
@@ -378,7 +379,7 @@ def motion_timeline(
     - `window`: start and end of the drawn time, s, by default all observed times; `axes`: axes to
       draw on, by default new ones.
 
-    **Returns:** the axes; time in ms or s, a row for each joint.
+    **Returns:** the axes, which show time in ms or s, a row for each joint.
 
     **Raises:** `ValueError` for a scene without contacts, and for the name of a joint without them.
 

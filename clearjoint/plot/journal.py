@@ -68,8 +68,8 @@ def eccentricities(
     - `window`: start and end of the drawn time, s, by default all observed times; `axes`: axes to
       draw on, by default new ones.
 
-    **Returns:** the axes; time in ms or s; eccentricity in mm, or in µm for a clearance below
-    0.2 mm; the difference of eccentricity and clearance with a suitable prefix of m.
+    **Returns:** the axes, which show time in ms or s; eccentricity in mm, or in µm for a clearance
+    below 0.2 mm; the difference of eccentricity and clearance with a suitable prefix of m.
 
     **Raises:** `ValueError` for an unknown joint, for a joint without a journal, and for a window
     without observed times.

@@ -45,7 +45,7 @@ def position(
     - `window`: start and end of the drawn time, s, by default all times; `axes`: axes to draw on,
       by default new ones.
 
-    **Returns:** the axes; time in s, position in m.
+    **Returns:** the axes, which show time in s, position in m.
 
     **Raises:** `ValueError` for an unknown body or component, and for a window outside of the times
     of a curve.
@@ -81,7 +81,7 @@ def acceleration(
     - `window`: start and end of the drawn time, s, by default all times; `axes`: axes to draw on,
       by default new ones.
 
-    **Returns:** the axes; time in s, acceleration in m/s^2.
+    **Returns:** the axes, which show time in s, acceleration in m/s^2.
 
     **Raises:** `ValueError` for an unknown body or component, and for a window outside of the times
     of a curve.
@@ -154,7 +154,7 @@ def over_angle(
     - `shaft`: name of the shaft in the text of the horizontal axis.
     - `axes`: axes to draw on, by default new ones.
 
-    **Returns:** the axes; angle in degrees, ticks at quarter turns. No legend is drawn;
+    **Returns:** the axes, which show angle in degrees, ticks at quarter turns. No legend is drawn;
     `axes.legend()` adds one.
 
     >>> angle = np.linspace(0.0, 2.0 * np.pi, 73)

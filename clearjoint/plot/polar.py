@@ -60,7 +60,7 @@ def contact_rose(
       bearing's frame.
     - `axes`: polar axes to draw on, by default new ones.
 
-    **Returns:** the axes; impulses with a suitable prefix of N s, forces in N or kN.
+    **Returns:** the axes, which show impulses with a suitable prefix of N s, forces in N or kN.
 
     **Raises:** `ValueError` for an unknown joint, a joint without a journal, an unknown weight, a
     number of sectors below 1, and axes that are not polar.
@@ -108,8 +108,8 @@ def wear(lane: xr.Dataset, output: str, *, axes: Axes | None = None) -> PolarAxe
       the worn volume in each sector of the wall.
     - `axes`: polar axes to draw on, by default new ones.
 
-    **Returns:** the axes; angle from the x axis of the bearing's frame, volumes in mm³, µm³ or
-    10³ µm³.
+    **Returns:** the axes, which show angle from the x axis of the bearing's frame, volumes in mm³,
+    µm³ or 10³ µm³.
 
     **Raises:** `ValueError` for unknown names, several lanes, and axes that are not polar.
 
@@ -144,7 +144,8 @@ def worn_profile(
       black.
     - `axes`: polar axes to draw on, by default new ones.
 
-    **Returns:** the axes; angle from the x axis of the part's frame, depth in a suitable unit.
+    **Returns:** the axes, which show angle from the x axis of the part's frame, depth in a suitable
+    unit.
 
     **Raises:** `ValueError` for unknown names, a number of curves below 1, and axes that are not
     polar.

@@ -290,8 +290,8 @@ def spectrum(
     - `taper`: see `plot.amplitude_spectrum`.
     - `axes`: axes to draw on, by default new ones.
 
-    **Returns:** the axes; frequency in Hz and amplitude in the quantity's unit, both with suitable
-    prefixes; the amplitude on a logarithmic scale.
+    **Returns:** the axes, which show frequency in Hz and amplitude in the quantity's unit, both
+    with suitable prefixes; the amplitude on a logarithmic scale.
 
     **Raises:** see `plot.series` and `plot.amplitude_spectrum`.
 

@@ -375,10 +375,10 @@ class SketchingPen(AbstractPen):
         its equivalent solid.
 
         The equivalent solid is the homogeneous cylinder or box with the body's mass and moments of
-        inertia, around the centre of mass. It is drawn if the body has at most one such point, or
-        if the points extend less than half as far along each body axis as the longest side of the
-        solid. The bar then reaches to the centre of mass. A body with a block, a gear or walls and
-        at most one such point gets neither bar nor solid.
+        inertia, around the centre of mass. It is drawn if the body has at most one point of a joint
+        or force, or if these points are close together: along every body axis they span less than
+        half the solid's longest side. The bar then also reaches the centre of mass. A body with a
+        block, a gear or walls, and at most one point, gets neither bar nor solid.
         """
         points = self._distinct(name)
         # Blocks, gears and walls need no further shape.

@@ -175,8 +175,8 @@ class AbstractElasticity(AbstractConverting):
         return False
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """Return the quantities on which the validity of the elastic force depends, with their
-        ranges; an empty tuple by default."""
+        """Return, for each quantity on which the validity of the elastic force depends, its value
+        at a gap and its valid range; an empty tuple by default."""
         return ()
 
 
@@ -399,7 +399,8 @@ class AbstractContactLaw(AbstractConverting):
         return True
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """Return the quantities on which the validity of the law depends, with their ranges.
+        """Return, for each quantity on which the validity of the law depends, its value at a gap
+        and the range in which the law is valid.
 
         A warning is issued for a clearance outside its range when a joint with clearance
         (`ClearanceJoint` or `BallInSocket`) is made, and for a penetration outside its range after
