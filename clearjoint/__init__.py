@@ -1,8 +1,9 @@
 """Differentiable simulation of mechanisms whose revolute joints have clearance.
 
-A `Scene` holds bodies, joints and forces by name, a `State` their initial state; `simulate`
-computes one motion, `sweep` selected results of many, `sensitivities` derivatives by parameters,
-`identify` parameters from measurements. Contact laws are in `clearjoint.laws`, friction laws in
+A `Scene` holds bodies, joints and forces by name, and a `State` the positions and velocities of the
+bodies. `simulate` computes one motion, `sweep` computes many and keeps selected results,
+`sensitivities` computes derivatives of a motion with respect to parameters, and `identify`
+estimates parameters from measurements. Contact laws are in `clearjoint.laws`, friction laws in
 `clearjoint.frictions`, films in `clearjoint.films`, profiles of bearings in `clearjoint.profiles`,
 ready mechanisms in `clearjoint.mechanisms`, measurable quantities in `clearjoint.quantities`,
 figures in `clearjoint.plot`, types of results in `clearjoint.results`, and base classes for
@@ -12,11 +13,11 @@ elements of your own in `clearjoint.extend`. All numbers are in SI units.
 
 | term | meaning |
 |---|---|
-| base | one of the two end circles of a journal, where it touches the bearing; named "V" and "W" |
+| base | one of the two end circles of a journal, whose contacts are computed; named "V" and "W" |
 | bearing, journal | the hole and the pin of a revolute joint with clearance |
 | breakpoint | time at which a driver or load is declared to change abruptly; steps end there |
 | bristle | deflection of the surfaces in a friction law that sticks; a state of the contact |
-| clearance | radius of the bearing less that of the journal, m; the play of other joints |
+| clearance | radius of the bearing less that of the journal, m; in other joints, the play |
 | constraint row | one scalar equation of a joint, with its Jacobian |
 | contact | one pair of surfaces of a clearance joint that may touch, with a label such as "V" |
 | dense output | the solution between the ends of a step |
@@ -57,7 +58,7 @@ elements of your own in `clearjoint.extend`. All numbers are in SI units.
 5. `model/contact/laws.py`: `contact_normal_force` evaluates the law at that gap. The stiffness
    depends on the clearance too (`RavnStiffness` in `model/contact/laws.py`).
 
-**Examples** in docstrings assume these lines, after `cj.configure()`:
+**Examples** in docstrings assume these lines, and `cj.configure()` after the imports:
 
 >>> import clearjoint as cj
 >>> import jax.numpy as jnp

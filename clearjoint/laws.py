@@ -1,8 +1,9 @@
 """Contact laws for the normal force, their stiffnesses, and the restitution that they deliver.
 
-The force of a law follows from the penetration and its rate. That of some laws also depends on the
-entry speed, which is the rate at the onset of the contact, and that of cylinders in contact along a
-line on the length of the journal. A contact law is passed as `law=` to a joint with clearance."""
+The force follows from the penetration and its rate. In some laws it also depends on the entry
+speed, which is the rate at the onset of the contact. In laws for cylinders that touch along a line,
+it also depends on the length of the journal. A contact law is passed as `law=` to a joint with
+clearance."""
 
 from .model.contact.cylinders import (
     DubowskyFreudensteinCylinder as DubowskyFreudensteinCylinder,

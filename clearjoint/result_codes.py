@@ -65,8 +65,10 @@ class RESULTS(eqx.Enumeration):
 
 
 def result_number(result: RESULTS) -> np.ndarray:
-    """Return the whole number that stands for a result code, as a NumPy array of shape (); for an
-    array of N result codes, (N,). Files and NumPy masks use these numbers.
+    """Return the whole number that stands for a result code, as a NumPy array of shape ().
+
+    For an array of N result codes, the array has shape (N,). Files and NumPy masks use these
+    numbers.
 
     >>> int(extend.result_number(cj.RESULTS.successful))
     0

@@ -24,8 +24,8 @@ XLA_FLAGS = (
 
 XLA's CPU compiler then compiles the loop of a run to one function, instead of a kernel for each
 fusion of operations: an attempted time step of the double pendulum took 1.3 instead of 82 µs under
-`jax.jit`, and the program compiled in 2.4 instead of 58 s. The threshold, in bytes, makes the loop
-count as small; multi-output fusion avoids computing shared terms repeatedly; the other options
+`jax.jit`, and the program compiled in 2.4 instead of 58 s. The byte threshold makes the loop of a
+run count as small; multi-output fusion avoids computing shared terms repeatedly; the other options
 shorten compilation. XLA reads the variable when JAX first computes something; `configure` sets it,
 and must be called before that. These options cannot be passed to `jax.jit`. Calls of `simulate`,
 `sweep` and `sensitivities` outside of transformations do not need them.
@@ -51,9 +51,9 @@ _threads: int | None = None
 def default_cache() -> Path:
     """Return the default folder of compiled programs.
 
-    It is the environment variable ``CLEARJOINT_CACHE`` or, if that is unset or empty,
-    ``clearjoint`` in the user's cache folder: ``XDG_CACHE_HOME`` if that is an absolute path, else
-    ``~/.cache``.
+    The environment variable ``CLEARJOINT_CACHE`` names it. If this variable is unset or empty, it
+    is ``clearjoint`` in the user's cache folder: ``XDG_CACHE_HOME`` if that is an absolute path,
+    else ``~/.cache``.
     """
     if given := os.environ.get("CLEARJOINT_CACHE"):
         return Path(given)
@@ -65,24 +65,24 @@ def configure(threads: int | None = None, cache: str | os.PathLike | None = None
     """Switch 64-bit floats on, and set the folder of compiled programs and the threads of sweeps.
 
     Call `configure` before JAX computes anything, if possible. Arrays that exist already keep their
-    precision. `configure` also appends `XLA_FLAGS` to the environment variable of this name, with
-    which calls inside of `jax.jit`, `jax.vmap` or `jax.grad` run at full speed on CPUs. This has no
-    effect if JAX has computed something before. A variable that contains
-    ``--xla_backend_extra_options`` already is not changed, so that the user's own options hold.
+    precision. `configure` also appends the options `clearjoint.XLA_FLAGS` to the environment
+    variable ``XLA_FLAGS``, so that calls inside of `jax.jit`, `jax.vmap` or `jax.grad` run at full
+    speed on CPUs. The options have no effect if JAX has computed something before. If the variable
+    already contains ``--xla_backend_extra_options``, it is not changed, so that the user's own
+    options hold.
 
     The folder keeps machine code between processes. If the arguments of a call consist only of this
     package's classes, numbers, strings and arrays, the whole program is saved, and the next process
     loads the program without tracing. A call with a user-defined class or function is traced in
     each process, so that a change of the user's code always takes effect. A process also notices if
-    functions or constants of this package are replaced, or if the package is upgraded, and does not
-    use programs from before. It does not notice if private functions of other packages (JAX,
-    Diffrax, Equinox, ...) are replaced. In that case set the environment variable
-    ``CLEARJOINT_KEEP_PROGRAMS=0``: no whole programs are saved then, only machine code.
-    ``JAX_ENABLE_COMPILATION_CACHE=0`` switches all saving off.
+    functions or constants of this package are replaced, or if the package is upgraded; programs
+    saved before the change are not used then. A process does not notice if private functions of
+    other packages (JAX, Diffrax, Equinox, ...) are replaced. If you replace such functions, set the
+    environment variable ``CLEARJOINT_KEEP_PROGRAMS=0``: only machine code is saved then, and no
+    whole programs. ``JAX_ENABLE_COMPILATION_CACHE=0`` switches all saving off.
 
-    Files in the folder are executed. A new folder is accessible to you alone. A folder to which
-    other users may write, or which cannot be made, is not used, with a warning. A read-only folder
-    is read, not written.
+    Files in the folder are executed. A new folder is accessible to you alone. A read-only folder is
+    read, not written.
 
     **Arguments:**
 
@@ -93,7 +93,10 @@ def configure(threads: int | None = None, cache: str | os.PathLike | None = None
       variable ``CLEARJOINT_CACHE``, or ``clearjoint`` in the user's cache folder.
 
     **Raises:** `ValueError` if `threads` is not a positive whole number, if `cache` is a file or
-    leads through one, or if ``CLEARJOINT_KEEP_PROGRAMS`` is neither 0 nor 1.
+    leads through one, or if ``CLEARJOINT_KEEP_PROGRAMS`` is set to another value than 0 and 1.
+
+    **Warns:** `UserWarning` if other users may write to the folder, or if it cannot be made. The
+    folder is not used then, and no programs are saved.
 
     >>> cj.configure()
     >>> jnp.asarray(1.0).dtype
@@ -112,10 +115,10 @@ def configure(threads: int | None = None, cache: str | os.PathLike | None = None
         os.environ["XLA_FLAGS"] = f"{flags} {XLA_FLAGS}".strip()
     jax.config.update("jax_enable_x64", True)
     jax.config.update(_CACHE, folder)
-    # JAX writes programs to the folder that took at least this time to compile, s. Its default of
-    # 1 s would leave out programs of this package that take less, but add up. Of programs that
-    # compile in less than 0.2 s, a file would save little time. With an infinite time, JAX does not
-    # try to write to a read-only folder.
+    # JAX saves the programs that took at least this time, s, to compile. Its default of 1 s would
+    # leave out programs of this package that take less time each, but much in sum. Saving programs
+    # that compile in less than 0.2 s would gain little. With an infinite time, JAX does not try to
+    # write to a read-only folder.
     read_only = folder is not None and os.path.isdir(folder) and not os.access(folder, os.W_OK)
     jax.config.update(_MIN_COMPILE_TIME, math.inf if read_only else 0.2)
     keep_programs(keep)
@@ -138,8 +141,8 @@ def _keep() -> bool:
 
 
 def _usable(cache: str) -> str | None:
-    """Return the folder `cache`, which is made if it does not exist. If it can't be made, or other
-    users may write to it, warn and return ``None``.
+    """Return the path of the folder `cache`, which is made if it does not exist; ``None``, with a
+    warning, if it can't be made or if other users may write to it.
 
     A "~" at the beginning stands for the user's home folder. A path with "://", as of a cloud
     storage, is returned as it is: JAX handles it.
@@ -157,9 +160,11 @@ def _usable(cache: str) -> str | None:
 
 
 def threads_of_sweeps() -> int:
-    """Return the number of threads that share the runs of a sweep: that set by `configure` or
-    `adopt` or, if none was set, the number of cores that the process may use, or of
-    accelerators."""
+    """Return the number of threads that share the runs of a sweep.
+
+    It is the number that `configure` or `adopt` has set. If none was set, it is the number of cores
+    that the process may use or, if JAX computes on accelerators, the number of these.
+    """
     if _threads is not None:
         return _threads
     if jax.default_backend() != "cpu":
@@ -172,10 +177,11 @@ def threads_of_sweeps() -> int:
 def in_force() -> dict[str, Setting]:
     """Return the settings that all processes of a sweep share, by the names of JAX's settings and
     of environment variables: 64-bit floats, the folder of compiled programs and the compile time
-    from which JAX writes to it, whether `clearjoint.native` compiles, and whether whole programs
-    are saved. The number of threads is not among them, since each process has its own.
+    from which JAX writes to this folder, the variable that switches `clearjoint.native` off, and
+    whether whole programs are saved. The number of threads is left out, since each process has its
+    own.
 
-    A sweep sends them to its worker processes, which take them over with `adopt`.
+    A sweep sends these settings to its worker processes, which take them over with `adopt`.
     """
     shared = {name: getattr(jax.config, name) for name in _SHARED}
     return {**shared, _NATIVE: os.environ.get(_NATIVE), _KEEP: keeps_programs()}
@@ -186,9 +192,9 @@ def adopt(values: dict[str, Setting]) -> None:
 
     **Arguments:** `values`: the dict that `in_force` returned in the other process.
 
-    A worker process of a sweep calls this before it computes runs. On CPUs, it then uses one
-    thread, unless `configure` has set another number in this process: the processes share the
-    cores.
+    A worker process of a sweep calls `adopt` before it computes runs. On CPUs, the worker then uses
+    one thread, since the processes share the cores, unless `configure` has set another number of
+    threads in the worker.
     """
     global _threads
     for name in _SHARED:

@@ -1,5 +1,8 @@
-"""`clearjoint new` and `clearjoint check`: write an example of a scene file and of a study file;
-describe and check a scene and the sections of a study."""
+"""The commands `clearjoint new` and `clearjoint check`.
+
+`new` writes an example of a scene file and of a study file. `check` describes and checks a scene
+and the sections of a study.
+"""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -111,8 +114,8 @@ def _require_satisfied(report: ConstraintReport) -> None:
     per second.
 
     **Raises:** `ValueError` if the value of a constraint, or its rate, exceeds
-    `ACCEPTED_VIOLATION`, 1e-6, beyond which no run may start. It names the violated constraints, at
-    most the three worst.
+    `ACCEPTED_VIOLATION`, 1e-6, beyond which no run may start. The message names the violated
+    constraints, at most the three worst.
     """
     sizes = np.maximum(np.abs(report.values), np.abs(report.rates)).reshape(-1)
     worst = [k for k in np.argsort(-sizes)[:3] if sizes[k] > ACCEPTED_VIOLATION]
@@ -138,7 +141,7 @@ def _sections(study: Study) -> Iterator[str]:
         yield f"run: {run.start:g} s to {study.end():g} s"
     if (sweep := study.parts.sweep) is not None:
         axes = sweep_axes(study, sweep)
-        # Without an end, the command line must give it.
+        # If neither section has an end, the command line must give it, and nothing is checked.
         if sweep.end is not None or run.end is not None:
             study.end(sweep.end)
         lanes = "x".join(map(str, shape_of_lanes(axes, sweep)))
@@ -156,8 +159,8 @@ def _sections(study: Study) -> Iterator[str]:
 
 
 TEMPLATES = [Path(__file__).parent / "templates" / name for name in ("scene.toml", "study.toml")]
-"""Templates of the heads of scene files and of the study files, with placeholders such as
-``$joint``."""
+"""Two templates with placeholders such as ``$joint``: the comments at the head of a scene file, and
+a whole study file."""
 MECHANISMS: dict[str, Callable[[], tuple[Scene, State]]] = {
     "double_pendulum": double_pendulum,
     "four_bar": lambda: four_bar({"crank pin": 0.1e-3}, speed=30.0),
@@ -169,8 +172,8 @@ PLACEHOLDERS = {
     "four_bar": ("crank pin", "coupler", "200 ms", "0.2 ms", "20 ms", "209.43951 ms"),
     "slider_crank": ("slider pin", "slider", "24 ms", "0.02 ms", "12 ms", "12 ms"),
 }
-"""Joint, body, end, time between saved states, end of the transient, and duration of a cycle that
-replace placeholders in the template of the study, by the mechanism's name."""
+"""Texts that replace placeholders in the template of the study, by the mechanism's name: joint,
+body, end, time between saved states, end of the transient, and duration of a cycle."""
 
 
 def example_texts(mechanism: str, scene: str, study: str) -> tuple[str, str]:

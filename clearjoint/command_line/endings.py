@@ -18,7 +18,7 @@ class CommandResult(NamedTuple):
     """Result of a command.
 
     - `code`: exit code.
-    - `line`: text to print: the result in one line, in some commands after the lines of a table.
+    - `line`: text to print: the result in one line, which may follow the lines of a table.
     - `wrote`: whether the command wrote results.
     """
 
@@ -42,8 +42,8 @@ def understandable() -> Iterator[None]:
     """Return a context for the body of a command, in which users get sentences instead of
     tracebacks.
 
-    Each warning is printed as one line, and an error as one sentence, after which the program ends:
-    with the exit code 2 for wrong input (`ValueError`, `OSError`, `ImportError`), with 1 for a
+    Each warning is printed as one line. An error is printed as one sentence, and the program ends:
+    with exit code 2 for wrong input (`ValueError`, `OSError`, `ImportError`), with 1 for a
     `RuntimeError`, and with 130 after Ctrl-C. Errors of other types, which are mistakes in this
     package, keep their tracebacks. `BrokenPipeError`, which means that nobody reads the output any
     more, is left to click.
@@ -56,9 +56,10 @@ def understandable() -> Iterator[None]:
             raise
         except (ValueError, OSError, ImportError, RuntimeError) as error:
             text = str(error)
-            # The text of an error of the system would begin with its number, "[Errno 2]".
+            # The text of an error of the operating system begins with its number, such as
+            # "[Errno 2]": only the file and the description are printed.
             if isinstance(error, OSError) and error.strerror:
-                # An error may concern no file, such as a full disk.
+                # Some errors, such as that of a full disk, name no file.
                 subject = "" if error.filename is None else f"{error.filename}: "
                 text = f"{subject}{error.strerror}."
             say(f"error: {text}")

@@ -28,16 +28,18 @@ SERIES = "series "
 
 def fit(study: Study, folder: Path) -> CommandResult:
     """Fit the parameters of a study's section [fit] to its measurements, and write the estimates,
-    the fitted series, a report and an HTML page.
+    the fitted scene and series, a report and an HTML page.
 
     After Ctrl-C, the best fit so far is written; nothing is written if no run had ended.
 
     **Arguments:** `folder`: folder of the results, which is made if it does not exist.
 
     **Returns:** the exit code, 0 if the fit converged, 130 after Ctrl-C and 1 otherwise, and a line
-    with the ending, chi squared and the estimates.
+    with the ending, chi squared and the estimates. After Ctrl-C, the line tells instead where the
+    best fit is, if one was written.
 
-    **Raises:** `ValueError` for a study without this section, and for wrong entries in it.
+    **Raises:** `ValueError` for a study without a section [fit], for wrong entries in this section,
+    and for a missing or invalid file of measurements.
     """
     part = study.parts.fit
     location = study.location.at("fit")
@@ -65,8 +67,8 @@ def fit(study: Study, folder: Path) -> CommandResult:
         if not stopped.fits:
             line = "interrupted before the first run ended"
             return CommandResult(INTERRUPTED, line, wrote=False)
-        # Finished fits come first, if there are several. The last entry is the best result so far
-        # of the fit that was interrupted.
+        # `stopped.fits` contains the finished fits, if there were several starts, and, last, the
+        # best result so far of the fit that was interrupted.
         interrupted, found = True, stopped.fits[-1]
     folder.mkdir(parents=True, exist_ok=True)
     remove_old(folder, [f"{SERIES}*"])
@@ -103,13 +105,14 @@ def _measured(study: Study, part: FitPart, location: FileLocation) -> Measuremen
     if not path.exists():
         remedy = f"there is no {path}"
         location.at("measurements").refuse(part.measurements, "a CSV file", remedy)
-    # A noise that is a text is converted below, when the unit of its series is known.
+    # A noise given as a text, such as "2 um", is converted below, when the unit of its series is
+    # known. Until then, 1.0 stands for it.
     texts = {name: c.noise for name, c in part.columns.items() if isinstance(c.noise, str)}
     channels = {
         name: Channel(column.quantity, 1.0 if name in texts else column.noise, column.unit)
         for name, column in part.columns.items()
     }
-    # Without a character for comments, that of `read_csv` is used.
+    # `read_csv` has its own default for `comment`, so None is not passed on.
     options = {} if part.comment is None else {"comment": part.comment}
     time = {"time": part.time, "time_unit": part.time_unit}
     read = read_csv(path, channels, missing=part.missing, **time, **options).series
@@ -121,11 +124,11 @@ def _measured(study: Study, part: FitPart, location: FileLocation) -> Measuremen
 
 
 def fit_parameters(study: Study, part: FitPart) -> tuple[dict[str, Parameter], dict[str, float]]:
-    """Return the parameters of the fit, by name, and the first guesses of those for which the study
-    has one, by name in SI units.
+    """Return the parameters of the fit, by name, and first guesses in SI units, by name, of those
+    parameters for which the study has one.
 
-    **Raises:** `ValueError` for wrong paths, as `find_path`, and for a guess that is no number or
-    has a wrong unit.
+    **Raises:** `ValueError` for a path that `find_path` refuses, and for a guess that is no number
+    or has a wrong unit.
     """
     parameters, guess = {}, {}
     for name, one in part.parameters.items():

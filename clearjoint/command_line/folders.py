@@ -93,9 +93,9 @@ def write_scene(folder: Path, scene: Scene, state: State, name: str = SCENE) -> 
 def remove_old(folder: Path, tables: Iterable[str] = (), files: Iterable[str] = ()) -> None:
     """Remove figures, tables and files of earlier results of a command from its folder.
 
-    Otherwise the new page would also show those that the command does not write again, such as the
-    figure of an output that is no longer in the study. Nothing is removed from a folder without a
-    summary, whose files are not results.
+    If they were kept, the new page would also show those that the command does not write again,
+    such as the figure of an output that is no longer in the study. A folder without a summary does
+    not contain results, so nothing is removed from it.
 
     **Arguments:** `tables`: names of tables, as for `write_table`, and `files`: names of files;
     "*" in a name stands for any characters.
@@ -108,10 +108,11 @@ def remove_old(folder: Path, tables: Iterable[str] = (), files: Iterable[str] = 
 
 
 def file_name(name: str) -> str:
-    """Return a name for a file, without its ending, for a table or figure of any name.
+    """Return the name of the file, without suffix, for the table or figure with the given name.
 
-    A slash is replaced by "_", and a long name keeps its start and end, because file systems allow
-    names of 255 bytes. A checksum distinguishes a changed name from similar ones.
+    Slashes are replaced by "_". Of a long name only the start and the end are kept, because file
+    systems allow names of at most 255 bytes. A name that was changed gets a checksum, so that
+    different names give different files.
     """
     safe = name.replace("/", "_")
     if len(safe.encode()) > 200:
@@ -120,10 +121,10 @@ def file_name(name: str) -> str:
 
 
 def write_table(folder: Path, name: str, table: xr.Dataset) -> None:
-    """Write a dataset to the files `name`.nc (netCDF) and `name`.csv, or to similar ones if `name`
-    can't be that of a file."""
+    """Write a dataset to the files `name`.nc (netCDF) and `name`.csv, with the name changed by
+    `file_name` if files can't have it."""
     file = file_name(name)
-    # The name is an attribute, because that of the file may differ from it.
+    # The name of the table is kept as an attribute, because the name of the file may differ.
     write_netcdf(table.assign_attrs(table=name), folder / f"{file}.nc")
     to_frame(table).to_csv(folder / f"{file}.csv")
 
@@ -139,9 +140,11 @@ def read_table(folder: Path, name: str) -> xr.Dataset | None:
 
 
 def read_run(folder: Path) -> tuple[Scene, Solution]:
-    """Return the scene and the solution of a run in a folder, from which its figures are drawn
-    again. The solution has no accepted steps, since these are not stored. A run that ended with a
-    message which this version of the package does not know has the code `max_steps_reached`.
+    """Return the scene and the solution of a run in a folder, from which the figures of the run can
+    be drawn again.
+
+    The solution has no accepted steps, since these are not stored. If the run ended with a message
+    that this version of the package does not know, the result code is `max_steps_reached`.
 
     **Raises:** `ValueError` for a folder without saved states or without the file of the scene, and
     for coordinates or a stabilisation of a class that this version does not know.
@@ -186,16 +189,20 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
 
 def formulation_of(notes: Mapping[str, object], redundant: bool) -> Formulation:
     """Return the formulation of a run: its coordinates, its stabilisation of constraints, and
-    whether it integrates the energy ledger (powers of damping, friction and drives).
+    whether it integrates the energy ledger (powers of damping, friction, films, drives and
+    stabilisation).
 
-    **Arguments:** `notes`: attributes of a table of the run; "setting_coordinates",
-    "setting_stabilisation" and "setting_ledger" have its settings as texts, such as
-    "Baumgarte(alpha=5.0, beta=5.0)", and defaults replace those that are absent; `redundant`:
-    whether some constraints depend on others.
+    **Arguments:**
+
+    - `notes`: attributes of a table of the run. The attributes "setting_coordinates",
+      "setting_stabilisation" and "setting_ledger" are texts such as
+      "Baumgarte(alpha=5.0, beta=5.0)"; the defaults of `Formulation` replace absent ones.
+    - `redundant`: whether some constraints depend on others.
 
     **Raises:** `ValueError` for a class that this version of the package does not know.
     """
     chosen = {}
+    # A text names a class and its fields, from which the object is made again.
     for name in ("coordinates", "stabilisation"):
         kind, _, arguments = str(notes.get(f"setting_{name}", "")).partition("(")
         if kind:
@@ -229,12 +236,12 @@ def _state(scene: Scene, table: xr.Dataset, prefix: str = "") -> State:
 def _by_contact(
     scene: Scene, table: xr.DataArray | None, dim: str
 ) -> dict[str, dict[str, np.ndarray]]:
-    """Return the values of a state variable of the contacts by joint and contact.
+    """Return the values of one state variable of the contacts, by joint and contact.
 
     Contacts that are not in the table are left out.
 
-    **Arguments:** `table`: array of the variable, None if no contact has it; `dim`: its dimension
-    along the contacts, whose labels are those of `contact_label`.
+    **Arguments:** `table`: array of the variable, None if no contact has this variable; `dim`:
+    dimension of the array along the contacts, which are named as by `contact_label`.
     """
     by_joint: dict[str, dict[str, np.ndarray]] = {}
     for joint, family in ({} if table is None else scene.laws()).items():

@@ -284,9 +284,12 @@ def _read_study(
 ) -> "Study":
     """Read a study file or a scene file for a command.
 
-    **Arguments:** `changes`: texts of the options --set, such as "joints.pin.clearance=0.2mm";
-    `options`: further options by the names of the entries that they replace in the `section` of
-    the study, such as "end" in "run", None if they are not given.
+    **Arguments:**
+
+    - `changes`: texts of the options --set, such as "joints.pin.clearance=0.2mm".
+    - `section`: section of the study that `options` change, such as "run".
+    - `options`: values of other options, None if they are not given, by the names of the entries
+      that they replace in the section, such as "end".
     """
     _prepare()
     from .study import read_study
@@ -304,11 +307,12 @@ def _compute(
     **options: str | None,
 ) -> None:
     """Call the function that computes a command, print its result, and exit with its code. The last
-    line ends with the path of the page or, without results, tells that nothing was written.
+    printed line ends with the path of the page or, without results, with "nothing was written".
 
     **Arguments:** `command`: name of the command and of its section in a study; `function`:
-    computes, given the study and the folder of the results; `out`: this folder, by default
-    results/<name of the file>/<command>; `changes`, `options`: see `_read_study`.
+    function of the study and the folder of the results that computes and writes these; `file`: the
+    study or scene file; `out`: folder of the results, by default results/<name of the
+    file>/<command>; `changes`, `options`: see `_read_study`.
     """
     from .folders import PAGE
 

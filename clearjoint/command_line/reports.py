@@ -45,12 +45,13 @@ from .folders import (
 
 
 def _draw_run(folder: Path, scene: Scene, solution: Solution) -> None:
-    """Draw the figures of a run: the path of each journal in its bearing (orbit), forces of each
-    joint with contacts, energies, outputs and Poincaré sections; and write the report on one page,
-    `plot.report`.
+    """Draw the figures of a run, and write its report on one page with `plot.report`.
 
-    **Arguments:** `folder`: folder of the results, which has the summary, and the table of outputs
-    if there are any; `solution`: the run, with saved states.
+    The figures show the path of each journal in its bearing (orbit), the forces of each joint with
+    contacts, energies, outputs and Poincaré sections.
+
+    **Arguments:** `folder`: folder of the results, which contains the summary and, if the run has
+    outputs at the saved states, their table; `solution`: the run, with saved states.
     """
     observed = observe(scene, solution)
     for name, joint in scene.contact_joints().items():
@@ -83,13 +84,16 @@ def worn_parts(found: xr.Dataset) -> list[tuple[str, Part]]:
 
 
 def _draw_output(folder: Path, dataset: xr.Dataset, name: str, axes: list[str]) -> None:
-    """Draw one output of a sweep over the axes with the given names. Draw nothing if all its values
-    are NaN or infinite, and print a note instead if there are more than two axes."""
+    """Draw one output of a sweep over the axes with the given names.
+
+    An output whose values are all NaN or infinite is not drawn. For more than two axes, a note is
+    printed instead.
+    """
     if not np.isfinite(dataset[name].values).any():
         return
     if len(axes) == 1 or dataset["result"].dims == ("lane",):
         _save(folder, name, plot.against(dataset, name, axes[0]))
-    # There are colours for six curves.
+    # A curve for each value of the second axis: there are colours for six curves.
     elif len(axes) == 2 and dataset.sizes[axes[1]] <= 6:
         drawn = plot.style.axes_or_new(None)
         for value in dataset[axes[1]].values:
@@ -117,7 +121,7 @@ def _mark_peaks(forces: Axes, impacts: Impacts | None, joint: str) -> None:
 
 def _draw_section(crossings: Crossings) -> Axes:
     """Draw the crossings of a Poincaré section: its second channel over the first one, or a single
-    channel over time."""
+    channel over time. Further channels are not drawn."""
     channels = [(name, row, crossings.units[name]) for name, row in crossings.values.items()]
     if len(channels) == 1:
         channels.insert(0, ("time", crossings.times, "s"))
@@ -125,8 +129,11 @@ def _draw_section(crossings: Crossings) -> Axes:
 
 
 def _over_time(output: xr.DataArray) -> Axes:
-    """Draw an output at the saved states over time. Mark its largest and smallest value of the run
-    as dots, since saved states may miss them, if the attributes of the output have them."""
+    """Draw an output at the saved states over time.
+
+    If the attributes of the output contain its largest and smallest value in the whole run, these
+    are marked as dots, since saved states may miss them.
+    """
     axes = plot.style.axes_or_new(None)
     times, values = scaled(output["time"]), scaled(output)
     axes.plot(times.values, values.values, color=plot.style.BLUE, linewidth=1.4)
@@ -153,9 +160,10 @@ def _save(folder: Path, name: str, axes: Axes) -> None:
 
 
 ROWS = 20
-"""Rows of a table that the page shows at most."""
+"""Largest number of impacts, or of lanes of a sweep, in a table of the page."""
 STAGES, PROFILES = "stages.csv", "profiles.csv"
-"""Files of the tables of wear: depths before each stage, and around each worn part at the end."""
+"""Files of the tables of wear: depths, volumes and forces for each stage; depths around each worn
+bearing and journal at the end."""
 VIEW, PDF = "view.html", "report.pdf"
 """Files of the page with the animation of a run, and of its report on one page."""
 STYLE = Path(__file__).parent / "templates" / "page.css"
@@ -165,8 +173,8 @@ STYLE = Path(__file__).parent / "templates" / "page.css"
 def write_report(folder: Path) -> None:
     """Draw the figures of the results in a folder again, and write the HTML page that shows them.
 
-    Of a fit only the page is written, with the existing figures, since the folder does not have all
-    that they were drawn from.
+    For a fit, only the page is written, with the existing figures. They can't be drawn again, since
+    the folder does not contain all of the data.
 
     **Raises:** `ValueError` for a folder without results.
     """
@@ -184,8 +192,8 @@ def write_report(folder: Path) -> None:
 def write_run_report(folder: Path) -> None:
     """Write the page of a run from the files in its folder.
 
-    If these include saved states, its figures are drawn and, if the packages for it are installed,
-    the 3D animation is written, too.
+    If the folder contains the table of saved states, the figures of the run and its report on one
+    page are drawn, too, and the 3D animation is written if the packages for it are installed.
     """
     parts = []
     if (folder / NUMBERS).exists():
@@ -203,14 +211,15 @@ def write_run_report(folder: Path) -> None:
 
 
 def write_sweep_report(folder: Path, dataset: xr.Dataset) -> None:
-    """Draw the figures of a sweep, outputs over the axes and bifurcation diagrams, and write its
-    page and a CSV table with a row for each lane.
+    """Draw the figures of a sweep, and write its page and a CSV table with a row for each lane (run
+    of the sweep).
 
-    An output is drawn over the first axis. For two axes there is a curve for each value of the
-    second axis or, if these are more than six, a map of colours over both; for more axes there is a
-    note instead of a figure. If the axes are zipped, so that they vary together, outputs are drawn
-    over the first one only. The channels of Poincaré sections are drawn over a single axis, or over
-    the first one of zipped axes; there is no figure of them otherwise.
+    The figures show outputs over the axes, and bifurcation diagrams. For one axis, an output is
+    drawn as a curve over it. For two axes there is a curve for each value of the second axis or, if
+    it has more than six values, a map of colours over both axes. For more axes, a note is printed
+    instead. If the axes are zipped, so that they vary together, outputs are drawn over the first
+    axis only. Bifurcation diagrams show the channels of Poincaré sections. They are drawn only over
+    a single axis, or over the first of zipped axes.
 
     **Arguments:** `folder`: folder of the results; `dataset`: result of the sweep.
     """
@@ -221,8 +230,8 @@ def write_sweep_report(folder: Path, dataset: xr.Dataset) -> None:
     if axes == ["lane"]:  # zipped axes, of which the first is drawn
         axes = [str(name) for name in lanes.coords if lanes[name].dims == ("lane",)][:1]
     for name, variable in dataset.items():
-        # The dataset has these four numbers of each lane besides the outputs. Outputs with more
-        # dimensions than the lanes, such as saved motions, have no figure.
+        # Besides the outputs, the dataset contains these four numbers of each lane, which are not
+        # drawn. Outputs with more dimensions than the lanes, such as saved motions, are not either.
         is_output = name not in ("result", "attempts", "accepted", "time_reached")
         if variable.dims == lanes.dims and is_output and variable.dtype.kind == "f":
             _draw_output(folder, dataset, str(name), axes)
@@ -248,11 +257,11 @@ def write_fit_report(folder: Path, found: Fit) -> None:
 
 
 def write_wear_report(folder: Path, found: xr.Dataset) -> None:
-    """Write CSV tables of the stages and of the worn profiles of a result of `clearjoint.wear`, its
-    figures and its page.
+    """Write the figures and the page of a result of `clearjoint.wear`, and CSV tables of its stages
+    and of the worn profiles.
 
-    The figures show the depth around each part that has worn, and over the cycles the largest
-    depths, the worn volumes and the largest forces.
+    One figure for each bearing or journal that has worn shows the worn depth around its axis. Three
+    more show the largest depths, the worn volumes and the largest forces over the cycles.
     """
     frame = stage_table(found)
     frame.to_csv(folder / STAGES, index=False)
@@ -272,8 +281,8 @@ def write_wear_report(folder: Path, found: xr.Dataset) -> None:
     )
     for figure, quantity, unit, curves in figures:
         values = np.array(list(curves.values()))
-        # If no part has worn, there are no depths and volumes. The last stage has no force, and so
-        # a result with one stage has none.
+        # If no part has worn, there are no depths and volumes. The forces of the last stage are
+        # NaN, so a result with a single stage has no finite force.
         finite = values[np.isfinite(values)]
         if finite.size == 0:
             continue
@@ -312,9 +321,9 @@ def stage_table(found: xr.Dataset) -> pd.DataFrame:
 def write_page(folder: Path, *parts: str) -> None:
     """Write the HTML page of a folder of results, which loads nothing from the network.
 
-    It contains the summary, the text files, the figures, and links to all files.
+    The page contains the summary, the text files, the figures, `parts`, and links to all files.
 
-    **Arguments:** `parts`: further parts of the page, as HTML.
+    **Arguments:** `parts`: further parts of the page, such as tables, as HTML.
     """
     summary = read_summary(folder)
     title = escape(str(summary.pop("title")))
@@ -342,8 +351,8 @@ def write_page(folder: Path, *parts: str) -> None:
 
 
 def _picture(path: Path) -> str:
-    """Return the HTML of a figure, which contains the picture itself, with the name of its PNG file
-    as caption."""
+    """Return the HTML of a figure with a caption, the name of its PNG file without the suffix. The
+    HTML contains the data of the picture."""
     content = path.read_bytes()
     data = base64.b64encode(content).decode()
     name = escape(path.stem.replace("_", " "))
@@ -367,7 +376,8 @@ def lane_table(dataset: xr.Dataset) -> pd.DataFrame:
     outputs that are one number of the lane."""
     dims = dataset["result"].dims
     table = dataset[[name for name in dataset.data_vars if dataset[name].dims == dims]]
-    # A sweep over a grid has a dimension for each axis: they become columns of one list of lanes.
+    # A sweep over a grid has a dimension for each axis. The lanes become one list, in which the
+    # values of the axes are columns.
     if dims != ("lane",):
         table = table.stack(lane=dims, create_index=False)
         labels = {dim: ("lane", table[dim].values, dataset[dim].attrs) for dim in dims}

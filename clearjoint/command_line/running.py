@@ -45,8 +45,8 @@ name."""
 
 
 class Negative(AbstractQuantity):
-    """The negative of a quantity, by whose peak the reduction `Peak` finds the quantity's smallest
-    value."""
+    """The negative of a quantity. Its largest value, which the reduction `Peak` finds, is the
+    negative of the quantity's smallest value."""
 
     quantity: AbstractQuantity = eqx.field(static=True)
 
@@ -62,12 +62,13 @@ class Negative(AbstractQuantity):
 def run(study: Study, folder: Path) -> CommandResult:
     """Run a study's scene, and write tables, figures and a page.
 
-    The results up to the end of a run that fails, or that Ctrl-C interrupts, are written, too.
+    If the run fails, or if Ctrl-C interrupts it, the results so far are written.
 
     **Arguments:** `folder`: folder of the results, which is made if it does not exist.
 
     **Returns:** the exit code, 0 if the run reached its end, 130 after Ctrl-C and 1 otherwise, and
-    a line with the number of steps, the time reached, the number of impacts and the largest force.
+    a line with the number of steps, the time reached and, for a scene with contacts, the number of
+    impacts and the largest force.
 
     **Raises:** `ValueError` for wrong entries in the section [run], such as an `end` that is
     missing or not after the start, and for a state with which the scene can't run.
@@ -97,7 +98,7 @@ def run(study: Study, folder: Path) -> CommandResult:
     names = [folders.MOTION, folders.OBSERVED, folders.IMPACTS, folders.OUTPUTS]
     folders.remove_old(folder, [*names, f"{folders.SECTION}*"], [folders.NUMBERS, PDF, VIEW])
     folders.write_scene(folder, study.scene, study.state)
-    # The tables are about the saved states, without which none is written.
+    # All tables are left out if no state was saved, since most of them describe the saved states.
     force, contact = 0.0, ""
     if solution.saved is not None and len(solution.saved):
         force, contact = write_results(study, solution, reductions, folder)
@@ -128,10 +129,10 @@ def run(study: Study, folder: Path) -> CommandResult:
 def reductions_of(part: RunPart, settings: Settings) -> dict[str, AbstractReduction]:
     """Return the reductions that a run computes, by name.
 
-    These are the reductions among the outputs of the section [run] and, for each quantity among
-    them whose unit is in `SHARP`, two reductions that find its largest and its smallest value
-    between saved states. The latter need the solver's dense output: if it has none, they are left
-    out with a warning.
+    These are the reductions among the outputs of the section [run] and, for each quantity among the
+    outputs whose unit is in `SHARP`, two reductions that find the largest and the smallest value of
+    the quantity, also between saved states. These two need the solver's dense output. If the solver
+    has none, they are left out, and a warning is printed.
     """
     chosen = {n: one for n, one in part.outputs.items() if isinstance(one, AbstractReduction)}
     extremes: dict[str, AbstractReduction] = {}
@@ -140,8 +141,8 @@ def reductions_of(part: RunPart, settings: Settings) -> dict[str, AbstractReduct
             extremes[name + LARGEST] = Peak(output, output.unit)
             extremes[name + SMALLEST] = Peak(Negative(output), output.unit)
     if extremes:
-        # Only explicit Runge-Kutta methods have dense output. The solver is the same whether or not
-        # constraints are redundant.
+        # Only explicit Runge-Kutta methods have dense output. `redundant` does not affect the
+        # solver, so any value serves here.
         try:
             require_dense(Scheme.of(settings, redundant=False).method.solver)
         except ValueError:
@@ -156,8 +157,8 @@ def reductions_of(part: RunPart, settings: Settings) -> dict[str, AbstractReduct
 def saved_times(part: RunPart, end: float) -> np.ndarray:
     """Return the times (N,), s, at which a run's states are saved, from its start on.
 
-    Without `save_every`, they are `FRAMES` + 1 times from the start to the end. With it, the last
-    time is before the end if the duration is not a multiple of `save_every`.
+    If `save_every` is None, there are `FRAMES` + 1 times from the start to the end. If `save_every`
+    is given and the duration is not a multiple of it, the last time is before the end.
 
     **Arguments:** `part`: the section [run], with the start and `save_every`, s; `end`: s.
 
@@ -170,8 +171,8 @@ def saved_times(part: RunPart, end: float) -> np.ndarray:
     duration = end - part.start
     shorter = f"at most the duration, {duration:g} s"
     require(every <= duration, "save_every", every, shorter, "save more often")
-    # The factor and the minimum are for rounding errors: the end is among the times if the duration
-    # is a multiple of `every`, and no time is after the end.
+    # Rounding errors are allowed for: by the factor, the end is among the times if the duration is
+    # a multiple of `every`; by the minimum, no time is after the end.
     count = int(np.floor(duration / every * (1.0 + 1e-12)))
     return np.minimum(part.start + every * np.arange(count + 1), end)
 
@@ -182,12 +183,13 @@ def write_results(
     reductions: Mapping[str, AbstractReduction],
     folder: Path,
 ) -> tuple[float, str]:
-    """Write the tables of a run, which has saved states.
+    """Write the tables of a run, which must have saved states.
 
     There is a table of the saved states; a table of the contacts, reactions of joints,
     accelerations and energies that `observe` computes from these states; one of the impacts, if the
-    run has recorded them; one for each Poincaré section; and, if the study names outputs, a table
-    of quantities at the saved states and one of the numbers that reductions give.
+    run has recorded them; one for each Poincaré section; one of the outputs that are quantities, at
+    the saved states; and one of the numbers that reductions give. The last two are left out if
+    there are no such outputs.
 
     **Arguments:** `study`: the scene and the outputs; `solution`: the run; `reductions`: reductions
     that the run has computed, by name; `folder`: folder of the results.
@@ -218,8 +220,8 @@ def _outputs(
     """Return the values of quantities at the saved states.
 
     The extremes that reductions have found are attributes of the values: "largest" and "smallest"
-    in the quantity's unit, "largest_time" and "smallest_time" in s. A note is printed for a
-    quantity whose saved values miss more than 2 % of the range between them at one end.
+    in the quantity's unit, "largest_time" and "smallest_time" in s. A note is printed if the saved
+    values fall short of one of these extremes by more than 2 % of the range between the two.
     """
     saved, rows, found = solution.saved, ("time",), solution.outputs
     assert saved is not None
@@ -236,7 +238,7 @@ def _outputs(
                 "smallest_time": found[f"{name}{SMALLEST}_time"],
             }
             low, high = values.min(), values.max()
-            # The user should know if the samples miss more than a fiftieth of the range.
+            # The user should know if an extreme lies far outside the saved samples.
             if max(largest - high, low - smallest) > 0.02 * (largest - smallest):
                 say(
                     f"note: the saved samples of {name} are between {low:.4g} and {high:.4g} "
@@ -271,8 +273,8 @@ def _largest_force(solution: Solution, observed: Observation) -> tuple[float, st
     """Return the largest normal force, N, of all finished impacts and saved states, and the label
     of its contact; zero and an empty label without contacts. `observed` has the forces of the
     contacts at the saved states."""
-    # Saved states alone would miss the peaks of most impacts, and the table of impacts lacks
-    # contacts that had not ended.
+    # Both are needed: saved states miss the peaks of most impacts, and the table of impacts lacks
+    # contacts that have not ended in the run.
     forces = [
         (float(values.normal_force.max()), contact_label(joint, contact))
         for joint, family in observed.contacts.items()

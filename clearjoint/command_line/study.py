@@ -116,8 +116,8 @@ class AxisPart:
       equal differences or, if `spacing` is "geometric", equal ratios. Each value is a number in SI
       units, or a text with a unit.
 
-    **Raises:** `ValueError` unless there are either `values`, at least one in a list, or both
-    `start` and `stop`; and for a `count` that is not a positive integer.
+    **Raises:** `ValueError` unless either `values` or both `start` and `stop` are given, for
+    `values` that are not a list or are empty, and for a `count` that is not a positive integer.
     """
 
     path: str | Sequence[str]
@@ -147,10 +147,13 @@ class SweepPart:
     - `axes`: numbers that vary, with their values, by name.
     - `outputs`: reductions such as `Peak`, or an `ImpactTable`, by name. The Poincaré sections of
       [run] are computed too.
-    - `end`: s, end of the runs; that of [run] unless given. They begin at the `start` of [run].
-    - `preset`, `settings`: preset, and settings that replace single ones of it. If neither is
-      given, both are those of [run]; if only `settings` is given, the preset is "default".
-    - `zipped`: whether lane k has the k-th value of every axis, instead of all combinations.
+    - `end`: end of the runs, s; by default the `end` of [run]. The runs begin at the `start` of
+      [run].
+    - `preset`, `settings`: name of settings in `clearjoint.presets`, and entries that replace those
+      of the preset. If neither is given, both are taken from [run]; if only `settings` is given,
+      the preset is "default".
+    - `zipped`: whether lane k has the k-th value of every axis. By default there is a lane for each
+      combination of values.
     - `chunk`: number of lanes that are stored together; by default a sixteenth of all lanes, at
       most 256.
     """
@@ -208,7 +211,8 @@ class FitPart:
     - `grow`: times, s. The record is first fitted up to each of them, one after another, and then
       as a whole. `max_iterations`: largest number of iterations; `starts`: further first guesses.
       All three are arguments of `clearjoint.identify`.
-    - `start`: time at which runs begin, s; `preset`, `settings`: as in [run].
+    - `start`: time at which runs begin, s; `preset`, `settings`: as in [run], but the default
+      preset is "identification".
     """
 
     measurements: str
@@ -235,11 +239,11 @@ class WearPart:
     - `cycles`: number of cycles to extrapolate to, infinite if it is not given; `depth`: worn
       depth, m, at which the computation ends. At least one of them must be given.
     - `settle`: number of cycles of a run before the wear is measured; `measured`: number of cycles
-      that are measured, even; `tolerance`: largest relative difference of the wear in the two
-      halves of these.
+      that are measured, even; `tolerance`: largest accepted relative difference between the wear
+      in the first and in the second half of the measured cycles.
     - `largest_change`: largest change of depth in a stage, m; by default a fifth of the largest
       penetration. A stage is a run whose wear is extrapolated over many cycles. `stages`: largest
-      number of stages; `samples`: number of angles around each part.
+      number of stages; `samples`: number of angles around each bearing and journal.
     - `start`: time at which runs begin, s; `preset`, `settings`: as in [run].
 
     **Raises:** `ValueError` if both `cycles` and `depth` are missing.
@@ -267,8 +271,11 @@ class WearPart:
 
 @dataclass(frozen=True)
 class StudyParts:
-    """The sections of a study file, and its title. For a file without [run] that section has its
-    default values; [sweep], [fit] and [wear] are None if the file lacks them."""
+    """The sections of a study file, and its title.
+
+    If the file has no section [run], `run` has default values. `sweep`, `fit` and `wear` are None
+    if the file lacks these sections.
+    """
 
     title: str = ""
     run: RunPart = field(default_factory=RunPart)
@@ -292,8 +299,8 @@ CLASSES: tuple[type, ...] = (
     *(Linear, Log, Bounded),
 )
 """Classes that a table of a study file may name under "kind": quantities, reductions, coordinates,
-stabilisations, solvers and scales. Classes in annotations, such as `ImpactTable`, are known from
-there."""
+stabilisations, solvers and scales. Classes that the annotation of a field names, such as
+`ImpactTable`, need not be listed here."""
 
 
 def study_schema() -> Schema:
@@ -338,7 +345,7 @@ class FoundPath:
 
         **Arguments:** `location`: location of the value in the file, for messages.
 
-        **Raises:** `ValueError` for other values.
+        **Raises:** `ValueError` for a value that is neither, and for a text with a wrong unit.
         """
         if isinstance(value, str):
             return number_of_text(value, self.unit, location)
@@ -356,9 +363,10 @@ def find_path(
     **Arguments:** `texts`: a path, or several; `location`: their location in the file, for
     messages.
 
-    **Raises:** `ValueError` for a text that is no path, for a name that does not exist, with the
-    names that do, for a path that leads to several numbers, for no path, for paths of which some
-    are in the scene and others in the state, and for numbers of different units.
+    **Raises:** `ValueError` for an empty list of paths, for a text that is no path, for a name that
+    does not exist (the message lists the existing names), for a path that leads to several numbers,
+    such as all components of a vector, for a mixture of paths in the scene and in the state, and
+    for numbers of different units.
     """
     with location.in_errors():
         paths = [keys_of(text) for text in ([texts] if isinstance(texts, str) else texts)]
@@ -376,7 +384,7 @@ def find_path(
     }
     for keys in paths:
         _require_known(keys, units, location)
-    # A value is given in one unit, from which it could not be converted to several.
+    # All numbers get the same value, which would be ambiguous if their units differed.
     distinct = list(dict.fromkeys(units[keys] for keys in paths))
     if len(distinct) > 1:
         location.refuse(distinct, "paths of numbers with one unit", "write an entry for each unit")
@@ -424,7 +432,8 @@ class Study:
     - `scene`, `state`: the mechanism and its initial state.
     - `parts`: the sections of the study file.
     - `location`: the file, for messages.
-    - `document`: tables of the file, as parsed, without the scene.
+    - `document`: tables of the file, as parsed, without the scene, and with the changes that the
+      command line has made.
     - `started`: value of `time.perf_counter` when the file was read, s.
     """
 
@@ -441,11 +450,13 @@ class Study:
         return Path(self.location.file)
 
     def settings(self, section: str) -> Settings:
-        """Return the settings of the integration in a section, "run", "sweep", "fit" or "wear":
-        those of its preset with the changes that the section makes.
+        """Return the settings of the integration in a section: those of its preset, with the
+        entries of its `settings` replaced.
 
-        A section [sweep] without preset and changes has the settings of [run]. The energy ledger is
-        switched on if an output of the section needs it. The study must have the section.
+        A section [sweep] without `preset` and `settings` has the settings of [run]. The energy
+        ledger is switched on if an output of the section needs it.
+
+        **Arguments:** `section`: "run", "sweep", "fit" or "wear"; the study must have it.
         """
         part = getattr(self.parts, section)
         needs_ledger = any(
@@ -464,11 +475,13 @@ class Study:
         return replace(getattr(presets, part.preset or "default"), **changes)
 
     def end(self, section_end: float | None = None) -> float:
-        """Return the time at which runs end, s: `section_end`, the end in the section [sweep], or,
-        if that is None, the end in the section [run].
+        """Return the time at which runs end, s.
 
-        **Raises:** `ValueError` if there is neither, and for an end that is not after the `start`
-        of the section [run], with the location in the file.
+        **Arguments:** `section_end`: the end in the section [sweep], s; if it is None, the end in
+        the section [run] is returned.
+
+        **Raises:** `ValueError` with the location in the file if both are None, and for an end that
+        is not after the `start` of the section [run].
         """
         end = self.parts.run.end if section_end is None else section_end
         if end is None:
@@ -485,7 +498,7 @@ class Study:
         **Arguments:** `named`: the outputs, sections or quantities, by name; `keys`: keys of the
         table in the file that contains them.
 
-        **Raises:** `ValueError` with the location in the file.
+        **Raises:** `ValueError` with the location in the file, if the scene lacks one of them.
         """
         for name, one in named.items():
             with self.location.at(*keys, name).in_errors():
@@ -529,8 +542,8 @@ def read_study(path: Path, changes: Iterable[str] = ()) -> Study:
     **Arguments:** `changes`: changes of numbers or tables, such as "joints.pin.clearance=0.2mm" in
     the scene or "run.end=2" in the study.
 
-    **Raises:** `ValueError` for a file or a change that is not valid, with the location, the value,
-    the expected values and a remedy.
+    **Raises:** `ValueError` for a file or a change that is not valid; the message names the
+    location, the value, the expected values and a remedy. `OSError` for a file that can't be read.
     """
     document, location = read_document(path)
     if "bodies" in document:  # a scene file, which may have sections of a study
@@ -551,7 +564,7 @@ def read_study(path: Path, changes: Iterable[str] = ()) -> Study:
         is_in_study, keys = _set(study, tables, change)
         changed = location if is_in_study else scene_location
         if changed.source is not None:
-            # Error messages about the changed value then quote the change instead of a line.
+            # With this entry, error messages about the value quote the change, not a line number.
             changed.source.changes[(*changed.keys, *keys)] = change
     scene, state = scene_of_document(tables, (), scene_location)
     parts = Reader(CLASSES).instance(StudyParts, study, location, other_keys=(SCENE,))
@@ -563,7 +576,8 @@ def _set(study: Document, scene: Document, change: str) -> tuple[bool, Keys]:
 
     **Returns:** whether the study was changed instead of the scene, and the keys of the value.
 
-    **Raises:** `ValueError` for a change without "=", and for unknown keys.
+    **Raises:** `ValueError` for a change without "=", for a text before it that is no path, and for
+    unknown keys.
     """
     location = FileLocation(f"--set {change}")
     path, equals, text = change.partition("=")
@@ -578,8 +592,8 @@ def _set(study: Document, scene: Document, change: str) -> tuple[bool, Keys]:
         value = tomllib.loads(f"value = {text.strip()}")["value"]
     except tomllib.TOMLDecodeError:
         value = text.strip()  # a text without quotation marks, such as 0.2mm
-    # The keys before the last one must exist and lead to the table, or list, that is changed. The
-    # last key may be new in a table.
+    # The keys before the last one must exist and lead to the table or list that is changed. The
+    # last key may be new in a table, but not in a list.
     tables = study if is_in_study else scene
     found, last = existing(tables, keys), len(keys) - 1
     table: PyTree = reduce(getitem, found[:last], tables)  # pyright: ignore

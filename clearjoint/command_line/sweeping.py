@@ -23,20 +23,20 @@ from .study import AxisPart, FoundPath, Study, SweepPart, find_path
 
 
 def sweep(study: Study, folder: Path) -> CommandResult:
-    """Run the sweep of a study's section [sweep], or continue it, and write its store, tables,
-    figures and page.
+    """Run the sweep of a study's section [sweep], and write its store, tables, figures and page. If
+    the folder contains the store of this sweep already, only the missing lanes are run.
 
     The sweep counts as failed only if no lane ran to its end, since a sweep often includes values
     with which a mechanism can't run. After Ctrl-C, results so far are written.
 
     **Arguments:** `folder`: folder of the results, which is made if it does not exist.
 
-    **Returns:** the exit code, 0, 1 if no lane ran to its end, or 130 after Ctrl-C, and a line with
-    the numbers of lanes and steps and the largest force.
+    **Returns:** the exit code, 130 after Ctrl-C, 1 if no lane ran to its end, and 0 otherwise, and
+    a line with the numbers of lanes and steps and the largest force.
 
-    **Raises:** `ValueError` for a study without this section or an end, for wrong entries in it,
-    and for a folder with the store of another sweep. `KeyboardInterrupt` if Ctrl-C interrupts the
-    sweep before its store exists.
+    **Raises:** `ValueError` for a study without a section [sweep] or without an `end` of the runs,
+    for wrong entries in this section, and for a folder with the store of another sweep.
+    `KeyboardInterrupt` if Ctrl-C interrupts the sweep before its store exists.
     """
     part = study.parts.sweep
     if part is None:
@@ -44,7 +44,7 @@ def sweep(study: Study, folder: Path) -> CommandResult:
     axes = sweep_axes(study, part)
     lanes = int(np.prod(shape_of_lanes(axes, part)))
     # A chunk is written to the store when all its lanes have ended. With many chunks, long sweeps
-    # show results early, and a process that is killed loses few of them.
+    # show results early, and a process that is killed loses few lanes.
     chunk = int(np.clip(np.ceil(lanes / 16), 1, 256)) if part.chunk is None else part.chunk
     end, settings = study.end(part.end), study.settings("sweep")
     folder.mkdir(parents=True, exist_ok=True)
@@ -105,8 +105,8 @@ def sweep_axes(study: Study, part: SweepPart) -> dict[str, Axis]:
         remedy = "give all axes as many values, or leave `zipped` out"
         location.at("axes").refuse(sizes, expected, remedy)
     # Each output is checked alone, so that an error names its place in the file, and then all are
-    # checked together. The energy ledger counts as switched on: `Study.settings` does so if an
-    # output needs it.
+    # checked together. The energy ledger is taken as switched on, since `Study.settings` switches
+    # it on if an output needs it.
     study.check_elements(part.outputs, "sweep", "outputs")
     with location.at("outputs").in_errors():
         check_outputs(part.outputs, study.scene, ledger=True)
@@ -114,8 +114,8 @@ def sweep_axes(study: Study, part: SweepPart) -> dict[str, Axis]:
 
 
 def shape_of_lanes(axes: dict[str, Axis], part: SweepPart) -> list[int]:
-    """Return the numbers of values of the axes, whose grid the lanes form; only the common number
-    if the axes are zipped."""
+    """Return the shape of the grid of lanes: the number of values of each axis or, if the axes are
+    zipped, only their common number of values."""
     sizes = [axis.values.size for axis in axes.values()]
     return sizes[:1] if part.zipped else sizes
 
@@ -143,9 +143,9 @@ def _values(part: AxisPart, found: FoundPath, location: FileLocation) -> np.ndar
 def _summary(dataset: xr.Dataset, code: int) -> tuple[Summary, str]:
     """Return the entries of the summary, and the result as one line of text.
 
-    The entries are how the sweep ended, the numbers of lanes, by how they ended, and the sizes of
-    the axes. The line has numbers of lanes and steps, and the largest of all outputs that are
-    forces.
+    The entries tell how the sweep ended, how many lanes ended in each way, and the sizes of the
+    axes. The line has the numbers of lanes and steps, and the largest value of all outputs whose
+    unit is N.
 
     **Arguments:** `dataset`: result of the sweep; `code`: its exit code, which tells whether it was
     interrupted.

@@ -25,8 +25,9 @@ WORN_SCENE = "worn.toml"
 
 
 def wear(study: Study, folder: Path) -> CommandResult:
-    """Compute the wear that a study's section [wear] describes, or continue it, and write its
-    store, tables, figures, the worn scene and an HTML page of all these.
+    """Compute the wear that a study's section [wear] describes, and write its store, tables,
+    figures, the worn scene and an HTML page. If the folder contains a store of this
+    computation already, the computation is continued from there.
 
     After Ctrl-C, results so far are written.
 
@@ -36,7 +37,7 @@ def wear(study: Study, folder: Path) -> CommandResult:
     of `clearjoint.wear` has a `failure`, such as a stage whose run failed, and 0 otherwise. The
     text is the table of stages, and a line with the numbers of stages and cycles and the depths.
 
-    **Raises:** `ValueError` for a study without this section, and for wrong entries in it.
+    **Raises:** `ValueError` for a study without a section [wear], and for wrong entries in it.
     `KeyboardInterrupt` if Ctrl-C interrupts the computation before its store exists.
     """
     part = study.parts.wear
@@ -87,7 +88,7 @@ def wear(study: Study, folder: Path) -> CommandResult:
 def check_wear_section(study: Study, part: WearPart) -> None:
     """Check the entries of the section [wear] of a study without a run, for `clearjoint check`.
 
-    **Raises:** `ValueError` that names the section in the study's file.
+    **Raises:** `ValueError` for wrong entries; the message names the file and the section.
     """
     with study.location.at("wear").in_errors():
         check_wear(
@@ -106,9 +107,11 @@ def check_wear_section(study: Study, part: WearPart) -> None:
 
 
 def _summary(found: "xr.Dataset", part: WearPart, code: int) -> tuple[Summary, str]:
-    """Return how the computation ended, and the depth of each part that has worn, as entries of the
-    summary and as a line of text. If the section [wear] names a depth, they also tell after how
-    many cycles the part has reached it.
+    """Return the entries of the summary, and the result as one line of text.
+
+    The entries tell how the computation ended. Entries and line have the numbers of stages and
+    cycles, and the depth of each bearing and journal that has worn. If the section [wear] names a
+    depth, they also tell after how many cycles the part has reached this depth.
 
     **Arguments:** `found`: result of `clearjoint.wear`; `part`: the section [wear]; `code`: exit
     code of the command, which tells whether the computation was interrupted.

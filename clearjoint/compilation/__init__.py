@@ -6,7 +6,7 @@
   saved, which other processes can load without tracing the function again; `keeps_programs` returns
   whether they are. `prepare_folder` makes a folder for them.
 - `program_of` returns the jaxpr of a function.
-- `seconds_of_compiling` returns the time for which a program has been compiling.
+- `seconds_of_compiling` returns how long the present compilation has taken so far.
 - `plain_values.digest_of` and `package_code.source_digest` make the keys of saved programs.
 - `remember_contents` records the code of the package, so that `source_digest` notices later
   changes. It is called once, at the end of the import of the package.

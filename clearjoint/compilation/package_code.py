@@ -1,12 +1,12 @@
 """Digest of the package's source files, and a check that this process runs their code.
 
 The digest is part of the key of each saved program, so that a program is loaded only by processes
-with the same code. It is that of the files at the time when the import began. `source_digest`
-raises an error instead if the files have changed since then, because the package was upgraded or
-edited while the process ran. It compares them at its first call, and again when further modules of
-the package have been imported. It also raises the error if a function, class or constant of the
-package was replaced after the import. This module imports only Python's standard library, so that
-it can be imported before all others.
+with the same code. `source_digest` returns the digest of the files as they were when the import of
+the package began. It raises `ChangedCodeError` if the files have changed since then, because the
+package was upgraded or edited while the process ran. The files are compared at the first call, and
+again at the first call after further modules of the package have been imported. At every call, the
+error is also raised if a function, class or constant of the package was replaced after the import.
+This module imports only Python's standard library, so that it can be imported before all others.
 """
 
 import hashlib
@@ -24,8 +24,8 @@ _FOLDER = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 LIBRARIES = ("diffrax", "equinox", "lineax", "optimistix", "jax", "jax.lax", "jax.numpy", "numpy")
 """Modules of other packages in which replaced functions are noticed too."""
 _OF_THE_PROCESS = (f"{PACKAGE}.runtime", f"{PACKAGE}.compilation")
-"""Modules of this package whose variables change while a process runs. Programs do not depend on
-these variables."""
+"""Modules of this package, with their submodules, whose variables change while a process runs.
+Programs do not depend on these variables."""
 
 
 class ChangedCodeError(Exception):
@@ -59,8 +59,8 @@ class _State:
 
 
 def remember_contents() -> None:
-    """Record the objects in the loaded modules of the package, except those `_OF_THE_PROCESS`, and
-    in `LIBRARIES`. `source_digest` compares later objects with them.
+    """Record the objects in the loaded modules of the package and of `LIBRARIES`, for comparison by
+    `source_digest`. Modules in `_OF_THE_PROCESS` are left out.
 
     It must be called at the end of the import of the package.
     """
@@ -99,8 +99,8 @@ def source_digest() -> str:
 
 
 def _is_as_imported() -> bool:
-    """Return whether the source files and the objects of the package are those of its import, as
-    far as they were recorded; false without a record."""
+    """Return whether the source files, and all objects that `remember_contents` has recorded, are
+    the same as at the import of the package; false if it has recorded nothing."""
     if not _STATE.names or not _STATE.files:
         return False
     loaded = sum(name.startswith(PACKAGE) for name in sys.modules)
@@ -177,8 +177,9 @@ def _contents(names: Mapping[str, list[str]]) -> list[object]:
 def _is_code(name: str, member: object) -> bool:
     """Return whether an attribute of a class may affect results.
 
-    Python and decorators of classes add attributes with two underscores, some of them after the
-    import. Of these, only functions count. `_abc_impl` is a cache of Python's abstract classes.
+    Python and decorators of classes add attributes whose names begin with two underscores, some of
+    them after the import. Of these, only functions, methods and properties count. `_abc_impl` is a
+    cache of Python's abstract classes.
     """
     if not name.startswith("__"):
         return name != "_abc_impl"
@@ -188,8 +189,8 @@ def _is_code(name: str, member: object) -> bool:
 def _is_listed_in(module: str, cls: type) -> bool:
     """Return whether the attributes of a class are recorded with a module.
 
-    They are recorded with the module that defines the class, or with the library that exports it.
-    Those of NumPy's classes are not recorded.
+    They are recorded with the module that defines the class, or with the top module of the library
+    to which that module belongs. Attributes of NumPy's classes are not recorded.
     """
     return module != "numpy" and module in (cls.__module__, cls.__module__.split(".")[0])
 

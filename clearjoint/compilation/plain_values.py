@@ -1,8 +1,8 @@
 """Digests of values that consist only of numbers, texts, arrays, and code of known packages.
 
-A digest is part of the key under which a compiled program is saved. The program for such a value is
-determined by the fields of the value and the sources of these packages. Values that contain
-functions, classes or instances from elsewhere are refused, since a change of their sources would
+A digest is part of the key under which a compiled program is saved. The content of such a value and
+the sources of these packages determine the program. Values that contain functions, classes or
+instances of classes from other packages are refused, since a change of the sources of these would
 not be noticed.
 """
 
@@ -36,15 +36,19 @@ class NotPlainError(Exception):
 def digest_of(value: object) -> str:
     """Return the digest of a value, 40 hexadecimal digits, which is the same in all processes.
 
-    Values of the same types and content have the same digest. The types of numbers count, so 1 and
-    1.0 have different digests, and so does the order of the items of a dictionary. Arrays of NumPy
+    Values of the same types and content have the same digest. The types of numbers matter: 1 and
+    1.0 have different digests. The order of the items of a dictionary matters, too. Arrays of NumPy
     and JAX with the same numbers, dtype and shape have the same digest.
 
-    **Raises:** `NotPlainError` unless the value consists of numbers, strings, bytes, ``None``,
-    ``...``, arrays, dtypes and `jax.ShapeDtypeStruct`, tuples, lists and dictionaries, of functions
-    and classes that are members of a module of this package or of `NUMERIC`, of instances of such
-    classes, and of their methods and `functools.partial`; also for arrays that JAX traces, for
-    arrays of objects, and for a value that contains itself or is nested too deeply.
+    **Arguments:** `value`: may consist of
+
+    - numbers, strings, bytes, ``None``, ``...``, arrays, dtypes and `jax.ShapeDtypeStruct`;
+    - tuples, lists, dictionaries and `functools.partial`;
+    - functions and classes that are members of a module of this package or of `NUMERIC`, instances
+      of such classes, and their methods.
+
+    **Raises:** `NotPlainError` for a value that contains anything else, an array that JAX traces,
+    an array of objects, or itself, and for a value that is nested too deeply.
 
     >>> from clearjoint.compilation.plain_values import digest_of
     >>> one, same, other = (cj.Body(mass, (1.0, 1.0, 1.0)) for mass in (2.0, 2.0, 3.0))
@@ -61,8 +65,8 @@ def digest_of(value: object) -> str:
 def _nested(value: object) -> object:
     """Return nested tuples of plain Python values whose `repr` identifies the value.
 
-    **Raises:** `NotPlainError` for a value that `digest_of` refuses, except for one that contains
-    itself, for which it is `RecursionError`.
+    **Raises:** `RecursionError` for a value that contains itself or is nested too deeply;
+    `NotPlainError` for other values that `digest_of` refuses.
     """
     # Exact types: an instance of a subclass could hold further data, and is handled last.
     kind = type(value)
@@ -99,8 +103,9 @@ def _array(array: np.ndarray) -> object:
 def _named(value: object) -> object:
     """Return a tuple with module and qualified name of a function or class.
 
-    **Raises:** `NotPlainError` if the module is not of an accepted package, or if it does not have
-    the value, or a wrapper of the value, under that name.
+    **Raises:** `NotPlainError` if the module does not belong to `NUMERIC` and is no module of this
+    package whose objects are recorded (`is_remembered`), or if that name in the module refers
+    neither to the value nor to a wrapper of it.
     """
     module, name = getattr(value, "__module__", None), getattr(value, "__qualname__", "")
     package = str(module).split(".")[0]
@@ -117,8 +122,8 @@ def _instance(value: object) -> object:
     """Return a tuple with the class, the items and all attributes of an instance, including
     attributes that are not fields.
 
-    **Raises:** `NotPlainError` if the class, one of its base classes or an attribute is not
-    accepted, or if the data cannot be read.
+    **Raises:** `NotPlainError` if `digest_of` refuses the class, one of its base classes or an
+    attribute, or if the instance has no attributes, fields or items that can be read.
     """
     cls = type(value)
     named = _named(cls)

@@ -31,7 +31,8 @@ def keep_programs(keep: bool = True) -> None:
 
     Native programs are those that `clearjoint.native` compiles. A whole program consists of machine
     code and the layout of its arguments and results. A later process loads it without tracing the
-    function. The machine code alone is saved either way, which spares only the compilation.
+    function. If `keep` is false, only the machine code is saved: a later process then traces the
+    function again, but need not compile it.
     """
     global _is_on
     _is_on = keep
@@ -43,7 +44,8 @@ def keeps_programs() -> bool:
 
 
 def cache_in_use() -> Path | None:
-    """Return the folder of JAX's compilation cache; ``None`` if it is off or on another machine."""
+    """Return the folder of JAX's compilation cache; ``None`` if the cache is switched off, or if it
+    is at a URL, as of a cloud storage."""
     cache = jax.config.jax_compilation_cache_dir  # pyright: ignore
     if not (cache and jax.config.jax_enable_compilation_cache):  # pyright: ignore
         return None
@@ -79,8 +81,8 @@ def prepare_folder(folder: Path) -> str | None:
 def is_private(folder: Path) -> bool:
     """Return whether only the user of this process and the administrator may write to a folder.
 
-    Whoever may write to it can have code executed by this process. The result is ``True`` on
-    systems without POSIX permissions, such as Windows.
+    Anyone else who may write to it could have code executed by this process. The result is ``True``
+    on systems without POSIX permissions, such as Windows.
 
     **Raises:** `OSError` if the folder doesn't exist.
     """

@@ -4,8 +4,9 @@ Python's garbage collector is off while JAX traces. Tracing makes a hundred thou
 stay in use. The collector would visit them repeatedly and free nothing, which would take a third of
 the time.
 
-A program counts as being compiled from the first traced line until its call returns. The call
-returns once the program has been started; the program itself then runs on the device.
+`seconds_of_compiling` measures the time from the start of tracing until the call of the program
+returns. The call returns once the program has been started; the program itself then runs on the
+device.
 """
 
 import gc
@@ -82,7 +83,7 @@ def program_of(function: Callable[..., PyTree], *arguments: PyTree) -> tuple[Clo
     lowers the jaxpr. Here they are expanded to the equations of which they consist.
     """
     program, shapes = jax.make_jaxpr(function, return_shape=True)(*arguments)
-    if hasattr(partial_eval, "lower_jaxpr2"):  # From JAX 0.11 on.
+    if hasattr(partial_eval, "lower_jaxpr2"):  # JAX 0.11 and later have this function.
         program = partial_eval.lower_jaxpr2(program)  # pyright: ignore[reportAttributeAccessIssue]
     return program, shapes
 
@@ -122,11 +123,12 @@ def seconds_of_compiling() -> float:
 
 
 def begins_a_program(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """Wrap a function that JAX traces, so that the time of compiling begins when it is called.
+    """Wrap a function that JAX traces, so that the time of `seconds_of_compiling` begins when the
+    function is called.
 
     JAX calls the function only to trace it, so the call of a program that has been compiled already
-    does not count as compiling. The program must be called within `program_is_made_inside`, which
-    ends the time.
+    does not count as compiling. The compiled program must be called within
+    `program_is_made_inside`, at the end of which the time ends.
     """
 
     @wraps(function)
@@ -139,9 +141,11 @@ def begins_a_program(function: Callable[Arguments, Result]) -> Callable[Argument
 
 @contextmanager
 def program_is_made_inside() -> Iterator[None]:
-    """End the time of compiling, which a wrapper of `begins_a_program` began, with the context.
+    """Context for a call of a function wrapped by `begins_a_program`: the time of compiling ends at
+    the end of the context.
 
-    If contexts are nested, the time ends with the innermost of those that were open when it began.
+    A context that is entered while this thread is already compiling does not end the time; the
+    context around it does.
     """
     thread = threading.get_ident()
     is_inner = thread in _began
@@ -162,9 +166,9 @@ _ONE_FUNCTION = {"xla_cpu_small_call": "true", "inlineable": "false"}
 class Compiled(Generic[Arguments, Result]):
     """Function that XLA compiles at its first call, as by `equinox.filter_jit`.
 
-    A change of anything other than the numbers of arrays in the arguments compiles a further
-    program. JAX's cache on disk saves compiled programs. Python's garbage collector is off during a
-    call.
+    A program serves all arguments that differ only in the entries of arrays; any other change
+    compiles a further program. JAX's cache on disk saves compiled programs. Python's garbage
+    collector is off during a call.
 
     **Arguments:** `function`: function of PyTrees that JAX can trace; `compiler_options`: options
     of XLA besides `OPTIONS`.
@@ -211,8 +215,9 @@ class HostFirst(Generic[Arguments, Result]):
 
     def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
         """Return the function's result, with NumPy arrays if NumPy has computed it."""
-        # NumPy is not tried again for a structure of arguments for which it has failed once. It
-        # can't compute with tracers, but perhaps with the numbers of a later call.
+        # NumPy is not tried again for a structure of arguments for which it has failed once. A call
+        # with tracers does not count as a failure: NumPy may be able to compute with the numbers
+        # of a later call.
         leaves, structure = jax.tree.flatten((arguments, options))
         is_traced = any(isinstance(leaf, Tracer) for leaf in leaves)
         if not is_traced and structure not in self._need_jax:
@@ -236,8 +241,8 @@ class HostFirst(Generic[Arguments, Result]):
         with np.errstate(all="ignore"):
             try:
                 arguments, options = jax.tree.map(_on_host, (arguments, options))
-                # Under `eval_shape`, an operation of JAX is not compiled. It returns a tracer, also
-                # for known numbers, by which it is detected.
+                # Under `eval_shape`, an operation of JAX is not compiled but returns a tracer, even
+                # for known numbers. A tracer in the result shows that the function needs JAX.
                 jax.eval_shape(lambda: results.append(function(*arguments, **options)))
             except Exception:
                 # An error of the function itself is raised again when XLA compiles the function.

@@ -51,8 +51,8 @@ if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
 CHANGE_BY_PENETRATION = 0.2
-"""Default of the largest change of depth in a stage, relative to the largest penetration beyond the
-onset of the force."""
+"""Default of the largest change of the worn depth in a stage, relative to the largest penetration
+beyond the onset of the force."""
 FIRST_STAGE = 0.1
 """Factor by which the first stage has fewer cycles than the limits allow. It is shorter because
 there is no earlier stage from which the change of the wear rate could be estimated."""
@@ -62,8 +62,8 @@ half of the circumference."""
 EXTREMES = {"penetration": "m", "force": "N"}
 """Units of the largest values in a stage that are part of a result, by name."""
 STEPS_PER_SAMPLE = 16
-"""Smallest number of quadrature steps in a cycle, divided by the number of angles. So many steps
-resolve the passage from one angle to the next of a contact that circles the wall once a cycle."""
+"""Smallest number of quadrature steps in a cycle, divided by the number of angles. If a contact
+circles the wall once a cycle, so many steps resolve its motion from one angle to the next."""
 
 
 def wear(
@@ -108,10 +108,11 @@ def wear(
     - `settings`: of the runs; by default `clearjoint.presets.default` and, for the further runs
       that compute derivatives, `clearjoint.presets.derivatives`.
     - `parameters`: with respect to which the depths are differentiated, by names of your choice;
-      they may select no number of a profile that wears. The logarithms of the positive wear rates
-      are additional parameters, with names such as "pin bearing rate". The derivatives are those at
-      fixed numbers of cycles before the stages. They are valid if the motion has settled before the
-      measured cycles, so that these don't depend on the state in which a stage begins.
+      they must not select a number of a profile that wears. The logarithms of the positive wear
+      rates are additional parameters, with names such as "pin bearing rate". For the derivatives,
+      the number of cycles before each stage is held fixed. They are valid if the motion has settled
+      before the measured cycles, so that the measured wear does not depend on the state in which a
+      stage begins.
     - `settle`: number of cycles of a run before the wear is measured; `measured`: number of cycles
       that are measured, even. Their first and second half must agree to the relative `tolerance`:
       in the sum of the depths that wear off each joint, and in that of the derivatives by each
@@ -134,10 +135,11 @@ def wear(
     the joints and of the bodies and the angles, rad, as coordinates:
 
     - ``cycles``: number of cycles before each stage, (stage).
-    - ``bearing_depth``, ``journal_depth``: m, (joint, stage, angle), about the axis of each part
-      from its x axis (see `clearjoint.quantities.JournalOffset`).
-    - ``bearing_rate``, ``journal_rate``: depth per cycle in the stage, m, likewise; NaN in the
-      last stage, which has no run, or none that was used.
+    - ``bearing_depth``, ``journal_depth``: depth worn off before each stage, m, (joint, stage,
+      angle). The angle is about the axis of the bearing or journal, from its x axis (see
+      `clearjoint.quantities.JournalOffset`).
+    - ``bearing_rate``, ``journal_rate``: depth per cycle in the stage, m, (joint, stage, angle);
+      NaN in the last stage, which has no run, or none that was used.
     - ``bearing_depth_derivative``, ``journal_rate_derivative`` and so on: the derivatives of these
       with respect to the parameters' coordinates, along the additional dimension "parameter". Only
       with `parameters`.
@@ -149,10 +151,10 @@ def wear(
       the last run whose wear was used, as in `clearjoint.BodyState`, (body, 3) or (body, 4).
 
     The attribute ``ending`` is "reached the cycles", "reached the depth", or the reason why the
-    computation ended before them. The attribute ``failure`` is this reason if the run of a stage
+    computation ended before either. The attribute ``failure`` is this reason if the run of a stage
     failed, was not periodic, or wore nothing although only `depth` ends the computation; otherwise
-    it is empty. `clearjoint.worn` returns the scene of a stage, `clearjoint.cycles_to_depth` a
-    life.
+    it is empty. `clearjoint.worn` returns the scene of a stage, and `clearjoint.cycles_to_depth`
+    the number of cycles until a depth is reached.
 
     **Raises:** `ValueError` for an empty `rates`, a name or class in it that is not supported, or
     another argument outside its range (`samples` must be 8 or more); for a parameter that does not
@@ -223,7 +225,7 @@ def wear(
 
 
 def worn(scene: Scene, found: "xr.Dataset", stage: int = -1) -> Scene:
-    """Return a scene with the profiles of a stage of `clearjoint.wear`.
+    """Return a scene with the worn profiles at the beginning of a stage of `clearjoint.wear`.
 
     A profile that has worn becomes a `clearjoint.profiles.PeriodicSpline` with a knot at each angle
     of the result. Parts without wear keep their profiles.
@@ -261,8 +263,8 @@ def cycles_to_depth(found: "xr.Dataset", depth: float, joint: str, part: Part = 
     The depth is interpolated between the stages by a cubic spline. The number is infinite if the
     depth was not reached.
 
-    **Arguments:** `found`: result of `clearjoint.wear`; `depth`: m, positive; `joint`: its name;
-    `part`: "bearing", the default, or "journal".
+    **Arguments:** `found`: result of `clearjoint.wear`; `depth`: m, positive; `joint`: name of the
+    joint; `part`: "bearing", the default, or "journal".
 
     **Raises:** `ValueError` if the depth is not positive.
 
@@ -430,7 +432,7 @@ class _CycleRun:
 
 
 class _Measured(NamedTuple):
-    """Wear measured by a run of J joints.
+    """Wear of J joints, measured by one run.
 
     - `halves`: (2, 1 + p, J, 2, samples) m, the depths of bearing and journal per cycle in each
       half of the measured cycles, and, from index 1 of the second axis on, their derivatives with
@@ -461,7 +463,7 @@ class _Stages:
       its derivatives, in arrays of the same shape. `extremes`: for the same stages, those of
       `_Measured`.
     - `state`: from which the next run starts.
-    - `failure`: why no further stage can be computed; empty for none.
+    - `failure`: why no further stage can be computed; empty if one can.
     - `ending`: why the computation ended; empty while it goes on.
     """
 
@@ -680,8 +682,9 @@ class _Store:
     def write(self, found: "xr.Dataset") -> None:
         """Replace the store by one of the dataset `found`, a result of `wear`.
 
-        A process that is killed meanwhile leaves the new store or the old one, which may then be in
-        the folder beside it that `_folder` returns.
+        If the process is killed meanwhile, the old store (if there was one) or the new one is
+        complete. `_folder` returns its folder, which may be the one beside `path` with the suffix
+        "old".
         """
         new, old = _beside(self.path, "new"), _beside(self.path, "old")
         shutil.rmtree(new, ignore_errors=True)
@@ -872,10 +875,11 @@ def _with_depths(
     A part whose profile isn't a spline with one knot for each angle doesn't wear. Its depths are
     zero, and it is unchanged.
 
-    **Arguments:** `scene`: made by `_with_splines`. `names`: names of the joints. `depths`: (rows,
-    joints, 2, samples), at the angles around bearing and journal. Row 0 has the removed depths, m.
-    Each further row has their derivatives by one parameter; the profiles are then `MovingSpline`s,
-    which the parameters move along these derivatives.
+    **Arguments:** `scene`: made by `_with_splines`, perhaps changed by this function since.
+    `names`: names of the joints. `depths`: (rows, joints, 2, samples), at the angles around bearing
+    and journal. Row 0 has the removed depths, m. Each further row has their derivatives by one
+    parameter. With further rows, the new profiles are `MovingSpline`s, which the parameters move
+    along these derivatives; without them, they are `PeriodicSpline`s.
     """
     for j, name in enumerate(names):
         for k, (field, sign) in enumerate(zip(PROFILES, (1.0, -1.0), strict=True)):
@@ -888,7 +892,7 @@ def _with_depths(
                 # Interpolation is linear, so that it applies to derivatives as well.
                 removed = [np.asarray(PeriodicSpline.through(row).coefficients) for row in rows]
                 worn = np.asarray(profile.coefficients) + removed[0]
-                # The derivatives are taken where the parameters have not changed: at zeros.
+                # The shifts are zeros: derivatives are taken at the present parameters.
                 changed = (
                     MovingSpline(worn, np.concatenate(removed[1:]), np.zeros(len(rows) - 1))
                     if len(rows) > 1

@@ -28,10 +28,10 @@ OF_BASES = tuple(
 SIGNALS = tuple(f"{base} {kind}" for base, kind in OF_BASES) + PlanarAxes._fields
 """Names of the numbers from which the wear of a joint follows at an instant.
 
-They are, for each base, the normal force, N ("V force"), its product with the sliding speed, W
-("V power"), the base's eccentricity in the bearing's frame, m ("V x", "V y"), and the penetration,
-m ("V penetration"); and the four components of `PlanarAxes`, those of the journal's x and y axes
-along the bearing's.
+They are, for each of the bases V and W (here with the names for V): the normal force, N
+("V force"), its product with the sliding speed, W ("V power"), the base's eccentricity in the
+bearing's frame, m ("V x", "V y"), and the penetration, m ("V penetration"). The last four are the
+fields of `PlanarAxes`: components of the journal's x and y axes along the bearing's.
 """
 TIMES_IN_PROGRAM = 4096
 """The number of times of the quadrature, less one, is rounded up to a multiple of this number. A
@@ -103,7 +103,8 @@ def wear_depths(
     times: Float[np.ndarray, " T"],
     samples: int,
 ) -> tuple[Float[np.ndarray, "2 samples"], Float[np.ndarray, "2"]]:
-    """Return the depths that wear off the wall and off the journal of a joint in a part of a run.
+    """Return the depths that wear off the wall and off the journal of a joint during some time of a
+    run.
 
     **Arguments:**
 
@@ -111,11 +112,13 @@ def wear_depths(
     - `solution`: of `simulate`, with all steps saved.
     - `joint`: name of a `ClearanceJoint`.
     - `rates`: specific wear rates of the bearing and of the journal, m^2/N.
-    - `times`: of `quadrature_times`, s.
-    - `samples`: number of evenly spaced angles from the x axis of each part's frame.
+    - `times`: s, from `quadrature_times`; the wear between the first and the last is returned.
+    - `samples`: number of evenly spaced angles, from the x axis of the bearing's or the journal's
+      frame.
 
-    **Returns:** the depths, (2, samples) m; and the largest penetration of a base, m, and the
-    largest sum of the normal forces of both bases, N, at the times.
+    **Returns:** a pair: the depths, (2, samples) m, with the bearing first; and an array (2,) with
+    the largest penetration of a base, m, and the largest sum of the normal forces of both bases, N,
+    at `times`.
     """
     assert solution.steps is not None, "`wear` saves all steps"
     values = values_along(scene, solution, AllSignals(joint), solution.steps.between(times))
@@ -137,12 +140,13 @@ def depths_from_signals(
 ) -> Float[jax.Array, "2 samples"]:
     """Return the depths, m, that wear off the wall and off the journal; JAX can differentiate it.
 
-    The volume that wears off in a time dt is k F v dt, with the specific wear rate k of a part, the
-    normal force F of a base and the sliding speed v (J. F. Archard 1953). It is distributed in
-    proportion to the overlap of the two profiles, as if the wall were an elastic foundation, over
-    the whole length of the journal. Both bases count together.
+    The volume that wears off in a time dt is k F v dt, with the specific wear rate k of bearing or
+    journal, the normal force F of a base and the sliding speed v (J. F. Archard 1953). The volume
+    is distributed over the angles in proportion to the overlap of the two profiles, as if the wall
+    were an elastic foundation, and evenly over the length of the journal. The wear of both bases is
+    added.
 
-    **Arguments:** `rates`: k of the bearing and of the journal, m^2/N. `times`: of
+    **Arguments:** `rates`: k of the bearing and of the journal, m^2/N. `times`: from
     `quadrature_times`, s. `signals`: values at these times, by the names of `SIGNALS`. `samples`:
     number of angles.
     """
@@ -219,7 +223,7 @@ def _shares(
     angles: Float[jax.Array | np.ndarray, "... samples"],
     axes: PlanarAxes,
 ) -> Float[jax.Array, "T samples"]:
-    """Return the shares of the wear of one base that the angles have, at each time.
+    """Return the share of the wear of one base that falls on each angle, at each time.
 
     The share of an angle is max(overlap - clearance + onset + clearance spacing^2/2, 0), divided by
     the sum of this over all angles. Here the overlap less the clearance is the penetration in the
@@ -227,9 +231,9 @@ def _shares(
     the spacing is that of the angles, rad. The shares at one time add up to 1, or are all zero if
     no angle has a positive one, because the journal is too far from the wall.
 
-    A contact may be narrower than the spacing of the angles, and none of them be in it. Therefore
-    clearance spacing^2/2 is added: the gap between two circles is larger by this amount at one
-    spacing from the deepest point. Thus the angles on both sides of that point have a share.
+    A contact may be so narrow that it lies between two angles. Therefore clearance spacing^2/2 is
+    added: the gap between two circles is larger by this amount at one spacing from the deepest
+    point. Thus the angles on both sides of that point have a share.
 
     **Arguments:** `x`, `y`: eccentricity of the base in the bearing's frame, m. `angles`: evenly
     spaced angles in the bearing's frame, rad, in one row or in one for each time. `axes`:
@@ -240,5 +244,5 @@ def _shares(
     overlap = overlaps(x, y, angles, joint.bearing_profile, joint.journal_profile, axes)
     part = jnp.maximum(overlap + excess, 0.0)
     total = part.sum(axis=1, keepdims=True)
-    # Without contact all parts may be zero. Their shares are then zero rather than 0/0.
+    # Without contact all of `part` may be zero. The shares are then zero rather than 0/0.
     return part / jnp.where(total > 0.0, total, 1.0)

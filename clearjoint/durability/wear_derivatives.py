@@ -2,9 +2,9 @@
 
 `clearjoint.wear` computes wear in stages: each is a run of some cycles, extrapolated over many,
 after which the profiles are changed. A parameter changes the wear of a stage directly, and through
-the depths that were worn off in the stages before. Both enter one run with derivatives
-(`clearjoint.sensitivities`): each of its parameters moves a number of the scene and, at the same
-time, the profiles along the derivatives of their depths.
+the depths that were worn off in the stages before. One run with derivatives
+(`clearjoint.sensitivities`) includes both effects: each of its parameters moves a number of the
+scene and, at the same time, moves the profiles along the derivatives of their depths.
 """
 
 from collections.abc import Mapping, Sequence
@@ -97,7 +97,7 @@ class ParameterDirection:
         scene, state = self.without_profiles(scene, state, value)
         for name in self.joints:
             for field in PROFILES:
-                # A part that doesn't wear has another profile, which doesn't move.
+                # A part that doesn't wear has a profile of another class, which doesn't move.
                 profile = getattr(scene.joints[name], field)
                 if isinstance(profile, MovingSpline):
                     scene = eqx.tree_at(
@@ -168,18 +168,19 @@ def derivatives_in_spans(
     settings: Settings | None,
     samples: int,
 ) -> tuple[Float[np.ndarray, "spans p joints 2 samples"] | None, RESULTS]:
-    """Return the derivatives of the depths that wear off in several parts of a run.
+    """Return the derivatives of the depths that wear off in several spans of time of a run.
 
     A new run is computed, from `start_time`, s, to the last time in `spans`.
 
     **Arguments:**
 
-    - `scene`: with `MovingSpline`s as the profiles of parts that wear.
+    - `scene`: with `MovingSpline`s as the profiles of bearings and journals that wear.
     - `state`: at `start_time`.
-    - `spans`: of each part of the run, the times, (T,) s, at which its wear is integrated by
-      Simpson's rule; from `quadrature_times`.
+    - `spans`: for each span, the times, (T,) s, at which its wear is integrated by Simpson's rule;
+      from `quadrature_times`.
     - `rates`: specific wear rates of bearing and journal, m^2/N, by the names of the J joints.
-    - `directions`: of the p parameters, by name.
+    - `directions`: of the p parameters, which include the logarithms of wear rates, by name; from
+      `directions_of`.
     - `settings`: of the run; by default `clearjoint.presets.derivatives`.
     - `samples`: number of evenly spaced angles around the wall, and around the journal.
 

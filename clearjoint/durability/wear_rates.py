@@ -27,18 +27,19 @@ COEFFICIENT_AND_HARDNESS: dict[Material, tuple[float, float]] = {
     "stainless steel": (1.7e-5, 2.5e9),
     "tool steel": (1.3e-4, 8.5e9),
 }
-"""Wear coefficient k, without unit, and typical hardness H, Pa, of each material. k is that of
-unlubricated sliding on hard steel, but of mild steel on mild steel (J. F. Archard, J. Appl. Phys.
-24, 1953, 981)."""
+"""Wear coefficient k, without unit, and typical hardness H, Pa, of each material. k is for
+unlubricated sliding on hard steel, except for mild steel, which slides on mild steel (J. F.
+Archard, J. Appl. Phys. 24, 1953, 981)."""
 
 
 @dataclass(frozen=True)
 class WearRates:
-    """Specific wear rates of the two parts of a joint, m^2/N: worn volume over force and distance.
+    """Specific wear rates of the two parts of a joint, m^2/N.
 
-    A rate is Archard's coefficient over the hardness, k/H. Tables often have mm^3/(N m), which is
-    1e-9 m^2/N. Zero, the default, is a part that doesn't wear. `WearRates.on_hard_steel` has
-    typical rates of some materials.
+    A rate is the worn volume divided by the normal force and by the sliding distance. It equals
+    Archard's coefficient over the hardness, k/H. Tables often have mm^3/(N m), which is 1e-9 m^2/N.
+    A part with the rate zero, the default, doesn't wear. `WearRates.on_hard_steel` has typical
+    rates of some materials.
 
     **Raises:** `ValueError` if a rate is negative or not finite, or both are zero.
 
@@ -58,7 +59,8 @@ class WearRates:
 
     @staticmethod
     def on_hard_steel(material: Material, part: Part = "bearing") -> "WearRates":
-        """Return the typical rate of a part that slides on hard steel without a lubricant.
+        """Return `WearRates` with the typical rate of a part that slides on hard steel without a
+        lubricant.
 
         Measured rates scatter by a factor of ten, and lubrication reduces them by a factor of a
         hundred or more. The rate for mild steel is that of mild steel on mild steel.

@@ -119,7 +119,9 @@ class AbsoluteMechanics(AbstractMechanics):
         """Return the rates of the speeds without the reactions of constraints, m/s^2 and rad/s^2,
         six for each body.
 
-        They follow from gravity, gyroscopic moments and `wrenches`: one for each body, by name.
+        They follow from gravity, gyroscopic moments and `wrenches`.
+
+        **Arguments:** `wrenches`: one for each body, by name.
         """
         fall = ZERO if self._scene.gravity is None else self._scene.gravity
         loads: Wrenches = {}
@@ -131,9 +133,12 @@ class AbsoluteMechanics(AbstractMechanics):
         return [part for one in accelerations for part in (*(one.linear + fall), *one.angular)]
 
     def projected(self, wrenches: Wrenches) -> Speeds:
-        """Return the generalised forces of wrenches by name of body. Since H is the identity, they
-        are the force, N, in global axes, and the moment, N m, in body axes: six numbers for each
-        body, which are zero for a body without a wrench."""
+        """Return the generalised forces of wrenches, six numbers for each body: since H is the
+        identity, the force, N, in global axes, and the moment, N m, in body axes.
+
+        **Arguments:** `wrenches`: by name of body; the numbers of a body without one are zero, and
+        one on the ground is ignored.
+        """
         loads = [wrenches.get(name, NO_WRENCH) for name in self._scene.bodies]
         return [part for load in loads for part in (*load.force, *load.moment)]
 

@@ -129,7 +129,8 @@ def assemble(
         return state
     ideal |= resting_joints(scene, ideal, resting, state, t)
     state = _in_bearings(scene, ideal, state, t)
-    # A journal with a profile, which counts as a circle at rest, may be deeper than others.
+    # Resting journals are not checked: they are placed as circles, so that a journal with a profile
+    # may be deep in the wall.
     require_centred(scene, state, set(ideal) - set(resting))
     return state
 
@@ -243,8 +244,9 @@ def cosines_of_turns(scene: Scene, bodies: dict[str, BodyState]) -> dict[str, Sc
 
 
 def require_certain(uncertain: tuple[str, ...]) -> None:
-    """Check that no constraint nearly depends on the others, because then rounding errors would
-    determine motion and reactions.
+    """Check that no constraint nearly depends on the others.
+
+    With such a constraint, rounding errors would determine motion and reactions.
 
     **Arguments:** `uncertain`: names of constraint equations that nearly depend on others; see
     `ConstraintReport`.
@@ -300,7 +302,7 @@ def _require_something_moves(variables: MotionVariables, coordinates: AbstractCo
 
     **Arguments:** `coordinates`: those of the variables, named in the message.
 
-    **Raises:** `ValueError` if not.
+    **Raises:** `ValueError` if there is none.
     """
     moves, kind = bool(jax.tree.leaves(variables)), type(coordinates).__name__
     remedy = "pass coordinates=AbsoluteCoordinates() to find the reactions of a fixed structure"

@@ -35,8 +35,8 @@ ROUNDINGS = 8.0
 """Largest difference, in units of rounding error, at which a time counts as equal to a breakpoint.
 An element may compute the time in another order of operations, with another rounding error."""
 SHORTEST = 1e-12
-"""s: the rounding error of a breakpoint is at least that of this time, so that it is positive at
-time zero. It is much shorter than any step."""
+"""s: the rounding error of a breakpoint is taken to be at least that of this time, so that it is
+positive also for a breakpoint at zero. This time is much shorter than any step."""
 
 NODES, WEIGHTS = (column.tolist() for column in np.polynomial.legendre.leggauss(5))
 """Nodes and weights of Gauss quadrature with five points (order ten) on the interval -1 to 1."""
@@ -103,14 +103,14 @@ def one_sided_time(system: System, start: Scalar, t: Scalar) -> Scalar:
 def since_breakpoints(
     system: System, start: Scalar, t: Scalar
 ) -> dict[str, tuple[Condition, Scalar]]:
-    """Return, for each element with breakpoints, whether a step ends at a breakpoint, and the time
-    in s from the breakpoint to the end of the step.
+    """Return, for each element with breakpoints, whether a step ends at one of them, and the time
+    in s from this breakpoint to the end of the step.
 
     Callers end steps at breakpoints, so that a breakpoint after the start and not after the end of
     a step is at its end. The returned time is then zero except for rounding; it is exactly zero if
-    the step ends at no breakpoint. It serves for derivatives: it has derivatives by the parameters
-    on which the breakpoint depends. If several breakpoints are at the end of the step, such as
-    equal ones in a table, it is the mean of the times since each of them.
+    the step ends at no breakpoint. The time is needed for its derivatives by the parameters on
+    which the breakpoint depends. If several breakpoints are at the end of the step, such as equal
+    ones in a table, it is the mean of the times since each of them.
 
     **Arguments:** `start`, `t`: start and end of the step, s, on the clock of the system.
 
@@ -124,7 +124,8 @@ def since_breakpoints(
             in_step = _is_after(system, at, start) & ~_is_after(system, at, t)
             count = count + jnp.sum(in_step)
             sum_since = sum_since + jnp.sum(jnp.where(in_step, t - at, 0.0))
-        # A table may list the same breakpoint twice. The mean has the derivative of its time.
+        # A table may list the same breakpoint twice. The mean has the same derivative as the time
+        # since that breakpoint; the sum would have twice this derivative.
         landings[name] = count > 0, sum_since / jnp.maximum(count, 1.0)
     return landings
 
@@ -165,8 +166,8 @@ def drivers_are_smooth(
     # If the step ends at a breakpoint, the rate may change there, but the value must be continuous.
     # So the value is taken on the far side of the end, and rates on the near side.
     past_end = one_sided_time(system, end, end)
-    # The relative error of a driver's rates. As a time, s, it also covers the rounding of `end`: at
-    # a given speed, the value then has an error of speed times this time.
+    # This number is used as the relative error of a driver's rates, and also as the rounding error
+    # of `end`, s, which causes an error of speed times this time in the driver's value.
     rounding = DRIVER_ROUNDINGS * eps * (1.0 + jnp.abs(system.clock(end)))
     smooth: Condition | None = None
     at_times = [prescribed(system, variables, t) for t in (past_end, *within)]
@@ -181,8 +182,8 @@ def drivers_are_smooth(
         if isinstance(system.scene.joints[name], AbstractRotationDriver):
             value = wrapped(value, 2.0 * math.pi)
         rate = last.time_rate - first.time_rate - integral(seconds)
-        # The scale is the total variation of the rate: a driver that oscillates within the step has
-        # small rates at both ends.
+        # The scale includes `change`, the total variation of the rate, since a driver that
+        # oscillates within the step may have small rates at both ends.
         change = integral([jnp.abs(second) for second in seconds])
         speed = jnp.abs(first.time_rate) + jnp.abs(last.time_rate) + change
         allowed = (rtol + rounding) * speed

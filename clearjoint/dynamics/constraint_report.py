@@ -189,8 +189,8 @@ def start_rows_of_lanes(
     - `t`: s, the same for all.
     - `coordinates`: the coordinates of the runs.
     """
-    # For each number of `arguments`, in their order, a column is the array of its N values, or None
-    # if the number is the same in all scenes and states.
+    # `columns` has an entry for each leaf of `arguments`, in their order: the array of its N
+    # values, or None if the leaf is the same in all runs.
     scenes = jax.tree.structure(scene).flatten_up_to(varied)
     starts = [None if (leaf == leaf[:1]).all() else leaf for leaf in jax.tree.leaves(states)]
     count, first = len(jax.tree.leaves(states)[0]), jax.tree.map(lambda leaf: leaf[0], states)
@@ -231,8 +231,8 @@ def dependent(
 
     - `names`: of the n rows.
     - `rows`: (n, s), divided by their norms as in `StartRows.left`.
-    - `known`: a cache that is read and extended: for the bytes of `rows`, the distance, (n,), of
-      each row from the span of the rows before it. Scenes of a sweep often have equal rows.
+    - `known`: a cache of the results of `_distances`, by the bytes of `rows`. It is read, and
+      extended if it lacks `rows`. Scenes of a sweep often have equal rows.
     """
     key = rows.tobytes()
     if key not in known:

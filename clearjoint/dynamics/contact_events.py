@@ -26,11 +26,11 @@ from .contact_forces import Closed, EntrySpeeds
 
 SLOWEST = 1e-12
 """Entry speed, m/s, that is stored for a closed contact if its penetration rate is not positive,
-since zero stands for an open contact. It is also the rate above which a depth is divided by the
-rate to estimate the time since the onset."""
+since zero stands for an open contact. In this module, the time since the onset is estimated as
+depth over rate only if the rate is above this value."""
 TOUCHING = 1e-12
-"""Largest depth, m, positive or negative, at which a contact counts as being at the wall at the
-start of a run. Its true depth is zero, and the sign is due to rounding."""
+"""Largest magnitude of the depth, m, at which a contact counts as being at the wall at the start of
+a run. Its true depth is then zero, and the sign is due to rounding."""
 
 
 @jax.tree_util.register_dataclass
@@ -38,7 +38,8 @@ start of a run. Its true depth is zero, and the sign is due to rounding."""
 class ContactGap:
     """Penetration of a contact and its rate.
 
-    - `depth`: m, measured from the onset of the contact's force, negative in flight.
+    - `depth`: m, the penetration, measured from the onset of the contact's force; positive if the
+      contact is closed.
     - `rate`: m/s, time derivative of the penetration.
     """
 
@@ -137,8 +138,9 @@ def closed(gaps: ContactGaps) -> Closed:
     """Return whether each contact is closed, by joint and contact label.
 
     If steps end at contact events, each contact keeps for a whole step the state that this function
-    returns at the step's start. A step that begins in flight then meets no force even beyond the
-    wall. It is therefore smooth, and the time at which the wall is crossed can be interpolated.
+    returns at the step's start. A contact that is open there then has no force in this step, even
+    beyond the wall. The motion in the step is therefore smooth, and the time at which the wall is
+    crossed can be interpolated.
     """
     families = gaps.items()
     return {name: {k: gap.depth > 0.0 for k, gap in family.items()} for name, family in families}

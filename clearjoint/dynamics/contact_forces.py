@@ -47,8 +47,8 @@ class LoadedContact:
     - `friction`: tangential force on the second body, N, in global axes; ``None`` without friction.
     - `bristle_rate`: rate of the bristles' deflection, m/s, in the axes of the first body; ``None``
       without bristles.
-    - `friction_moment`: on the second body about the normal, N m; ``None`` except for two flat
-      faces, whose contact has a `face_radius`, the mean radius of the faces, m.
+    - `friction_moment`: on the second body about the normal, N m; ``None`` except for friction
+      between two flat faces, whose contact has a `face_radius`, the mean radius of the faces, m.
     """
 
     contact: Contact
@@ -79,8 +79,8 @@ def contact_forces(
     - `bristles`: deflections, m, of the contacts with bristle laws, in the axes of the joint's
       first body.
 
-    **Raises:** `ValueError` for a contact with a bristle law that `bristles` lacks, or that has a
-    `face_radius`.
+    **Raises:** `ValueError` for a contact with a bristle law if `bristles` has no deflection of the
+    contact, or if the contact has a `face_radius`.
     """
     forces: ByLabel[LoadedContact] = {}
     for name, joint in scene.contact_joints().items():
@@ -107,7 +107,9 @@ def contact_wrenches(
     friction_moment: Scalar | None = None,
 ) -> Iterator[tuple[str, Wrench]]:
     """Yield name and wrench of each body, other than the ground, on which one contact of a joint
-    acts; with a friction moment each body twice, as the moment has its own wrench.
+    acts.
+
+    With a friction moment, each body is yielded twice: the moment has its own wrench.
 
     **Arguments:** `normal_force`: N, positive if it pushes the bodies apart; `friction`: force on
     the second body, N, in global axes, or ``None``; `motions`: pose and velocities of each body;
@@ -154,13 +156,13 @@ def contact_force(
 ) -> LoadedContact:
     """Return the forces of one contact of a joint.
 
-    If `closed` is given and the slope of the force jumps at the wall, the force of a closed contact
-    is continued past the wall as an odd function: outside, it pulls by as much as it pushes at the
-    same depth inside. For a law whose force also jumps there, from zero to F, the force outside
-    differs from F by as much as the force inside, in the opposite direction. The reason for the
-    continuation is that a step ends where the contact does, so that stages of the step lie on both
-    sides of the wall. If the force had a kink between them, the error estimate of the derivatives
-    would reject every step.
+    Here the wall is where the law's force begins, its onset. If `closed` is given and the slope of
+    the force jumps at the wall, the force of a closed contact is continued past the wall as an odd
+    function: outside, it pulls by as much as it pushes at the same depth inside. For a law whose
+    force also jumps there, from zero to F, the force outside differs from F by as much as the force
+    inside, in the opposite direction. The reason for the continuation is that a step ends where the
+    contact does, so that stages of the step lie on both sides of the wall. If the force had a kink
+    between them, the error estimate of the derivatives would reject every step.
 
     **Arguments:**
 
@@ -172,10 +174,11 @@ def contact_force(
     - `closed`: whether the contact has a force, whatever its depth; if ``None``, it has one if it
       penetrates.
     - `motions`: pose and velocities of each body.
-    - `bristles`: deflections of the joint's contacts, m, by label.
+    - `bristles`: deflections of the joint's contacts, m, by label, in the axes of the joint's first
+      body.
 
-    **Raises:** `ValueError` for a contact with a bristle law that `bristles` lacks, or that has a
-    `face_radius`.
+    **Raises:** `ValueError` for a contact with a bristle law if `bristles` has no deflection of the
+    contact, or if the contact has a `face_radius`.
     """
 
     def normal_force(gap: Gap) -> Scalar:
@@ -217,8 +220,8 @@ def _with_friction(
     """Return a contact with its forces, N.
 
     The slip of two flat faces has a component along the normal: their relative spin about it times
-    the mean radius of the faces. So has their friction, and this component times the radius is the
-    moment of friction about the normal.
+    the mean radius of the faces. Their friction has a component along the normal too, which times
+    the radius is the moment of friction about the normal.
     """
     if friction is None or contact.face_radius is None:
         return LoadedContact(contact, normal, elastic, friction)
@@ -232,7 +235,7 @@ def _continued(
     force: Callable[[Gap], Scalar], law: AbstractContactLaw, gap: Gap, closed: Condition | None
 ) -> Scalar:
     """Return a force of a contact at a gap, N, which for a closed contact is continued past the
-    wall.
+    wall, the onset of the law's force.
 
     **Arguments:**
 

@@ -4,14 +4,15 @@ Forces, contact laws and joints are written for the motions of bodies, not for c
 of coordinates converts its variables to one `Motion` (pose and velocities) for each body. Let V be
 the velocities (m/s, global) and spins (rad/s, body axes) of all bodies, and u the speeds of the
 coordinates, so that V = H u. The equations of motion in the speeds are H^T M H u' = H^T (F - M H' u
-- gyroscopic terms), where M is the matrix of masses and inertias, F are forces (with weights) and
-moments, and ' is the time derivative; a constraint with the Jacobian J by V has the Jacobian J H by
-u. Rates are time derivatives, so u' are the rates of the speeds. Force and moment on a body
-together are a wrench.
+- gyroscopic terms), where M is the matrix of masses and inertias, F are the forces (including
+weights) and moments on the bodies, and ' is the time derivative. A constraint with the Jacobian J
+by V has the Jacobian J H by u. Rates are time derivatives, so u' are the rates of the speeds. Force
+and moment on a body together are a wrench.
 
-`JointCoordinates` solve for other unknowns r, which are linear combinations of the u'. In all lists
-of the type `Speeds`, r takes the place of u', and H is then the matrix with V' = H r + terms
-without r. Changes of speeds and displacements are combined in the same way.
+`JointCoordinates` solve for other unknowns r, which are linear combinations of the u'. In lists of
+rates of the type `Speeds`, r takes the place of u', and H is then the matrix with V' = H r + terms
+without r. In lists of changes of speeds, or of displacements, the same linear combinations take the
+place of the changes.
 """
 
 import abc
@@ -70,13 +71,15 @@ class AbstractMechanics(abc.ABC):
 
     @abc.abstractmethod
     def free_rates(self, wrenches: Wrenches) -> Speeds:
-        """Return the rates of the speeds under given wrenches, one for each body, by its name, and
-        gravity, without constraints.
+        """Return the rates of the speeds that gravity and given wrenches cause, without the
+        reactions of constraints.
 
-        Joints that the coordinates eliminate connect bodies to trees. Gravity accelerates all
-        bodies of a tree alike if none of these joints connects it with the ground. The rates of
-        such a tree may be relative to free fall: they then leave gravity out, and `accelerations`
+        The joints that the coordinates eliminate connect the bodies in trees. If no such joint
+        connects a tree with the ground, gravity accelerates all bodies of the tree alike. The rates
+        of this tree may then be relative to free fall: they leave gravity out, and `accelerations`
         and `variable_rates` add it.
+
+        **Arguments:** `wrenches`: one for each body, by name.
         """
 
     @abc.abstractmethod
@@ -84,8 +87,8 @@ class AbstractMechanics(abc.ABC):
         """Return H^T times the wrenches on the bodies: one generalised force for each speed.
 
         **Arguments:** `wrenches`: by name of body; an entry for the ground is ignored, and a body
-        without an entry has no wrench. They may also be the `jacobian` of a constraint's `Row`; the
-        result is then the row's Jacobian by the speeds.
+        without an entry has no wrench. The `jacobian` of a constraint's `Row` may also be given;
+        the result is then the row's Jacobian by the speeds.
         """
 
     @abc.abstractmethod
@@ -95,12 +98,12 @@ class AbstractMechanics(abc.ABC):
 
     @abc.abstractmethod
     def bias(self, row: Row) -> Scalar:
-        """Return the second time derivative that a constraint row's value has if u' = 0, without
-        the row's own `bias`, the part at constant velocities and spins of the bodies.
+        """Return the row's Jacobian times the accelerations H' u, which the bodies have if u' = 0.
 
-        The speeds u themselves need not be zero. The result is the row's Jacobian times the
-        accelerations H' u of the bodies. If the rates u' are relative to free fall, the
-        accelerations at u' = 0 include gravity, and so does the result.
+        It is a part of the second time derivative of the constraint row's value. The part that
+        remains without accelerations of the bodies is the row's own `bias`, and is not included. If
+        the rates u' are relative to free fall, the accelerations at u' = 0 include gravity, and so
+        does the result.
         """
 
     @abc.abstractmethod

@@ -19,10 +19,11 @@ from .multipliers import row_rate
 def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scalar]:
     """Return the powers of the energy ledger, W, by name, as far as the scene has them.
 
-    "normal damping", "friction" and "film" are positive where energy is dissipated; "stabilisation"
-    is positive where the stabilisation of constraints takes energy from the motion. "supplied" is
-    the power of drivers and force elements, including the change of the energy that these store:
-    positive for a load that does work on the bodies, zero for a spring, negative for a damper.
+    "normal damping", "friction" and "film" are positive when energy is dissipated; "stabilisation"
+    is positive when the stabilisation of constraints takes energy from the motion. "supplied" is
+    the power by which drivers and force elements change the total energy, to which the energy
+    stored in force elements belongs: positive for a load that does work on the bodies, zero for a
+    spring, negative for a damper.
 
     **Arguments:** `dynamics`: the solved equations of motion; `t`: the scene's time, s.
     """
@@ -74,9 +75,9 @@ def bristle_energy(
     motion of the bodies. Bristles are stiffer under a greater normal force, so the stored energy
     also changes with the normal force, without any work of the bodies.
 
-    **Arguments:** `motions`: pose and velocities of each body; `forces`, `bristles`: forces of all
-    contacts, and deflections, m in the axes of the joint's first body, both by joint and contact
-    label.
+    **Arguments:** `motions`: pose and velocities of each body; `forces`: forces of all contacts, by
+    joint and contact label; `bristles`: deflections, m in the axes of the joint's first body, by
+    joint and contact label.
     """
     stored: list[Scalar] = []
     for name, family in scene.bristle_laws().items():

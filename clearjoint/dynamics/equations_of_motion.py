@@ -5,9 +5,9 @@ of multi-body systems, 2006.
 
 All that a scene lacks is left out while JAX traces: without constraints the compiled program has no
 multipliers, without friction no slip, without a ledger no powers. A row is one scalar constraint
-equation with its Jacobian. The speeds are those of the chosen coordinates, and their rates are the
-time derivatives. Values by joint and label (of a contact or row) are nested dictionaries,
-``values[joint][label]``; in the code, `family` is the inner dictionary of one joint.
+equation with its Jacobian. The speeds are those of the chosen coordinates. Values by joint and
+label (of a contact or row) are nested dictionaries, ``values[joint][label]``; in the code, `family`
+is the inner dictionary of one joint.
 """
 
 from collections.abc import Iterable
@@ -38,8 +38,8 @@ class Dynamics:
     - `rows`: constraint rows by joint and label, of the joints that the coordinates do not
       eliminate.
     - `rates`: rates of the speeds, as the methods of `mechanics` return and accept them. In joint
-      coordinates they are not the time derivatives themselves (see `.joint_coordinates`), which are
-      in `variable_rates`.
+      coordinates they are linear combinations of the time derivatives (see
+      `.joint_coordinates.coordinates`); the time derivatives themselves are in `variable_rates`.
     - `multipliers`: Lagrange multipliers of `rows`, by joint and label; a row's Jacobian times its
       multiplier is the reaction on the bodies (N or N m).
     """

@@ -33,8 +33,9 @@ OUTSIDE = 1e-6
 """Penetration of the bearing's wall, m, above which `assemble` moves a journal to the centre of its
 bearing. A contact under load can have a smaller penetration, which is kept."""
 FAR_OUTSIDE = 1e-2
-"""Penetration at the start of a run, relative to the largest one that the joint allows, above which
-a warning is issued. Contacts in motion are usually far less deep."""
+"""Penetration, relative to the largest one that the joint allows, above which a warning is issued
+at the start of a run, and an error is raised for a journal that `assemble` has centred. Contacts in
+motion are usually far less deep."""
 HOLD_IT = "Give the joint axial=EndPlay(...) or FixedAxially(), or hold the bodies by other joints."
 Depths: TypeAlias = ByLabel[float]
 """Penetration of the surfaces of each contact, m, by joint and contact label; negative without
@@ -78,8 +79,8 @@ def resting_joints(
     state: State,
     t: Scalar,
 ) -> dict[str, AbstractConstraint]:
-    """Return ideal joints that hold the journals of the named clearance joints at the wall, by
-    name.
+    """Return ideal joints that hold the journals of the named clearance joints at the wall, by name
+    of clearance joint.
 
     A journal is held on the side to which its load presses it while the bodies are at rest. The
     load is the reaction of an ideal joint in the place of the clearance joint.
@@ -87,8 +88,8 @@ def resting_joints(
     **Arguments:** `ideal`: ideal joints that replace clearance joints, including the named ones;
     `state`: a state that satisfies the ideal joints; `t`: s, time at which forces are evaluated.
 
-    **Raises:** `ValueError` for a joint without a load across its axis, or without a position of
-    rest (its method `resting_joint` returns ``None``).
+    **Raises:** `ValueError` for a joint whose method `resting_joint` returns ``None``: its load
+    does not press the journal against the wall, or the class of the joint has no position of rest.
     """
     joints, resting = scene.contact_joints(), {}
     loads = _loads(with_ideal(scene, ideal), state.bodies, on_device(t))
@@ -116,15 +117,15 @@ def with_ideal(scene: Scene, ideal: Mapping[str, AbstractConstraint]) -> Scene:
 def require_in_bearings(scene: Scene, state: State) -> None:
     """Check the penetrations of an initial state, and warn of contacts deep inside the wall.
 
-    The penetration is that of the surfaces. `too_deep`, which ends a run, counts from the onset of
-    the force, which a smoothed or rough law has before the surfaces meet, and so is slightly
-    stricter.
+    The penetration is that of the surfaces. `too_deep`, which ends a run, measures the depth from
+    the onset of the force. It is slightly stricter for smoothed and rough contact laws, whose force
+    begins before the surfaces meet.
 
-    **Raises:** `ValueError` if a contact is deeper than its joint allows (its method `deepest`,
-    which may set no limit).
+    **Raises:** `ValueError` if a contact is deeper than the limit that the joint's method `deepest`
+    returns for it. A contact without a limit may have any depth.
 
-    **Warns:** `UnusualValueWarning` for a smaller penetration above `FAR_OUTSIDE` times this limit.
-    Each joint gets one message at most, on its deepest contact relative to the limit.
+    **Warns:** `UnusualValueWarning` for a smaller penetration above `FAR_OUTSIDE` times the limit.
+    Each joint gets one message at most, on the contact that is deepest relative to its limit.
     """
     for name, joint_depths in depths(scene, state).items():
         limits = _numbers(scene.contact_joints()[name].deepest())
@@ -148,8 +149,8 @@ def require_centred(scene: Scene, state: State, names: Iterable[str]) -> None:
     """Check that the named joints, whose bodies `assemble` has centred, have no contact deep in a
     wall: deeper than `FAR_OUTSIDE` times the largest penetration that the joint allows.
 
-    **Raises:** `ValueError` that names the contact. A pin beyond the end of its slot is an example,
-    since it is only centred across the slot.
+    **Raises:** `ValueError` that names the contact, for example for a pin beyond the end of its
+    slot, since `assemble` centres a pin only across the slot.
     """
     by_joint, joints = depths(scene, state), scene.contact_joints()
     for name in names:

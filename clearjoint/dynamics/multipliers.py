@@ -31,8 +31,9 @@ def response(
 
     With the mass matrix M of the coordinates and the rows D, the change is M^-1 D^T lambda, where D
     M^-1 D^T lambda = targets. It is the smallest change in the metric of M. Projections use the
-    same function with changes of speeds or positions in place of rates. A row of exact zeros, such
-    as that of a planar loop normal to its plane, is always satisfied, and its multiplier is zero.
+    same function with changes of speeds or positions in place of rates. A row of exact zeros is
+    left out, and its multiplier is zero. An example is the row that closes a planar loop in the
+    direction normal to its plane, since the coordinates always satisfy it.
 
     **Arguments:**
 
@@ -86,8 +87,8 @@ def row_weights(bodies: Mapping[str, Body], rows: Sequence[Row]) -> list[Scalar]
 
     Rows multiplied by their weights all have the same unit. If constraints are redundant, the
     multipliers of least norm are computed. Without weights, this norm would add forces in N to
-    moments in N m, and the solver would take the translations of a mechanism with links of a
-    millimetre for rounding errors beside the rotations.
+    moments in N m. In a mechanism with links of a millimetre, the solver would also take the
+    equations of translation for rounding errors, beside those of rotation.
     """
     weights = []
     for row in rows:

@@ -34,9 +34,9 @@ from .formulation import Formulation
 from .multipliers import response, row_rate, row_weights
 
 FARTHEST = 1e-3
-"""Largest violation of a constraint, m or rad, at which a run continues; a smaller clearance takes
-its place. With the default stabilisation and tolerances, the violations are about a thousandth of
-this value."""
+"""Largest violation of a constraint, m or rad, at which a run continues. If the smallest clearance
+of the scene, m, is less than this value, the clearance is the limit. With the default stabilisation
+and tolerances, the violations are about a thousandth of this value."""
 
 
 class System(eqx.Module):
@@ -133,7 +133,8 @@ class System(eqx.Module):
           the axes of the joint's first body, by joint and contact label; may be left out if there
           are no such contacts.
 
-        **Raises:** `ValueError` if `bristles` lacks such a contact.
+        **Raises:** `ValueError` if `bristles` lacks a contact with a bristle friction law, or if
+        such a contact is one of flat faces (has a `face_radius`).
         """
         mechanics = self.mechanics(variables)
         forces = contact_forces(self.scene, mechanics.motions, entry_speeds, closed, bristles)
@@ -228,7 +229,7 @@ class System(eqx.Module):
 
         **Arguments:** `bristles`: as in `dynamics`.
 
-        **Raises:** `ValueError` if `bristles` lacks a contact with a bristle friction law.
+        **Raises:** `ValueError` as in `dynamics`.
         """
         return contact_forces(self.scene, self.motions(variables), entry_speeds, bristles=bristles)
 
@@ -241,8 +242,8 @@ class System(eqx.Module):
         """Return the variables after one Newton step of the positions towards constraint values of
         zero.
 
-        Of all corrections that satisfy the linearised constraints, it is the smallest in the metric
-        of the mass matrix.
+        The step is the smallest, in the metric of the mass matrix, of all steps that satisfy the
+        linearised constraints.
         """
         mechanics = self.mechanics(variables)
         rows = flattened(self.rows(mechanics.motions, t))
@@ -252,10 +253,9 @@ class System(eqx.Module):
         return mechanics.after_displacement(changes)
 
     def project_velocities(self, variables: MotionVariables, t: Scalar) -> MotionVariables:
-        """Return the variables with corrected velocities, for which the constraints' rates are
-        zero.
+        """Return the variables with velocities corrected so that the constraints' rates are zero.
 
-        Of all such corrections, it is the smallest in the metric of the mass matrix.
+        The correction is the smallest, in the metric of the mass matrix, of all that do so.
         """
         mechanics = self.mechanics(variables)
         rows = flattened(self.rows(mechanics.motions, t))
@@ -278,10 +278,11 @@ class System(eqx.Module):
         **Arguments:**
 
         - `rows`: at least one.
-        - `targets`: without `rates`, the demanded change of each row's value or rate; with `rates`,
-          its demanded second time derivative, minus the part of this derivative that does not
-          depend on the rates of the speeds.
-        - `rates`: rates of the speeds before the change.
+        - `targets`: if `rates` is ``None``, the demanded change of each row's value or rate. If
+          `rates` is given, the demanded second time derivative of each row's value, minus the part
+          of this derivative that does not depend on the rates of the speeds.
+        - `rates`: rates of the speeds before the change; ``None`` for a change of positions or
+          speeds.
         """
         directions = [mechanics.projected(row.jacobian) for row in rows]
         if rates is not None:

@@ -29,9 +29,10 @@ def describe(value: object) -> str:
     """Return a text that describes a value, such as "Tsit5(scan_kind=None)".
 
     Results record arguments and settings by such texts, and the store of a sweep compares them.
-    Instances of dataclasses are described by the name of their class and by their fields, functions
-    by their names, and objects of other classes by the name of the class alone. Arrays are cut off
-    after `LONGEST` characters.
+    Numbers, strings, lists, tuples and mappings are written out, and arrays like lists, cut off
+    after `LONGEST` characters. Instances of dataclasses are described by the name of their class
+    and by their fields, functions and classes by their names, a `functools.partial` by its function
+    and arguments, and other objects by the name of their class alone.
     """
     if isinstance(value, partial):
         return f"partial({describe([value.func, value.args, value.keywords])})"
@@ -60,7 +61,7 @@ def described(values: Mapping[str, object]) -> dict[str, str]:
 def setting_notes(values: object) -> Notes:
     """Return the fields of a dataclass as notes: a pair ("setting_<field>", value) for each field.
 
-    Numbers stay as they are; other values are described by texts.
+    Integers and floats stay as they are; other values, also booleans, are described by texts.
     """
     by_name = {f.name: getattr(values, f.name) for f in fields(values)}  # pyright: ignore
     return tuple((f"setting_{name}", _note(value)) for name, value in by_name.items())
@@ -172,7 +173,8 @@ class AbstractTabular(abc.ABC):
         """Return the results as an `xarray.Dataset`, whose attributes include the versions of the
         programs.
 
-        Its variables have the attributes "units" and "long_name".
+        The attributes "units" and "long_name" of a variable are its unit and a description, as far
+        as they are known.
         """
 
     def to_dataframe(self) -> "pd.DataFrame":
@@ -198,8 +200,9 @@ class AbstractTabular(abc.ABC):
         """Write the dataset of `to_xarray` to a netCDF file (classic format, 64-bit offsets),
         without loss.
 
-        The writer of this format supports only Latin-1. Other characters in names of variables are
-        escaped ("\\u8f74"), and the attribute "original_name" has the unescaped name.
+        The writer of this format supports only Latin-1 in names. Other characters in names of
+        variables and dimensions are escaped ("\\u8f74"), and a variable's attribute
+        "original_name" has the unescaped name.
 
         **Arguments:** `path`: file, which is overwritten if it exists.
 
@@ -214,7 +217,8 @@ def write_netcdf(dataset: "xr.Dataset", path: str | PathLike[str]) -> None:
 
     **Raises:** `ValueError` for a variable or dimension without a name.
     """
-    # `escaped` has the written name of each variable or dimension that is not in Latin-1.
+    # Names of variables and dimensions that have characters outside Latin-1, with the names that
+    # are written instead.
     escaped = {}
     for name in map(str, (*dataset.variables, *dataset.sizes)):
         require(name != "", "name", name, "at least one character", "name the variable")
@@ -238,10 +242,11 @@ def header(name: str, attributes: dict) -> str:
 def to_frame(dataset: "xr.Dataset", rows: str | None = None) -> "pd.DataFrame":
     """Return a data frame with a row for each position along one dimension of a dataset.
 
-    Each number along the other dimensions of a variable gets a column, such as "arm.position.x
-    [m]". The coordinate along the rows becomes the index. Variables and coordinates without the
-    dimension of the rows are left out. Numbers of a variable with the attribute "flag_meanings",
-    such as result codes, are replaced by their meanings, or by their digits if they have none.
+    A variable gets a column for each combination of labels along its other dimensions, such as
+    "arm.position.x [m]". The coordinate along the rows becomes the index. Variables and coordinates
+    without the dimension of the rows are left out. Numbers of a variable with the attribute
+    "flag_meanings", such as result codes, are replaced by their meanings, or by their digits if
+    they have none.
 
     **Arguments:** `rows`: name of the dimension; by default the dataset's first.
     """

@@ -15,13 +15,14 @@ from jax.core import Tracer
 from jaxtyping import PyTree
 
 KEPT = 256
-"""Number of results that are cached for each function; the least recently used one is removed."""
+"""Largest number of results that are cached for each function. Beyond it, the least recently used
+result is removed."""
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 
 
 def cached_by_numbers(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """Return a function of PyTrees that caches its results.
+    """Return the given function of PyTrees with a cache for its results.
 
     A result is used again for arguments of the same classes, with the same static fields and the
     same numbers. Leaves other than arrays must be hashable. The function must have no side effects,

@@ -17,7 +17,7 @@ import equinox as eqx
 _PACKAGES = tuple(
     f"{folder}{os.sep}" for folder in (Path(__file__).parents[1], Path(eqx.__file__).parent)
 )
-"""Folders of this package and of Equinox, whose frames are not the user's code."""
+"""Folders of this package and of Equinox. Stack frames of code in them are not the user's."""
 SILENCE = "To silence this:"
 """Start of the last sentence of each warning, on how to silence it."""
 _QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
@@ -99,10 +99,12 @@ class LawRangeWarning(UserWarning):
 
 
 def caution(message: str, category: type[Warning]) -> None:
-    """Issue a warning of a class of this module, which refers to the user's line of code.
+    """Issue a warning that points to the user's line of code, not to a line of this package.
 
-    A sentence on how to silence the warning is added to `message`. Within the context `quiet`, none
-    is issued.
+    A sentence on how to silence the warning is added to `message`. Within the context `quiet`, no
+    warning is issued.
+
+    **Arguments:** `category`: one of the classes of this module.
     """
     if not warns():
         return
@@ -111,7 +113,7 @@ def caution(message: str, category: type[Warning]) -> None:
 
 
 def warns() -> bool:
-    """Return whether warnings are issued, which they are not within the context `quiet`."""
+    """Return whether `caution` issues warnings: false within the context `quiet`."""
     return not _QUIET.get()
 
 
@@ -119,7 +121,8 @@ def warns() -> bool:
 def quiet() -> Iterator[None]:
     """Suppress the warnings of this module within the context.
 
-    It is used where numbers for which warnings have been issued are checked again.
+    Use it where checks are repeated for numbers about which the user has been warned before, and
+    where numbers are unusual on purpose.
     """
     token = _QUIET.set(True)
     try:
@@ -131,8 +134,8 @@ def quiet() -> Iterator[None]:
 def level_of_the_user() -> int:
     """Return the `stacklevel` for `warnings.warn` with which a warning refers to the user's code.
 
-    That is the innermost frame outside of this package and equinox. `warnings.warn` must be called
-    by the function that calls this one, since levels are counted from there.
+    The user's code is the innermost stack frame outside of this package and Equinox. The function
+    that calls this one must also call `warnings.warn`, since levels are counted from that function.
     """
     level, frame = 1, sys._getframe(1)
     while frame.f_back is not None and frame.f_code.co_filename.startswith(_PACKAGES):

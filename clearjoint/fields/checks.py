@@ -1,16 +1,17 @@
 """Checks of values, whose error messages all have the same form.
 
-In all functions, `argument` is the name of the value and `remedy` the advice in the message, as
-`require` puts them together. Functions that check several conditions give advice of their own for
-some of them, such as a wrong shape or an entry that is not finite.
+Arguments that the functions have in common are those of `require`: `argument`, the name of the
+value; `expected`, what the value must be; and `remedy`, advice on how to correct it. Functions that
+check several conditions give advice of their own for some of them, such as a wrong shape or an
+entry that is not finite.
 
 Numbers are stored as 64-bit NumPy arrays. Unlike JAX arrays, these do not start a JAX backend when
 a scene is built, and do not depend on JAX's setting of precision.
 
-A check of the numbers in a traced value cannot raise an error, because they are unknown, and
-usually passes; shapes are known and checked. But while `conditions_of` calls a check, its condition
-is collected, so that a compiled program can evaluate it for the numbers of one run, or for those of
-all runs of a sweep.
+The numbers in a traced value are unknown. A check of them cannot raise an error, and usually
+passes; shapes are known and checked. But while `conditions_of` calls a check, the condition on the
+numbers is collected, so that a compiled program can evaluate it for the numbers of one run, or for
+those of all runs of a sweep.
 """
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
@@ -40,8 +41,8 @@ Path: TypeAlias = tuple[str | int, ...]
 """Path to a part of a PyTree: names of fields, and keys or indices of containers."""
 EPSILON = float(np.finfo(float).eps)
 ROUNDINGS = 16.0
-"""Largest relative difference between a number and its form with 14 digits, in units of `EPSILON`,
-at which the latter is shown."""
+"""Largest relative difference, in units of `EPSILON`, between a number and its form with 14 digits
+at which `as_shown` returns the form with 14 digits."""
 _CONDITIONS: ContextVar[list[jax.Array] | None] = ContextVar("conditions", default=None)
 """Conditions that `conditions_of` collects at present; ``None`` if it isn't running."""
 
@@ -55,8 +56,9 @@ def as_number(value: object, argument: str = "value", unit: str = "1") -> np.nda
     **Arguments:** `value`: a number, an array, or nested lists of numbers. `argument`, `unit`: name
     and unit of the value in the error message.
 
-    **Raises:** `ValueError` if the value does not consist of numbers; texts, bools, dates and
-    complex numbers are refused.
+    **Raises:** `ValueError` if the value does not consist of numbers; texts, bools, dates, complex
+    numbers and ``None`` are refused. In a list that also contains numbers, NumPy takes a bool as 0
+    or 1, without an error.
     """
     if isinstance(value, jax.Array):
         return value
@@ -118,9 +120,9 @@ def checkable(*values: object) -> list[Any] | None:
     """Return the values as arrays for a check, or ``None`` if the check must be omitted.
 
     A check is omitted if JAX traces one of the values, unless `conditions_of` collects conditions
-    for a compiled program. The returned values are then traced. Therefore, pass the condition to
-    `require` without calling `bool`, which tracers do not support, and combine conditions by ``&``
-    and ``|``.
+    for a compiled program. While it does, returned values may be traced, and so may a condition on
+    them. Therefore, combine conditions by ``&`` and ``|``, and pass the result to `require` without
+    calling `bool`, which tracers do not support.
 
     >>> numbers = extend.checkable(0.3, 0.1)
     >>> if numbers is not None:
@@ -154,8 +156,8 @@ def require(
 
     A traced condition is not tested; `conditions_of` collects it.
 
-    **Arguments:** the message is "Argument `argument` must be `expected`, but is `value`:
-    `remedy`."
+    **Arguments:** `condition`: a boolean, which may be traced. The other arguments form the
+    message: "Argument `argument` must be `expected`, but is `value`: `remedy`."
 
     **Raises:** `ValueError` with this message if the condition is false.
 
@@ -180,11 +182,13 @@ def require_numbers(
     expected: str,
     remedy: str,
 ) -> None:
-    """Check a condition on the first of several values. The condition may depend on the others.
+    """Check a condition on the first of several values, which may depend on the other values.
 
-    **Arguments:** `condition`: function of all values as arrays, whose result may be traced.
-    `argument`: name of the first value. `expected`: may contain `{0}`, `{1}` and so on, which are
-    replaced by the values. The others are those of `require`.
+    Traced values are treated as by `checkable`.
+
+    **Arguments:** `condition`: function of all values as arrays; its result may be traced.
+    `argument`: name of the first value. `expected`: as in `require`, but `{0}`, `{1}` and so on in
+    it are replaced by the values. `remedy`: as in `require`.
 
     **Raises:** `ValueError` if the condition is false.
     """
@@ -313,8 +317,9 @@ def named(argument: str, given: Mapping[str, T], remedy: str) -> dict[str, T]:
     """Return a dictionary with the entries of a mapping, after `require_names` has checked its
     keys.
 
-    It is used in the ``__init__`` methods of Equinox modules. Without it, JAX would sort the keys
-    before they are checked, and fail for keys of mixed types.
+    The ``__init__`` methods of Equinox modules call it before they store the dictionary. JAX sorts
+    the keys of a stored dictionary, and its error for keys of mixed types would not name the
+    argument.
     """
     require_names(argument, given, remedy)
     return dict(given)
@@ -420,12 +425,12 @@ def recheck_changes(tree: PyTree, structure: Hashable, changed: tuple[bool, ...]
     without warnings.
 
     It is the faster form of `recheck` for a sweep, which changes a few numbers of a scene. A module
-    of this package that contains the leaf only through a dictionary, list or tuple is not checked,
-    since its checks don't depend on the numbers in the entries of these containers. A module of any
-    other package is checked.
+    of this package that contains changed leaves only through a dictionary, list or tuple is not
+    checked, since its checks don't depend on the numbers in the entries of these containers. A
+    module of any other package is checked if it contains a changed leaf anywhere.
 
-    **Arguments:** `structure`: of the tree, from `jax.tree.structure`; `changed`: one boolean for
-    each leaf, in JAX's order.
+    **Arguments:** `structure`: that of `tree`, from `jax.tree.structure`; `changed`: whether each
+    leaf has changed, in JAX's order.
     """
     with quiet():
         for path in _paths_to_changed(structure, changed):
@@ -489,7 +494,8 @@ def _child(tree: PyTree, key: str | int) -> PyTree:
 
 
 def _check_here(tree: PyTree) -> None:
-    """Call the checks of a module, the method `__check_init__` of each of its classes.
+    """Call the checks of a module: the method `__check_init__` of its class and of each base class.
+    Any other value is not checked.
 
     While `conditions_of` collects conditions, a check that fails because it needs known values is
     omitted.
@@ -520,8 +526,8 @@ message suggests the known one."""
 def nearest(name: object, known: Iterable[str], otherwise: str) -> str:
     """Return the remedy for an unknown name, as the end of an error message.
 
-    It suggests the most similar of the `known` names, without regard to capitals, followed by the
-    advice `otherwise`. If no name is similar, it is `otherwise` alone.
+    The remedy suggests the most similar of the `known` names, without regard to capitals, followed
+    by the advice `otherwise`. If no known name is similar, the remedy is `otherwise` alone.
     """
     by_lower = {other.lower(): other for other in known}
     similar = get_close_matches(str(name).lower(), list(by_lower), n=1, cutoff=ALIKE)

@@ -17,8 +17,8 @@ def literal(text: str) -> str:
 def shown(name: str, longest: int = LONGEST_NAME) -> str:
     """Return a name as one line of at most `longest` characters, for matplotlib.
 
-    The middle of a longer name is replaced by an ellipsis, since names of similar parts differ
-    mostly at the end. A name that begins with an underscore gets a space of zero width in front,
+    The middle of a longer name is replaced by an ellipsis, since similar names differ mostly at the
+    end. A name that begins with an underscore gets a space of zero width in front,
     since legends omit labels that begin with an underscore. An empty name becomes "(no name)".
     Dollar signs are escaped as by `literal`. Neither these escapes nor the space count as
     characters.

@@ -104,9 +104,10 @@ def quantity(
     - `check`: a function of the field's name and value that raises a ``ValueError``, such as
       `require_axis`.
     - `remedy`: advice in error messages; the default is to give the value in its unit.
-    - `table`: whether the methods of the element always get the value as an array, for instance a
-      table of N numbers for `jax.numpy.interp`. Otherwise they get arrays of shape (3,), (4,) and
-      (3, 3) as a `Vector`, `EulerParameters` and a `Matrix`, and only others as arrays.
+    - `table`: whether the methods of the object get an array of any shape as an array, for instance
+      a table of N numbers for `jax.numpy.interp`. By default, in compiled programs, they get an
+      array of shape (3,) as a `Vector`, one of shape (4,) as `EulerParameters`, one of shape (3, 3)
+      as a `Matrix`, and one of any other shape as an array.
     - `options`: options of `equinox.field`, such as `default`.
 
     >>> class Blade(extend.AbstractFriction):
@@ -122,11 +123,11 @@ def quantity(
 
 
 def optional_quantity(unit: str, **options: Any) -> Any:
-    """Declare a field as `quantity` does, whose default is ``None``.
+    """Declare a field with the default ``None``, otherwise as `quantity` does.
 
     ``None`` stands for an effect that is absent, and that compiled programs therefore don't
-    compute. `unit` and `options` are arguments of `quantity`: all others except `default` and
-    `converter` are allowed, also `shape` and `positive`.
+    compute. `unit` and `options` are arguments of `quantity`, such as `shape` and `positive`;
+    `default` and `converter` are set here and cannot be given.
 
     >>> class Damper(extend.AbstractForce):
     ...     damping: float | None = extend.optional_quantity("N s/m", positive=True)
@@ -218,8 +219,8 @@ def without_modules(namespace: dict[str, object], *public: str) -> Callable[[], 
     """Return a function ``__dir__`` for a package that lists its names without those of its
     modules.
 
-    Importing a package adds its modules to its names, where they would hide the classes and
-    functions from users who complete a name.
+    Importing a module of a package adds the module's name to those of the package. Among many of
+    these, users who complete a name with the tab key would hardly find classes and functions.
 
     **Arguments:** `namespace`: ``globals()`` of the package; `public`: names of modules to be
     listed all the same.
@@ -243,7 +244,8 @@ def _plain(leaf: object) -> object:
 
 
 NAMES = (str, bool, "str", "bool")
-"""Annotations of fields that hold no numbers. These become static: part of a PyTree's structure."""
+"""Annotations of fields that hold no numbers. Such fields become static: part of a PyTree's
+structure."""
 
 
 class AbstractConverting(AbstractReadable):
@@ -256,9 +258,10 @@ class AbstractConverting(AbstractReadable):
       of a number compiles nothing again.
 
     `clearjoint.extend.quantity("N m")` also declares unit, shape and range. In compiled programs,
-    where the element computes, an array of three numbers becomes a `Vector`; a field declared with
-    ``table=True`` stays an array. Declare functions, and numbers that determine the structure of a
-    program, such as a number of repetitions, by ``equinox.field(static=True)``.
+    the methods of the subclass get an array of shape (3,) as a `Vector`, one of shape (4,) as
+    `EulerParameters` and one of shape (3, 3) as a `Matrix`; in a field declared with ``table=True``
+    they stay arrays. Declare functions, and numbers that determine the structure of a program, such
+    as a number of repetitions, by ``equinox.field(static=True)``.
     """
 
     def __init_subclass__(cls, **options: object):
@@ -280,10 +283,11 @@ class AbstractConverting(AbstractReadable):
 
 
 def as_numbers(value: PyTree) -> PyTree:
-    """Return a value with its numbers of Python and NumPy, and tuples and lists of numbers, as
-    float64 arrays.
+    """Return a value in which numbers, and tuples and lists of numbers, are replaced by float64
+    arrays.
 
-    Tuples and lists of numbers, or of arrays of equal shape, are stacked to one array.
+    The numbers are those of Python and NumPy, and NumPy arrays. Tuples and lists of numbers, or of
+    arrays of equal shape, are stacked to one array.
     Dictionaries, and other tuples and lists, are converted entry by entry. All other values are
     unchanged, such as JAX arrays, texts and bools.
 
@@ -310,10 +314,12 @@ def with_arrays(tree: PyTree) -> PyTree:
 
     It is called before each run. A Python number that `equinox.tree_at` has put into a scene would
     otherwise be part of the program, which would be compiled for each of its values. Traced numbers
-    are not converted, nor are numbers in Equinox modules of other packages in fields without a
-    converter, since these may be meant as parts of the program. Python's bools are parts of the
-    program, so that a class may branch on them. If all leaves are 64-bit NumPy arrays or JAX arrays
-    of floats, the PyTree itself is returned, and its JAX arrays keep their precision.
+    are not converted. In Equinox modules of other packages, numbers in fields without a converter
+    are not converted either, since they may be meant as parts of the program. Python's bools stay
+    parts of the program, so that a class may branch on them; NumPy's become 0.0 or 1.0. If all
+    leaves are 64-bit NumPy arrays or JAX arrays of floats, the PyTree itself is returned, and its
+    JAX arrays keep their precision. If not, JAX arrays that are not traced are converted like other
+    numbers.
     """
     leaves, structure = jax.tree.flatten(tree)
     # Usually nothing is left to convert.

@@ -40,19 +40,19 @@ LESS, MORE, FLOOR = 1.5, 2.0, 0.5
 predicted * MORE + FLOOR. The lower limit is closer, because a rise that is too small may lead to
 another minimum."""
 DIFFERING_SHARE = 0.1
-"""Share of the test points at which chi squared must disagree with the quadratic model at the time
-that counts as horizon."""
+"""Share of the test points. The horizon is the first time at which chi squared disagrees with the
+quadratic model at this share of the points or more."""
 RISE = NormalDist().inv_cdf(0.975) ** 2
 """Rise of chi squared over its minimum at the ends of a 95 % interval of one parameter, 3.84."""
 WIDENINGS = (1.0, 2.0, 4.0)
 """Factors on the standard errors of a covariance for the normal distributions from which points
 are drawn."""
 KEPT = 32
-"""Minimum number of points with the smallest chi squared from which the next round draws; in any
-case they are at most half the points of the first round."""
+"""Number of points with the smallest chi squared from which the next round draws. There are more
+if more are worth exploring, see `WORTH`, but never more than half as many as in the first round."""
 WORTH = 3.0
-"""Rise of chi squared, relative to `RISE`, up to which points are worth exploring, even if they are
-more than `KEPT`."""
+"""Rise of chi squared over the lowest, in multiples of `RISE`, up to which points are worth
+exploring, even if these are more than `KEPT`."""
 DESCENTS = 6
 """Largest number of local searches in a round."""
 SETTLED = 0.05
@@ -67,10 +67,11 @@ def displacements(
     """Return displacements (n, p) from a minimum of chi squared, at which runs test its quadratic
     model.
 
-    Some change each parameter by ±1, ±2 and ±4 standard errors, and the other parameters so that
-    the model predicts the smallest chi squared for that change. If p is not 1, as many are along
-    each eigenvector of the correlation matrix. The rest are random: normally distributed with the
-    covariance, every second one twice as long. All are scaled down to the limits by `within`.
+    Six displacements for each parameter change it by ±1, ±2 and ±4 standard errors, and the other
+    parameters so that the model predicts the smallest chi squared for that change. If p > 1, six
+    more lie along each eigenvector of the correlation matrix, at ±1, ±2 and ±4 standard errors. The
+    rest are random: normally distributed with the covariance, every second one twice as long.
+    `within` scales all of them down to the limits, and leaves out those of zero length.
 
     **Arguments:** `covariance`: (p, p) of the coordinates; `limits`: (p,) largest displacement of
     each coordinate; `generator`: source of random numbers.
@@ -189,10 +190,10 @@ class Exploration:
     - `points`: (n, p) coordinates; the first row is the minimum at which the fit's own search
       ended, before the fit moves to a lower one.
     - `chi_squared`: (n,) at the points.
-    - `minima`: the run at this minimum, then the best run of each local search.
+    - `minima`: the run at the minimum of the first row, then the best run of each local search.
     - `rounds`: number of rounds in which points were drawn.
     - `settled`: whether the last round widened every interval by less than a twentieth and found no
-      new minimum, and noise explains the lowest chi squared.
+      new minimum that affects the intervals, and noise explains the lowest chi squared.
     """
 
     points: Float[np.ndarray, "n p"]
@@ -225,7 +226,8 @@ def intervals(
 
     A parameter's interval contains the values for which chi squared, minimised over the other
     parameters by the minimum's covariance, is at most `RISE` above `lowest`. Minima whose own chi
-    squared is higher are left out, so that k may be smaller than the number of minima, or zero.
+    squared is more than that above `lowest` are left out, so that k may be smaller than the number
+    of minima, or zero.
 
     **Arguments:** `minima`: runs at the minima; `lowest`: smallest known chi squared.
     """
@@ -254,11 +256,11 @@ def explore(
 
     The first round draws `number` points from normal distributions with the given covariances, with
     once, twice and four times their standard errors. Each further round draws half as many points
-    among the lowest points so far, and as many again around the lowest minimum if the last round
-    lowered its chi squared by more than 3.84 or if noise doesn't explain it. In every round, local
-    searches start from some of the lowest points that are far from each other and from the known
-    minima. The exploration ends when the intervals have settled and noise explains the lowest chi
-    squared, or after `rounds` rounds.
+    among those with the lowest chi squared so far. It draws as many again around the lowest minimum
+    if the round before found a minimum that is lower by more than 3.84, or if noise doesn't explain
+    the lowest chi squared. In every round, local searches start from some of the lowest points that
+    are far from each other and from the known minima. The exploration ends when it has settled, as
+    defined for `Exploration.settled`, or after `rounds` rounds.
 
     **Arguments:**
 
@@ -375,8 +377,8 @@ class LikelihoodCheck:
     - `test`: the rise of chi squared at points some standard errors away, predicted and actual, and
       the time up to which they agree.
     - `exploration`: more points and minima with their chi squared; ``None`` if the test passed.
-    - `searches`: the local searches that found the minima; if one of these is lower than the fit's
-      by more than 0.5 in chi squared, a last, more accurate search from the lowest follows.
+    - `searches`: the local searches of the exploration. If the chi squared of its lowest minimum is
+      more than 0.5 below that of the fit's own search, a more accurate search from there is last.
     - `posterior`: a small `Posterior`, of few points, around the lowest minimum, from which the
       fit's intervals come. ``None`` if the test passed, if noise doesn't explain chi squared, if
       more runs would be needed than 75 times the argument `check_runs` of `identify`, if no points
@@ -412,10 +414,10 @@ class LikelihoodCheck:
 
     @property
     def horizon(self) -> float:
-        """First time, s, at which chi squared of the record so far disagrees with the covariance.
+        """First time, s, at which chi squared of the record so far disagrees with the covariance at
+        a tenth of the points or more; infinite if there is none.
 
-        That is the case at the first time at which a tenth of the points disagree, see
-        `QuadraticTest.horizon`. It is infinite if there is no such time.
+        See `QuadraticTest.horizon`.
         """
         return self.test.horizon
 
@@ -423,9 +425,10 @@ class LikelihoodCheck:
         """Return by which factor the intervals of the exploration differ from those of the
         covariance.
 
-        The factor, 1 or more, is the largest ratio of their half widths, over both halves of the
-        intervals of all parameters; ratios below 1 are inverted. The test must have failed, because
-        there is no exploration otherwise.
+        For each parameter, the distances from the estimate to the lower and to the upper end of its
+        interval are compared. The factor, 1 or more, is the largest ratio of such a distance by the
+        exploration to that by the covariance; ratios below 1 are inverted. The test must have
+        failed, because there is no exploration if it passed.
 
         **Arguments:** `best`: the best run of the fit, with its covariance.
         """
@@ -465,8 +468,8 @@ def check(
 ) -> LikelihoodCheck:
     """Test the covariance of a fit by runs around its best run.
 
-    If the test fails, explore chi squared there and, if noise explains the lowest chi squared,
-    compute a small posterior. `identify` calls this after its searches.
+    If the test fails, explore chi squared around the best run and, if noise explains the lowest chi
+    squared, compute a small posterior. `identify` calls this function after its searches.
 
     **Arguments:**
 
@@ -477,7 +480,7 @@ def check(
       posterior and its largest number of runs are proportional to it.
     - `on_iteration`: function that is called with every iteration of the local searches.
 
-    **Raises:** `KeyboardInterrupt` if the user interrupts it.
+    **Raises:** `KeyboardInterrupt` if the user interrupts the check.
     """
     started = time.perf_counter()
     # The seed is fixed: the check of the same fit always gives the same result.
@@ -534,8 +537,9 @@ def check(
 def _extent(explored: Exploration, lowest: RunMisfit) -> Float[np.ndarray, " p"]:
     """Return how far explored points with a low chi squared are from the lowest minimum, (p,).
 
-    For each coordinate, this is the largest distance, and at least two standard errors. Chi squared
-    is low up to 11.5 above the smallest one, three times the rise at the ends of a 95 % interval.
+    For each coordinate, this is the largest distance of such a point, or two standard errors if
+    that is more. Chi squared is low up to 11.5 above the smallest one, three times the rise at the
+    ends of a 95 % interval.
 
     **Arguments:** `lowest`: the run at the lowest minimum.
     """
@@ -555,12 +559,12 @@ def _small_posterior(
 ) -> Posterior | None:
     """Return the posterior for a uniform prior in a box of coordinates, computed with few points.
 
-    It is ``None`` if the points don't represent the posterior, if they would need too many runs, or
-    if none could be drawn.
+    Return ``None`` if the points don't represent the posterior, if they would need too many runs,
+    or if none could be drawn.
 
-    **Arguments:** `lanes`: the runs, and the samples; `parameters`, `units`, `number`: as in
-    `check`; `box`: lower and upper ends (p,) of the coordinates; `lowest`: smallest chi squared
-    that is known.
+    **Arguments:** `lanes`: the runs, computed side by side, and the samples with which to compare
+    them; `parameters`, `units`, `number`: as in `check`; `box`: lower and upper ends (p,) of the
+    coordinates; `lowest`: smallest chi squared that is known.
     """
 
     def uniform(points: np.ndarray) -> np.ndarray:
@@ -619,7 +623,7 @@ def _descent(
     **Arguments:** `near`: Gauss-Newton step, in standard errors, below which the search ends;
     `steps`: largest number of runs; the other arguments are as in `check`.
 
-    **Raises:** `KeyboardInterrupt` if the user interrupts it.
+    **Raises:** `KeyboardInterrupt` if the user interrupts the search.
     """
     end = float(runs.times[-1])
     misfit = partial(run_misfit, runs, data, end)
@@ -638,8 +642,9 @@ def _largest_offsets(
     """Return the largest distance of explored points from the estimates, (p,), in coordinates.
 
     The distance is twice the scale's `max_step`, the largest change of the coordinate in one step
-    of a fit. If `max_step` is infinite, the distance is the larger of the coordinate's absolute
-    value and `FARTHEST` standard deviations of the estimate if all other parameters were known.
+    of a fit. For an infinite `max_step`, the distance is the larger of the coordinate's absolute
+    value and `FARTHEST` times the standard deviation that the estimate would have with all other
+    parameters known.
     """
     max_changes = step_limits(parameters)
     norms = np.linalg.norm(best.jacobian, axis=0)
@@ -651,10 +656,10 @@ def _largest_offsets(
 def _early_covariances(
     best: RunMisfit, runs: Experiment, data: Samples, horizon: float
 ) -> list[Float[np.ndarray, "p p"]]:
-    """Return covariances (p, p) of the coordinates for two early parts of the record.
+    """Return the covariances (p, p) of the coordinates by two early parts of the record.
 
-    They end at `horizon`, s, and half way from the start of the run to it. The list is empty if the
-    horizon is infinite.
+    One part ends at `horizon`, s, the other half way from the start of the run to `horizon`. The
+    list is empty if `horizon` is infinite.
 
     **Arguments:** `best`, `runs`, `data`: as in `check`.
     """

@@ -44,8 +44,9 @@ FAR = 2.0
 GOOD = 1.5
 """Ratio of residuals to stated noise up to which a series counts as well fitted."""
 PIECES = 20
-"""Number of equal pieces of the record, of which the first with large residuals is found. Series
-with fewer samples are not examined for delays and outliers."""
+"""Number of equal pieces of the record, of which the first with large residuals is found. With
+fewer samples than this, a series is not examined for a delay, nor all series together for
+outliers."""
 DOUBLINGS = 5
 """Number of growing windows to suggest, each twice as long as the one before it."""
 MOST = 0.5
@@ -103,9 +104,10 @@ class Fit(AbstractTabular):
     def to_xarray(self) -> "xr.Dataset":
         """Return an `xarray.Dataset` with the estimates along the dimension "parameter".
 
-        Variables are `estimate`, `standard_error` and the bounds of the 95 % `interval` (parameter,
-        bound) in the `unit` of each parameter, and the `correlation` (parameter, with). Attributes
-        are `ending`, `chi_squared`, `degrees_of_freedom`, `p_value` and `warnings`.
+        Variables are `estimate`, `standard_error` and the bounds of the 95 % `interval`
+        ("parameter", "bound") in the `unit` of each parameter, and the `correlation` ("parameter",
+        "with"). Attributes are `ending`, `chi_squared`, `degrees_of_freedom`, `p_value` and
+        `warnings`.
         """
         names = [*self.parameters]
         along, errors = ("parameter",), self.standard_errors
@@ -177,10 +179,10 @@ class Fit(AbstractTabular):
         standard errors, by the `covariance`. If `check` has found that chi squared is not
         quadratic, the intervals are the central ones of `posterior`, which need not contain the
         estimates; without a posterior, they also contain all points that `check` has explored with
-        a chi squared at most 3.84 above the lowest. In all cases they are extended to contain
-        the interval around each other minimum in which a search has converged, if its chi squared
-        is at most 3.84 above that of the fit and if it is outside the box of coordinates to which a
-        posterior is restricted.
+        a chi squared at most 3.84 above the lowest. In all cases, the intervals are extended to
+        contain those around other minima in which a search has converged, if the chi squared of
+        such a minimum is at most 3.84 above that of the fit. Minima inside the box of coordinates
+        to which a posterior is restricted are left out, since they are part of the posterior.
         """
         minima, posterior = [self.best.best, *self._other_minima], self.posterior
         # Minima in the posterior's box are part of the posterior.
@@ -330,7 +332,7 @@ class Fit(AbstractTabular):
 
     def _test_report(self) -> str:
         """Return sentences on `check`, which must not be ``None``: whether chi squared rises as the
-        covariance predicts, and otherwise from where the intervals come."""
+        covariance predicts, and if not, where the intervals come from."""
         assert self.check is not None
         check, test, explored = self.check, self.check.test, self.check.exploration
         cost = f"{check.runs} runs around the estimates, {check.seconds:.2g} s"
@@ -353,9 +355,10 @@ class Fit(AbstractTabular):
         # has moved since.
         moved = float(explored.chi_squared[0]) - self.chi_squared
         # Standard errors are still right if there is one minimum, and the exploration found
-        # intervals of about their width. It is trusted if the intervals no longer grew, and if
-        # integration errors change chi squared by no more than one standard error does, 1. The test
-        # tolerates a decrease of chi squared up to `FLOOR`, which is no move to another minimum.
+        # intervals of about their width. The exploration is trusted if the intervals no longer
+        # grew, and if integration errors change chi squared by at most 1, as much as a displacement
+        # by one standard error does. The test tolerates a decrease of chi squared up to `FLOOR`,
+        # which is no move to another minimum.
         single = check.minima == 1 and moved <= checking.FLOOR
         reliable = explored.settled and abs(check.difference) <= 1.0
         alike = single and reliable and check.widening(self.best.best) < ALIKE
@@ -448,9 +451,10 @@ class Fit(AbstractTabular):
     def _uncertain_directions(self) -> Iterator[str]:
         """Yield a warning for each combination of parameters that the data hardly determine.
 
-        That is the case if a change along the combination by one standard deviation changes any
-        coordinate by more than one step of a fit may change it or, without such a limit, as on a
-        `Linear` scale, by more than `AbstractScale.uninformative_std`.
+        They hardly determine it if a change along the combination by one standard deviation changes
+        any coordinate by more than the scale's `max_step`, the largest change in one step of a fit.
+        If `max_step` is infinite, as on a `Linear` scale, `AbstractScale.uninformative_std` takes
+        its place.
         """
         limits = step_limits(self.parameters)
         pairs = zip(self.parameters.values(), self.coordinates, strict=True)
@@ -504,8 +508,9 @@ def _correlation_table(fit: Fit) -> str:
 
 
 def _searches_table(fit: Fit) -> str:
-    """Return a table with a row for each search, the best one marked by a star.
+    """Return a table with a row for the search from each start.
 
+    A star marks the fit's best search; no row has one if that is a local search of `Fit.check`.
     With results of a screening, a line about its runs and rounds precedes the table.
     """
     rows = [["start", "chi squared", "runs", "ended"]]
@@ -524,8 +529,8 @@ def _searches_table(fit: Fit) -> str:
 def _remedies(fit: Fit, scatter: float) -> Iterator[str]:
     """Yield sentences on remedies for a poor fit, the cheapest and most likely first.
 
-    **Arguments:** `scatter`: square root of chi squared per degree of freedom, 1 for the stated
-    noise.
+    **Arguments:** `scatter`: square root of chi squared per degree of freedom, about 1 for
+    residuals of the size of the stated noise; 0 without degrees of freedom.
     """
     # A missing effect would leave a trace in the residuals, which would then be correlated.
     if all(statistics.whiteness(row) > UNCORRELATED for row in fit.residuals.values()):
@@ -589,7 +594,7 @@ def _delays(fit: Fit) -> Iterator[str]:
         rate, row = slope / np.asarray(series.noise), fit.residuals[name]
         power = float(rate @ rate)
         shift = float(row @ rate) / power if power > 0.0 else 0.0
-        # The share of the mean square that a shift removes; the minimum is for residuals of zero.
+        # The share of the mean square that a shift removes; 1e-300 avoids a division by zero.
         explained = 1.0 - _rms(row - shift * rate) ** 2 / max(_rms(row) ** 2, 1e-300)
         if explained > MOST and _rms(row) > FAR:
             direction = "late" if shift > 0.0 else "early"
@@ -608,7 +613,8 @@ def _delays(fit: Fit) -> Iterator[str]:
 def _outliers(fit: Fit) -> Iterator[str]:
     """Yield a sentence if the largest residuals contribute most of chi squared.
 
-    Their number is the share `OUTLIER_SHARE` of all samples, but at least one.
+    Their number is the share `OUTLIER_SHARE` of all samples, but at least one. Yield nothing for
+    fewer than `PIECES` samples.
     """
     rows = np.concatenate(list(fit.residuals.values())) ** 2
     count = max(int(OUTLIER_SHARE * len(rows)), 1)
@@ -624,7 +630,8 @@ def _outliers(fit: Fit) -> Iterator[str]:
 
 
 def _shorter_records(fit: Fit) -> Iterator[str]:
-    """Yield sentences that advise to fit a shorter record, or growing windows of the record."""
+    """Yield sentences that advise to fit a shorter record, or growing windows of the record, or to
+    compute the longest record that a single run can fit."""
     all_series, horizon = fit.measurements.series, fit.horizon
     times = np.concatenate([np.asarray(s.times) for s in all_series.values()])
     rows = np.concatenate([fit.residuals[name] for name in all_series])

@@ -37,11 +37,11 @@ class Direction(NamedTuple):
 def directions(jacobian: Float[np.ndarray, "M p"]) -> list[Direction]:
     """Return p directions along which the estimates err independently.
 
-    They are the principal axes of the estimates' errors in scaled coordinates: the unit of each is
-    the standard error that its parameter would have if all others were known. The axis with the
-    largest error in these units is the first, so that the deviations of the directions need not
-    decrease. With M < p residuals there are only M directions. A direction without effect on the
-    residuals gets a very large but finite deviation.
+    They are the principal axes of the estimates' errors in scaled coordinates: the unit of each
+    coordinate is the standard error that its parameter would have if all others were known. The
+    axes are sorted by the error in these units, the largest first. Each `Direction.deviation` has
+    another unit, so the deviations need not decrease. With M < p residuals there are only M
+    directions. A direction without effect on the residuals gets a very large but finite deviation.
 
     **Arguments:** `jacobian`: (M, p) derivatives of the residuals, in standard deviations of the
     noise, by the coordinates.

@@ -99,8 +99,9 @@ def identify(
     - `scene`, `state`, `start_time` s: as in `simulate`; the run ends at the last sample.
     - `measurements`: the measured series with their noise.
     - `parameters`: the parameters to estimate, by name; see `Parameter`.
-    - `guess`: values to start from, by name; by default the values in the scene. Each guess of a
-      list is a start. A `Screening` takes one guess only.
+    - `guess`: values to start from, by name. A parameter without one starts from its
+      `Parameter.value`, by default the number in the scene or state. Each guess of a list is a
+      start. A `Screening` takes one guess only.
     - `starts`: `Starts` draws more starts around the first guess. A `Screening` around a single
       guess finds starts by many runs without derivatives, for data with impacts, where derivatives
       don't lead to the solution. The fit is the best of all searches; `Fit.searches` has all of
@@ -121,16 +122,17 @@ def identify(
       which a search ends.
     - `horizon`: result of `clearjoint.fit_horizon`, for a warning if the record is too long for a
       fit by a single run.
-    - `check_runs`: size of the test of the covariance after the search, 50 or more; 0 for no test.
-      There is none after a search that failed or reached `max_iterations`. About twenty runs for
-      each parameter compare chi squared, up to four standard errors around the estimates, with the
-      prediction of the covariance. If they differ, chi squared has several minima close together or
-      is not quadratic. Then `check_runs` runs without derivatives, more rounds of runs near those
-      of lowest chi squared, and local searches explore chi squared. The fit moves to the lowest
-      minimum, and its report begins with this result. Intervals are those of a posterior around
-      this minimum, by at most 75 times `check_runs` runs without derivatives; without a posterior
-      they contain all explored points with a chi squared at most 3.84 above the lowest. See
-      `Fit.check` and `clearjoint.posterior`.
+    - `check_runs`: number of runs for exploring chi squared if the test of the covariance after the
+      searches fails, 50 or more; 0 for no test. No test is made if the best search failed or
+      reached `max_iterations`. About twenty runs for each parameter compare chi squared, up to four
+      standard errors around the estimates, with the prediction of the covariance. If chi squared
+      differs from the prediction, it has several minima close together or is not quadratic. Then
+      `check_runs` runs without derivatives, more rounds of runs near those of lowest chi squared,
+      and local searches explore it. The fit moves to the lowest minimum, and its report begins with
+      the result of the test. Intervals are those of a posterior around this minimum, by at most 75
+      times `check_runs` runs without derivatives; without a posterior they contain all explored
+      points with a chi squared at most 3.84 above the lowest. See `Fit.check` and
+      `clearjoint.posterior`.
     - `progress`: whether to show a line with the iterations, or a function that is called with
       each `Iteration`.
 
@@ -140,9 +142,9 @@ def identify(
     the best fit so far, on Ctrl-C. A search that fails raises no error: see `Fit.ending` and
     `Fit.warnings`.
 
-    **Warns:** `PoorFitWarning` if the residuals are far above the noise or the best run does not
-    reach the last sample, with the remedies of `Fit.advice`, and if the test of the covariance has
-    failed; `UserWarning` if the record is longer than `horizon` allows.
+    **Warns:** `PoorFitWarning`, with the remedies of `Fit.advice`, if the residuals are far above
+    the noise or the best run does not reach the last sample; another `PoorFitWarning` if the test
+    of the covariance has failed; `UserWarning` if the record is longer than `horizon` allows.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
     >>> fit = cj.identify(
@@ -285,8 +287,8 @@ class _Problem:
         **Arguments:** `one`: the measurements; `on_iteration`: called after each run of a search;
         `show`: whether to show the progress of a screening.
 
-        **Returns:** the fit, ``None`` if the user interrupted it before the first run of a search
-        ended; and whether the user interrupted it.
+        **Returns:** the fit, and whether the user interrupted it. The fit is ``None`` if that
+        happened before the first run of a search had ended.
         """
         data = samples(one, len(self.runs.times))
         searches: list[Search] = []
@@ -379,9 +381,9 @@ class _Problem:
 
 def _warn(fits: Sequence[Fit]) -> None:
     """Emit a `PoorFitWarning` if residuals of a fit are far above the noise or its best run fails,
-    and one if the test of a fit's covariance has failed.
+    and another one if the test of a fit's covariance has failed.
 
-    With several such fits, the warning shows the first and tells their number.
+    If several fits have the same problem, its warning shows the first and tells their number.
     """
     poor = [fit for fit in fits if fit.advice]
     if poor:
@@ -426,9 +428,10 @@ def iteration_callback(
 ) -> Iterator[OnFitIteration]:
     """Yield the function to call after each run of a search.
 
-    It calls the user's function `progress`. If `progress` is ``True``, it shows a line with the
-    number of runs, the chi squared per sample, the length of the step in standard deviations and
-    the values of the parameters; if ``False``, it shows nothing.
+    If `progress` is a function of the user, the yielded function calls it with each `Iteration`. If
+    `progress` is ``True``, it shows a line with the number of runs, the chi squared per sample, the
+    length of the Gauss-Newton step in standard deviations and the values of the parameters; if
+    ``False``, it shows nothing.
 
     **Arguments:** `progress`, `parameters`: as in `identify`; `searches`: number of searches to
     come, which the line shows.

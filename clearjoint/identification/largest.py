@@ -1,9 +1,10 @@
 """Search for the largest value of a parameter for which quantities stay within their limits.
 
 Sweeps over many values of the parameter compute the margins of the quantities to their limits,
-log(limit / peak). The values of one sweep are called a row, and its runs, which are computed side
-by side, are lanes. Each value may be combined with random draws of other numbers, such as the phase
-at the start. Then a given quantile of the peaks over the draws must stay within the limits.
+log(limit / peak). The values of one sweep are called a row. Its runs, one for each value, are
+computed side by side, as lanes. Each value may be combined with random draws of other numbers, such
+as the phase at the start. Then a value has a lane for each draw, and a given quantile of the peaks
+over the draws must stay within the limits.
 """
 
 import math
@@ -44,16 +45,17 @@ if TYPE_CHECKING:
 QUANTITY = "quantity"
 """Name of a single quantity that the user passes without a name."""
 CLOSE = 2.0
-"""The second row begins this many spacings of the first row below the last value before the first
-violation."""
+"""The second row begins below the last value before the first violation, at this distance in
+spacings of the first row."""
 INSPECTIONS = 12
-"""Maximum number of rows that search for violations between computed values, so that a rough margin
-does not take runs without end."""
+"""Maximum number of rows that search for violations between computed values. It limits the number
+of runs where the margin is a rough function of the parameter."""
 VALUE = "largest_value"
 """Name of the axis of the parameter's values in the sweeps."""
 NEIGHBOURS = 2
-"""Number of intervals on each side of an interval between computed values. The margin is expected
-to change inside the interval by no more than over any of these and the interval itself."""
+"""Number of neighbouring intervals on each side from which the change of the margin inside an
+interval between computed values is estimated: as the largest change over one of these intervals or
+over the interval itself."""
 CONFIDENCE = 0.95
 """Confidence level of the quantiles' intervals."""
 
@@ -78,12 +80,15 @@ class LargestFeasible:
       no limit is exceeded.
     - `met`: whether the search met a limit, so that a computed value violates it; false if all
       values of the range satisfy the limits.
-    - `monotone`: whether all computed margins fall with the parameter. If not, larger values may
-      satisfy the limits again, and a violation narrower than `spacing` may have been missed.
+    - `monotone`: whether the margins only fall: no computed margin exceeds one at a smaller value
+      by more than `tolerance`; with draws, the nearest ends of their confidence intervals are
+      compared. If false, larger values may satisfy the limits again, and a violation narrower than
+      `spacing` may have been missed.
     - `alternating`: the first value that violates a limit, and the largest computed value above it
       that satisfies all limits; ``None`` if there is none.
     - `spacing`: largest distance between neighbouring values up to the first violation, relative to
-      the larger neighbour (near zero, to `tolerance` times the range if that is larger).
+      the neighbour of larger magnitude. In a range that contains zero, it is relative to
+      `tolerance` times the range where that is larger.
     - `values`: (n,) all computed values, in `unit`.
     - `margins`: (n,) margin of each value. A failed run, or a peak that is NaN, has the margin
       -inf, and a peak of zero or less +inf.
@@ -154,9 +159,9 @@ def largest_feasible(
 ) -> LargestFeasible:
     """Find the largest value of a parameter for which quantities stay within their limits.
 
-    No smaller value that is computed violates a limit either. A row is a number of values that one
-    sweep runs side by side, as lanes. A first row over the range finds the first violation, and a
-    second row examines the values just below it. If margins, log(limit / peak), rise and fall, more
+    No computed value up to this one violates a limit. One sweep runs a row of values side by side,
+    as lanes. A first row over the range finds the first violation, and a second row examines the
+    values just below it. If margins, log(limit / peak), rise and fall, more
     rows search for violations between values with small margins. Then each row divides the interval
     in which the first violation begins, down to the tolerance.
 
@@ -182,26 +187,29 @@ def largest_feasible(
     - `scene`, `state`, `start_time`, `end_time` s: as in `simulate`.
     - `parameter`: the parameter, for example a clearance; values in a row are evenly spaced on its
       scale.
-    - `quantity`: a scalar function of an `Instant`, the scene and its motion at one time, whose
+    - `quantity`: a scalar function of an `Instant` (the scene and its motion at one time), whose
       peak is limited; or a reduction, such as `ImpactCount`, whose main result (its name is "") is
-      limited; or several of these by name.
+      limited; or several functions and reductions by name.
     - `limit`: largest allowed value, positive, in SI; for several quantities by name, one for each.
     - `settings`: settings of the integration; by default `clearjoint.presets.derivatives`.
     - `between`: smallest and largest value considered; the smallest must satisfy the limits.
     - `after`: s, time after which peaks of quantities count, to exclude a transient. Reductions
       have times of their own.
-    - `draws`: random numbers, such as the phase at the start: by name, the `Axis` of each number of
-      the scene or the initial state. All have equal length, and their i-th values form the i-th
-      draw. `quantile`: share of the draws that must satisfy the limits, from 0 to 1.
-    - `lanes`: number of values in a row, at least 3.
-    - `tolerance`: relative tolerance of the value, no smaller than rounding errors allow. If the
-      range contains zero, the absolute one is at least `tolerance` squared times the range.
-    - `progress`: whether to show a bar while lanes run.
+    - `draws`: for each random number of the scene or its initial state, such as the phase at the
+      start, an `Axis` with its draws, by name. All have equal length, and their i-th values form
+      the i-th draw.
+    - `quantile`: share of the draws that must satisfy the limits, from 0 to 1.
+    - `lanes`: number of values in a row, at least 3. With draws, a row has this many runs for each
+      draw.
+    - `tolerance`: relative tolerance of the value, positive. The search also ends where rounding
+      errors leave no values in between. If the range contains zero, the absolute tolerance is at
+      least `tolerance` squared times the range.
+    - `progress`: whether to show a progress bar during the runs.
 
     **Returns:** a `LargestFeasible`.
 
     **Raises:** `ValueError` for unsupported arguments, and if the smallest value violates a limit;
-    the message has the peak of the quantity, or says that the run fails.
+    the message then has the peak of the quantity, or says that it is NaN or that the run fails.
     """
     named = isinstance(quantity, Mapping)
     quantities: dict[str, Watched] = dict(quantity) if named else {QUANTITY: quantity}
@@ -245,7 +253,7 @@ class LaneMargins:
     def with_others(self, others: "LaneMargins") -> "LaneMargins":
         """Return these margins merged with those at other coordinates, in the order of coordinates.
 
-        Where a coordinate occurs in both, the margin of this object is kept.
+        If both have a margin at a coordinate, that of this object is kept.
         """
         coordinates = np.concatenate([self.coordinates, others.coordinates])
         coordinates, kept = np.unique(coordinates, return_index=True)
@@ -261,6 +269,7 @@ class LaneMargins:
 
         An interval up to the first violation is doubtful if the smaller margin at its ends is below
         the largest change of the margin over it or one of the `NEIGHBOURS` intervals on each side.
+        Intervals after the first violation are not doubtful.
         """
         count = min(first_violation(self.margins), len(self.margins) - 1)
         ends = self.margins[: count + 1]
@@ -271,7 +280,7 @@ class LaneMargins:
         # With zeros at both ends, the first and the last interval have neighbours, too.
         around = np.pad(changes, NEIGHBOURS)
         largest_change = sliding_window_view(around, 2 * NEIGHBOURS + 1).max(axis=1)
-        # The smaller of an interval's two margins may fall by as much inside the interval.
+        # Inside the interval, the margin may fall below its smaller end by the largest change.
         doubtful = np.zeros(len(self.coordinates) - 1, bool)
         doubtful[:count] = np.minimum(ends[:-1], ends[1:]) < largest_change
         return doubtful
@@ -279,10 +288,10 @@ class LaneMargins:
     def falls(self, tolerance: float) -> bool:
         """Return whether the margins only fall as the coordinate rises.
 
-        A rise counts only if the lower end of a confidence interval exceeds the upper end of an
-        earlier one by more than `tolerance`, a difference of logarithms and thus a relative change
-        of the peak. Margins that are NaN are left out. If the margins only fall, no violation is
-        hidden between two values that satisfy the limits.
+        A rise counts only if the lower end of a margin's confidence interval exceeds the upper end
+        of that at a smaller coordinate by more than `tolerance`. This is a difference of logarithms
+        and thus a relative change of the peak. Margins that are NaN are left out. If the margins
+        only fall, no violation is hidden between two values that satisfy the limits.
         """
         known = ~np.isnan(self.margins)
         least = np.minimum.accumulate(np.where(known, self.high, np.inf))
@@ -338,7 +347,7 @@ def lane_margins(
     if np.isnan(first):
         peak = f"`{smallest}` has no peak with this value, but NaN"
     elif np.isfinite(first) or successful[:count].all():
-        # A peak may also be infinite in successful runs; otherwise a margin of -inf is a failure's.
+        # The margin is -inf if a run has failed, but also if successful runs have an infinite peak.
         # The empty name is that of a reduction's main result, which is limited.
         unit, limit = outputs[smallest].units().get("", "1"), limits[smallest]
         peak = (
@@ -403,7 +412,7 @@ class _Search:
     - `margins`: function that runs a sweep at rising coordinates (n,) and returns their margins.
     - `lanes`: number of values in a row.
     - `tolerance`: relative tolerance of the value.
-    - `parameter`: the parameter, whose scale has the coordinates.
+    - `parameter`: the parameter, whose scale converts between values and coordinates.
     """
 
     margins: Callable[[np.ndarray], LaneMargins]
@@ -441,8 +450,8 @@ class _Search:
         """Return the margins with a row of values added just below the first violation.
 
         The row is between the last value before the first violation and the violation. With
-        `below`, it begins `CLOSE` times their distance lower, or at the smallest value. There must
-        be a violation, but not at the smallest value.
+        `below`, it begins `CLOSE` times their distance lower, but not below the smallest value.
+        There must be a violation, but not at the smallest value.
         """
         first = first_violation(lanes.margins)
         last, violation = lanes.coordinates[first - 1 : first + 1]
@@ -453,7 +462,7 @@ class _Search:
         """Return the margins with values added in intervals that may hide a violation.
 
         Rows are added until these intervals are as narrow as the tolerance, at most `INSPECTIONS`
-        rows. Margins that only fall need none.
+        rows. None is added if the margins only fall.
         """
         for _ in range(INSPECTIONS):
             doubtful = lanes.doubtful() & (self._widths(lanes) > self.tolerance)
@@ -498,16 +507,18 @@ class _Search:
         the last value before any violation is possible by the margins' intervals, and the first at
         which it is certain. If a violation is possible from the smallest value on, the interval
         begins there; if it is certain nowhere, the interval ends at the largest computed value.
-        Otherwise the margins are exact, and the two values are the last one before the first
-        violation and that violation.
+
+        Without draws, with a single draw or with the quantile 1, the margins are exact. The two
+        values are then the last one before the first violation, and that of the first violation.
         """
         possible, certain = first_violation(lanes.low), first_violation(lanes.high)
         values = self._values(lanes)
         return values[max(possible - 1, 0)], values[min(certain, len(values) - 1)]
 
     def _widths(self, lanes: LaneMargins) -> Float[np.ndarray, " m"]:
-        """Return the distances (n - 1,) of neighbouring values, relative to the larger neighbour,
-        or to `tolerance` times the range if that is larger and the range contains zero."""
+        """Return the distances (n - 1,) of neighbouring values, relative to the neighbour of larger
+        magnitude. If the range contains zero, they are relative to `tolerance` times the range
+        where that is larger."""
         values = np.array(self._values(lanes))
         low, high = values[0], values[-1]
         # The distance from zero to its neighbour is as large as the neighbour, however small.
@@ -557,7 +568,7 @@ def _check(
     lanes: int,
     tolerance: float,
 ) -> None:
-    """Check the remaining arguments of `largest_feasible`.
+    """Check the arguments of `largest_feasible` apart from the range and the limits.
 
     **Raises:** `ValueError` that names the wrong argument.
     """

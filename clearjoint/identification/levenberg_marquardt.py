@@ -5,12 +5,15 @@ works with their linear model instead of the function. A step is therefore compi
 number of parameters, separately from the runs (`clearjoint.simulation.run.sensitivities`).
 
 A parameter's coordinate is its value on its scale, such as the logarithm of the value for `Log`.
-There are four differences from `optimistix.LevenbergMarquardt`. Coordinates are scaled by the
-column norms of the first Jacobian, so that damping affects all of them alike. The damping decreases
-if the linear model was good, not only if it was almost exact. In one step no coordinate changes by
-more than the `max_step` that the parameter's scale sets, and a step that increases chi squared is
-never accepted. The search ends when the Gauss-Newton step is a small fraction of the standard
-deviation of the estimates.
+The search differs from `optimistix.LevenbergMarquardt`:
+
+- Coordinates are scaled by the column norms of the first Jacobian, so that damping affects all of
+  them alike.
+- The damping decreases if the linear model was good, not only if it was almost exact.
+- In one step no coordinate changes by more than the `max_step` that the parameter's scale sets.
+- A step that increases chi squared is never accepted.
+- The search ends when the Gauss-Newton step is a small fraction of the standard deviation of the
+  estimates.
 """
 
 from collections.abc import Callable, Iterable
@@ -40,8 +43,8 @@ NEARLY = 0.1
 below this step, because integration errors prevent a higher accuracy."""
 UNDETERMINED = 1e-12
 """Singular value of the Jacobian, relative to the largest, below which the data don't determine a
-direction in the parameters' coordinates. Also the norm of a column, relative to the largest, below
-which it is not used to scale its coordinate."""
+direction in the parameters' coordinates. Also the norm of a column of the Jacobian, relative to the
+largest norm, below which a coordinate is scaled by the largest norm instead of its own."""
 
 
 class Ending(Enum):
@@ -109,9 +112,9 @@ class Search:
 
     - `start`: (p,) coordinates of the start.
     - `windows`: the successive searches over growing windows of the record.
-    - `best`: the best run of the last window, which is the last one accepted. After an interruption
-      in a shorter window, or in the first run of a later one, it is a run over the whole record at
-      the best coordinates so far.
+    - `best`: the best run of the last window, which is the last one accepted. If the user
+      interrupts a window that is shorter than the record, or the first run of the last window, it
+      is a run over the whole record at the best coordinates so far.
     """
 
     start: Float[np.ndarray, " p"]
@@ -194,7 +197,7 @@ def _advance(
 ) -> tuple[jax.Array, PyTree, jax.Array, jax.Array]:
     """Compute one step of the search from the linear model at the latest point.
 
-    All coordinates are scaled, see the module's docstring.
+    All coordinates are scaled by the column norms of the first Jacobian.
 
     **Arguments:**
 

@@ -79,8 +79,8 @@ def minimise(
       that JAX can differentiate.
     - `parameters`: the free parameters by name; the search starts from the `value` of each
       parameter, or if that is ``None`` from the number in the scene or its initial state.
-    - `outputs`: functions of an `Instant` by name, evaluated at `times` (N,), s, which must not
-      decrease. The run ends at the last of them.
+    - `outputs`: functions of an `Instant` by name, evaluated at `times`.
+    - `times`: (N,) s, which must not decrease. The run ends at the last of them.
     - `settings`: settings of the integration; by default `clearjoint.presets.derivatives`.
     - `optimiser`: an optax optimiser of the parameters' coordinates on their scales; by default
       `optax.adam(0.05)`, which changes each coordinate by about 0.05 in a step.
@@ -91,8 +91,8 @@ def minimise(
 
     **Raises:** `ValueError` for an invalid scene or state, for no parameters, for no outputs or
     outputs that the scene doesn't have, for no times, for times that decrease or are before the
-    start, for `iterations` below 1, for settings with which derivatives can't be computed, and if
-    the first run fails or its objective is not finite.
+    start, if the last time is not after the start, for `iterations` below 1, for settings with
+    which derivatives can't be computed, and if the first run fails or its objective is not finite.
 
     >>> def squares(outputs):
     ...     return jnp.sum((outputs["x"] - 0.1 * jnp.cos(12.0 * times)) ** 2)
@@ -130,8 +130,8 @@ def minimise(
             break
         history.append(float(value))
         best = at if float(value) <= min(history) else best
-        # Chain rule: a run gives derivatives of the outputs, JAX those of the objective by the
-        # outputs.
+        # Chain rule: the run gives the derivatives of the outputs by the coordinates, and JAX those
+        # of the objective by the outputs.
         along = sum(slopes[n] @ run.derivatives[n][: len(times)] for n in outputs)
         step, optimiser_state = optimiser.update(jnp.asarray(along), optimiser_state, at)
         at = jnp.asarray(optax.apply_updates(at, step))

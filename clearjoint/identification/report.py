@@ -28,8 +28,8 @@ def estimates_table(
 def _digits(value: float, error: float) -> int:
     """Return how many digits of a value to show, so that two digits of its error are visible.
 
-    There are 4 for a value of zero and without a finite, positive error; otherwise at least 2, and
-    at most the 15 digits of a 64-bit float.
+    The number is at least 2, and at most the 15 digits of a 64-bit float. It is 4 if the value is
+    zero, or if the error is not finite and positive.
     """
     if not 0.0 < error < math.inf or value == 0.0:
         return 4

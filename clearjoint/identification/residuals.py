@@ -148,8 +148,8 @@ def _instants(
 
     - (N,) all N = (1 + 3 D) T times, s, in ascending order; some are equal, such as those that are
       clipped to the start or the end of the run.
-    - (1 + 3 D, T) indices in these: a row for the times without delay, then three rows for each
-      delay, for the delayed times and for times `APART` earlier and later.
+    - (1 + 3 D, T) indices in the array of all times: a row for the times without delay, then three
+      rows for each delay, for the delayed times and for the times `APART` earlier and later.
     - (D, T) whether the delayed times are at or after the start of the run.
     - () end of the run, s.
     """
@@ -181,13 +181,14 @@ def _delayed(
     inside: jax.Array,
     sampled: Sampled,
 ) -> Sampled:
-    """Return a run with its outputs (T,) and derivatives (T, p) at the sample times minus the
+    """Return a copy of a run with outputs (T,) and derivatives (T, p) at the sample times minus the
     outputs' delays.
 
     Outputs are NaN at times that the run did not reach, and `reached` is true throughout.
 
-    **Arguments:** `coordinates`: (p,) of the parameters; `rising`, `indices`, `inside`: times and
-    indices from `_instants`; `sampled`: the run's outputs at the `rising` times.
+    **Arguments:** `runs`: the experiment, with its delays; `coordinates`: (p,) of the parameters;
+    `rising`, `indices`, `inside`: results of `_instants`; `sampled`: the run's outputs at the
+    `rising` times.
     """
     delay_of = {name: k for k, (_, names) in enumerate(runs.delays) for name in names}
     values, derivatives = {}, {}

@@ -62,9 +62,9 @@ class Starts:
     ) -> Float[np.ndarray, "{self.number} p"]:
         """Return the coordinates of all starts, (number, p); the first row is `first`.
 
-        **Arguments:** `first`: (p,) coordinates of the guess. `names`: names of the p parameters.
+        **Arguments:** `first`: (p,) coordinates of the guess; `names`: names of the p parameters.
 
-        **Raises:** `ValueError` for a name in `spread` that is none of these.
+        **Raises:** `ValueError` for a name in `spread` that is not in `names`.
         """
         offsets = np.random.default_rng(self.seed).uniform(-1.0, 1.0, (self.number, len(first)))
         offsets[0] = 0.0
@@ -129,7 +129,8 @@ def start_coordinates(
 
 
 def _coordinate(scene: Scene, state: State, parameter: Parameter, guess: Guess, name: str) -> float:
-    """Return the coordinate of a parameter's guess, or of its present value without a guess.
+    """Return the coordinate of the parameter `name`: that of its value in `guess`, or, if it is not
+    in `guess`, that of its `Parameter.value` or its number in the scene or state.
 
     **Raises:** `ValueError`, with the name, for a value that the scale or the scene doesn't allow.
     """

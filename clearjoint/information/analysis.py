@@ -1,7 +1,7 @@
 """Identifiability of parameters from planned sensors, by Cramér-Rao bounds.
 
-The bounds follow from the sensitivities of the sensors' outputs, which are the derivatives of these
-by the parameters' coordinates. The study `studies.identifiability` compares the bounds with those
+The bounds follow from the sensitivities of the sensors' outputs: the derivatives of the outputs by
+the parameters' coordinates. The study `studies.identifiability` compares the bounds with those
 of a reference solver.
 """
 
@@ -37,7 +37,7 @@ class Sensor:
     - `noise`: standard deviation of the samples' independent noise, in the channels' SI unit: a
       number, or (N,).
 
-    The attribute `channels` is a tuple, also of one channel, and `noise` is (N,).
+    The attribute `channels` is a tuple, even for one channel, and the attribute `noise` is (N,).
 
     **Raises:** `ValueError` for no channels or channels that are not functions, for times that are
     not finite or don't rise, and for noise of another shape or that is not finite and positive.
@@ -79,8 +79,8 @@ def as_sensors(sensors: Sensors, scene: Scene) -> dict[str, Sensor]:
 
     A series becomes a sensor with its channel, times and noise; its values are not used.
 
-    **Raises:** `ValueError` for other types, an empty dictionary, names that are empty or no
-    texts, and for a channel of an element that the scene lacks.
+    **Raises:** `ValueError` for other types, an empty dictionary, names that are empty or not
+    strings, and for a channel of an element that the scene lacks.
     """
     by_name = sensors.series if isinstance(sensors, Measurements) else sensors
     remedy = 'pass for example {"probe": cj.Sensor(channel, times, noise)}'
@@ -230,7 +230,7 @@ class Identifiability:
 
     @property
     def slopes(self) -> Float[np.ndarray, " p"]:
-        """Absolute derivatives of the values by the coordinates, (p,), SI."""
+        """Magnitude of the derivative of each parameter's value by its coordinate, (p,), SI."""
         pairs = zip(self.scales, self.coordinates, strict=True)
         return np.abs([float(scale.slope(u)) for scale, u in pairs])
 
@@ -264,9 +264,9 @@ class Identifiability:
     def condition(self) -> float:
         """Condition number of `rows` with their columns scaled to unit length.
 
-        If it is large, the data hardly determine some combination of the parameters. If a parameter
-        has no effect on the data, it is infinite, or very large because of rounding; if none has
-        one, it is NaN.
+        A large number means that the data hardly determine some combination of the parameters. The
+        number is infinite, or very large because of rounding, if a parameter has no effect on the
+        data; it is NaN if no parameter has an effect.
         """
         return float(information.condition(self.root))
 
@@ -328,7 +328,7 @@ class Identifiability:
         labels = self.labels
         rows = [("combination, from best to worst", "deviation", "")]
         for one in self.combinations:
-            # The limit is that of the parameter with the largest weight, which is 1.
+            # The limit is that of the parameter whose weight has the largest magnitude, which is 1.
             determined = one.standard_deviation <= self.limits[np.abs(one.weights).argmax()]
             deviation = number(one.standard_deviation)
             rows.append((one.described(labels), deviation, "" if determined else "not determined"))
@@ -393,8 +393,8 @@ def identifiability_from(
 ) -> Identifiability:
     """Return the `Identifiability` of parameters from the derivatives of a run.
 
-    `identifiability` calls it. So does `fit_horizon`, which computes how long a record may be for a
-    fit, because it has made a run with derivatives already.
+    `identifiability` calls it. So does `fit_horizon`, which computes how long a record a fit can
+    use, and has made a run with derivatives already.
 
     **Arguments:**
 

@@ -3,7 +3,7 @@
 A difference is the derivative of the motion by a parameter, such as a perturbation of the initial
 velocity. Four points of each body are used: its centre of mass, and a point on each body axis at
 the radius of gyration, the root mean square distance of the body's mass from that centre. The size
-of a displacement is the root mean square over all points, m, per unit of the parameter.
+of a difference is the root mean square displacement of all points, m, per unit of the parameter.
 """
 
 from collections.abc import Mapping
@@ -26,17 +26,17 @@ from ..quantities.joints import Penetration
 DISTURBANCE = "initial velocity"
 """Name of the parameter that perturbs the initial state."""
 DIRECTION = (0.53, 0.62, 0.58)
-"""Direction of the perturbing velocity: a unit vector along no axis, so that it has a part in
-motions along every axis."""
+"""Direction of the perturbing velocity: a unit vector (to three digits) with a component along
+every axis, so that it perturbs motions in all directions."""
 
 
 @dataclass(frozen=True)
 class _Push:
     """Function that adds a perturbation of a given size, m/s, to the initial velocities.
 
-    Every body gets the same additional velocity, and a spin that moves points at its radius of
-    gyration with this speed. The part that ideal joints forbid is dropped, except for joints that
-    close a loop.
+    Every body gets the same additional velocity, of this size, and an additional spin that moves
+    points at its radius of gyration with the same speed. Components of the perturbation that ideal
+    joints forbid are dropped, but joints that close a loop are not taken into account.
 
     - `radii`: pairs of a body's name and its radius of gyration, m.
     """
@@ -58,9 +58,9 @@ class _Push:
 def disturbance(scene: Scene) -> Parameter:
     """Return the size of a perturbation of the initial velocities, m/s, as a parameter.
 
-    Its value is zero; derivatives by it show how small differences grow. The stabilisation of
-    drivers and of joints in closed loops reduces the perturbation during the run, because it may
-    violate their constraints.
+    Its value is zero; derivatives by it show how small differences grow. The perturbation may
+    violate the constraints of drivers and of joints that close a loop. The stabilisation of these
+    constraints then reduces the perturbation during the run.
     """
     return Parameter.change(_Push(tuple(radii_of_gyration(scene).items())), 0.0, unit="m/s")
 
@@ -89,7 +89,8 @@ def penetrations(scene: Scene) -> dict[str, Quantity]:
 
 
 def sizes(derivatives: Mapping[str, np.ndarray], names: Mapping[str, Quantity]) -> np.ndarray:
-    """Return root mean square displacements (T, p), m, at T times, per unit of p parameters.
+    """Return the root mean square displacement of all points, (T, p) m, at T times, per unit of
+    each of p parameters.
 
     **Arguments:** `derivatives`: by name, derivatives (T, p) of quantities by the parameters;
     `names`: the quantities returned by `points`, whose names select the derivatives.
@@ -115,10 +116,11 @@ def rate(times: np.ndarray, size: np.ndarray, since: float) -> float:
 
 
 def radii_of_gyration(scene: Scene) -> dict[str, float]:
-    """Return the root mean square distance of each body's mass from its centre, m, by name.
+    """Return the radius of gyration of each body, m, by name.
 
-    The trace of the inertia is twice the integral of the squared distance over the mass.
+    It is the root mean square distance of the body's mass from the centre of mass.
     """
+    # The trace of the inertia is twice the integral of the squared distance over the mass.
     radii = {}
     for name, body in scene.bodies.items():
         inertia = np.asarray(body.inertia)

@@ -1,12 +1,12 @@
 """Fisher information of independent samples with normal noise about parameters.
 
-For p parameters the information is F = J^T J, with the derivatives J (rows, p) of all samples in
-units of their noise. The inverse of F bounds the covariance of every unbiased estimate (Cramér and
-Rao), and it is the covariance of least squares for small noise. Computing F would lose half of the
-digits, and with them combinations that the data hardly determine. Functions here therefore take a
-root R (p, p) with R^T R = F, which follows from a QR decomposition of J. An argument `roots` may be
-a stack (..., r, p) of roots, each with any number r >= p of rows. Parameters are given by
-coordinates, their values on scales such as a logarithm.
+For p parameters the information is F = J^T J, with the derivatives J (N, p) of N samples, divided
+by the standard deviations of their noise. The inverse of F bounds the covariance of every unbiased
+estimate (Cramér and Rao), and it is the covariance of least squares for small noise. Computing F
+would lose half of the digits, and with them combinations that the data hardly determine. Most
+functions here therefore take a root R (p, p) with R^T R = F, which follows from a QR decomposition
+of J. An argument `roots` may be a stack (..., r, p) of roots, each with any number r >= p of rows.
+Parameters are given by coordinates, their values on scales such as a logarithm.
 """
 
 from collections.abc import Sequence
@@ -16,8 +16,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 SMALL_WEIGHT, SMALL_SHARE = 0.02, 0.1
-"""The description of a combination omits parameters whose weight is less than `SMALL_WEIGHT` times
-the largest one, unless the combination contributes more than `SMALL_SHARE` of their variance."""
+"""The description of a combination omits parameters whose absolute weight is less than
+`SMALL_WEIGHT` times the largest one, unless the combination contributes more than `SMALL_SHARE` of
+their variance."""
 
 
 def root_of(rows: Float[np.ndarray, "N p"]) -> Float[np.ndarray, "p p"]:
@@ -31,14 +32,15 @@ def root_of(rows: Float[np.ndarray, "N p"]) -> Float[np.ndarray, "p p"]:
 
 
 def roots_over(rows: Float[np.ndarray, "N p"], ends: Sequence[int]) -> Float[np.ndarray, "T p p"]:
-    """Return roots (T, p, p) of the information of the first rows, for T numbers of rows.
+    """Return roots (T, p, p) of the information of the first n rows, for each of T numbers n.
 
-    They tell how the accuracy of estimates improves with the length of a record.
+    For rows in order of time, they tell how the accuracy of estimates improves with the length of a
+    record.
 
-    **Arguments:** `rows`: (N, p) derivatives; `ends`: the T numbers of rows, rising.
+    **Arguments:** `rows`: (N, p) derivatives; `ends`: the T numbers n, rising.
     """
-    # The root of the rows so far and the new rows have the same information as all rows, so that
-    # each row enters only one decomposition.
+    # The root of the rows so far, together with the new rows, has the same information as all these
+    # rows, so that each row enters only one decomposition.
     root, start = np.zeros((rows.shape[1],) * 2), 0
     roots = []
     for end in ends:
@@ -55,8 +57,8 @@ def deviations_together(
 
     A combination of parameters is undetermined if its singular value is at most `accuracy` times
     the largest one, with the columns of the root scaled to unit length. The bound is infinite for a
-    parameter whose component in such a combination, a unit vector, exceeds the square root of
-    `accuracy`.
+    parameter whose component in the unit vector of such a combination exceeds the square root of
+    `accuracy` in absolute value.
 
     **Arguments:** `roots`: roots (..., r, p) of the information; `accuracy`: relative error of the
     derivatives.
@@ -81,13 +83,17 @@ def correlation_together(
 def _parts_together(
     roots: Float[np.ndarray, "*T r p"], accuracy: float
 ) -> Float[np.ndarray, "*T k p"]:
-    """Return the parts (..., k, p) of the bounds in `deviations_together`, of which these are the
-    norms over the k = min(r, p) singular directions."""
+    """Return the contributions (..., k, p) of k = min(r, p) singular directions to the bounds.
+
+    The bound of a parameter in `deviations_together` is the norm of its k contributions.
+
+    **Arguments:** as for `deviations_together`.
+    """
     # Columns of unit length make the test independent of the units of the parameters.
     lengths, values, directions = _equilibrated(roots)
     negligible = _negligible(values, accuracy)[..., None]
-    # A parameter is undetermined only if its part in an undetermined direction exceeds the error
-    # of that direction. The others have finite bounds, from the determined directions.
+    # A parameter is undetermined only if its component in an undetermined direction exceeds the
+    # error of that direction. Other parameters have finite bounds, from the determined directions.
     parts = directions / np.where(negligible, 1.0, values[..., None])
     parts = np.where(
         negligible, np.where(np.abs(directions) > np.sqrt(accuracy), np.inf, 0.0), parts
@@ -131,14 +137,16 @@ def condition(roots: Float[np.ndarray, "*T r p"]) -> np.ndarray:
 def covariance(rows: Float[np.ndarray, "N p"], floor: float = 0.0) -> Float[np.ndarray, "p p"]:
     """Return the covariance (p, p) of estimates of the parameters, the inverse of F.
 
-    **Arguments:** `rows`: derivatives (N, p), N >= p, or a root (p, p); `floor`: smallest singular
-    value relative to the largest, for columns of unit length. Smaller ones are raised to this
-    value, so that the covariance is finite. With zero, the covariance of a singular F is useless:
-    its elements are infinite, NaN or dominated by rounding errors.
+    **Arguments:** `rows`: derivatives (N, p), N >= p, or a root (p, p); `floor`: lower limit of the
+    singular values, relative to the largest one, with the columns of `rows` scaled to unit length.
+    Smaller singular values are raised to this limit, so that the covariance is finite. With a limit
+    of zero, the covariance of a singular F is useless: its elements are infinite, NaN or dominated
+    by rounding errors.
     """
     lengths, values, directions = _equilibrated(rows)
-    # The largest singular value is at least 1 unless all columns are zero; 1 replaces it then.
-    # Likewise, a column of zeros gets a length relative to the longest column, or to 1.
+    # The largest singular value is at least 1, unless all columns are zero; the limit is then
+    # relative to 1. A column of zeros gets the length `floor` times that of the longest column, or
+    # times 1 if all columns are shorter than 1.
     values = np.maximum(values, floor * max(values[0], 1.0))
     lengths = np.where(lengths > 0.0, lengths, floor * max(lengths.max(), 1.0))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -184,7 +192,8 @@ class Combination:
         signed = self.weights * np.sign(self.weights[order[0]])
         text = ""
         for k in order.tolist():
-            # A determined parameter has an infinite share of a sum that is not determined.
+            # An infinite share does not count: it is that of a determined parameter in a sum that
+            # is not determined.
             if abs(signed[k]) >= SMALL_WEIGHT or SMALL_SHARE < self.shares[k] < np.inf:
                 size = f"{abs(signed[k]):.2g} "
                 joint = (" - " if signed[k] < 0.0 else " + ") if text else ""
@@ -235,7 +244,7 @@ def _equilibrated(
 def _negligible(values: Float[np.ndarray, "*T k"], accuracy: float) -> Bool[np.ndarray, "*T k"]:
     """Return whether singular values are negligible, (..., k).
 
-    The data don't determine the combinations of parameters that belong to them.
+    The data don't determine a combination of parameters whose singular value is negligible.
 
     **Arguments:** `values`: (..., k) singular values, the largest first; `accuracy`: relative error
     of the derivatives.

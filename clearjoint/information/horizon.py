@@ -1,18 +1,19 @@
 """Longest record that a fit by a single run can use.
 
-Such a fit compares all samples with one run from the initial state, and searches the parameters for
-which they agree. Small differences grow from impact to impact. This growth increases the effect
-of parameters on the data, but it limits a fit in two ways. If the record is long enough, the run of
-a wrong guess has another sequence of impacts than the data, and the fit may end in wrong
-parameters. In longer records, integration errors grow until a run differs from the true motion
-for its parameters.
+Such a fit compares all samples with one run from the initial state, and searches for the parameters
+for which they agree. Small differences grow from impact to impact. This growth increases the effect
+of parameters on the data, but it limits a fit in two ways. First, from some length of the record
+on, the run of a wrong guess has another sequence of impacts than the data, and the fit may end in
+wrong parameters. Second, integration errors grow until the computed run differs from the true
+motion for the same parameters.
 
-The first limit is found by a test of whether a fit can descend from a wrong guess to the truth. Its
-path is the straight line from the guess to the truth, in the parameters' coordinates. If the misfit
-of the outputs rises somewhere along this line towards the truth, a local minimum or a ridge may
-stop the fit. The slope of the misfit along the path is r^T J d, with the residuals r and their
-derivatives J at a point of the path, and the direction d. It is a sum over samples, so its
-cumulative sums are the slopes for records of every length.
+The first limit is found by a test of whether a fit can descend from a wrong guess to the truth. The
+path of the fit is assumed to be the straight line from the guess to the truth, in the parameters'
+coordinates. If the misfit of the outputs rises somewhere along this line towards the truth, a local
+minimum or a ridge may stop the fit. The slope of the misfit along the path is r^T J d, with the
+residuals r and their derivatives J at a point of the path, and the direction d from the truth to
+the guess. It is a sum over samples, so its cumulative sums are the slopes for records of every
+length.
 """
 
 import itertools
@@ -45,8 +46,9 @@ from .analysis import (
 from .fisher_information import aligned, number, percent
 
 LOOSER = 10.0
-"""Tolerance of the run with which the main run is compared to estimate its error, relative to that
-of the main run. A smaller tolerance than that of the main run might be below rounding errors."""
+"""Ratio of the tolerance of a second run to that of the main run. The difference between the two
+runs estimates the error of the main run. A second run with a smaller tolerance than the main run
+might be dominated by rounding errors."""
 PATH_POINTS = 4
 """Number of points between the truth and a wrong guess, including the guess, at which the slope of
 the misfit is computed."""
@@ -142,8 +144,9 @@ class FitHorizon:
     def warn_if_beyond(self, time: float) -> None:
         """Warn, with a `UserWarning`, if a record ends at `single_shot` or later.
 
-        The warning names each limit that the record reaches, in ms, and suggests fitting a part of
-        the record before the smaller limit first, and then longer parts (`grow` of `identify`).
+        The warning names each limit that the record reaches, in ms. It suggests fitting first a
+        part of the record that ends before the smaller limit, and then longer parts (`grow` of
+        `identify`).
 
         **Arguments:** `time`: s, time of the record's last sample.
         """
@@ -202,7 +205,8 @@ class FitHorizon:
 
 
 def _until(time: float) -> str:
-    """Return text on the end of a record, s: "up to" the time in ms, "to the end" if infinite."""
+    """Return a limit of the record's length, s, as text: "up to" the time in ms, or "to the end" if
+    it is infinite."""
     return "to the end" if np.isinf(time) else f"up to {1e3 * time:.4g} ms"
 
 
@@ -221,10 +225,10 @@ def fit_horizon(
     The parameters' values are taken as the truth. Two runs with these values, one of them with ten
     times the tolerance, estimate the integration error. For each of several wrong guesses, four
     more runs, at the guess and at points between it and the truth, test whether the misfit falls
-    all the way. If one of these runs fails, the misfit of records beyond that time counts as
-    rising. There are two guesses for each parameter, too large and too small. With two parameters
-    there are four more with both of them wrong, and with more parameters eight with all of them
-    wrong.
+    all the way. If one of these runs fails, the misfit of records that end after the failure counts
+    as rising. There are two guesses for each parameter, too large and too small. With two
+    parameters there are four more with both of them wrong, and with more parameters eight with all
+    of them wrong.
 
     **Arguments:**
 
@@ -341,12 +345,13 @@ def _weights(sensors: Mapping[str, Sensor], times: np.ndarray) -> dict[str, np.n
 def _near(
     run: Sensitivities, reference: Sensitivities, outputs: Mapping[str, Quantity]
 ) -> Sensitivities:
-    """Return a run whose values of outputs with a period, such as angles, are the nearest to those
-    of a reference run, among all values that differ by whole periods.
+    """Return a copy of a run with its periodic outputs, such as angles, near to a reference run.
 
-    The residuals of a fit are differences modulo the period too.
+    Each value is shifted by the number of whole periods that makes it nearest to the value of the
+    reference run. The residuals of a fit are differences modulo the period too.
 
-    **Arguments:** `run`: it may have ended early; `reference`: a run over the whole record.
+    **Arguments:** `run`: run, which may have ended early; `reference`: run over the whole record;
+    `outputs`: outputs of both runs by name.
     """
     values = dict(run.values)
     for name, output in outputs.items():
@@ -362,7 +367,8 @@ def _errors(
     """Return bounds (T,) of the errors of a run's values, and of its derivatives by the parameters.
 
     The error of the values is in units of the noise, the largest of all outputs. The error of the
-    derivatives is relative, the largest of all parameters.
+    derivatives is the norm of their errors over the record up to each time, relative to the norm of
+    the derivatives themselves, the largest of all parameters.
 
     **Arguments:** `loose`: the same run with a larger tolerance, whose errors are much larger;
     `weights`: weights (T,) of the outputs by name, the inverse of the noise; `p`: number of
@@ -385,8 +391,9 @@ def _errors(
 def offsets(uncertainty: Float[np.ndarray, " p"]) -> Iterator[Float[np.ndarray, " p"]]:
     """Yield the offset of each wrong guess from the truth, (p,), in the parameters' coordinates.
 
-    Each parameter is wrong alone, in both directions. Then all are wrong together, in all
-    combinations of signs for up to three parameters and in eight random ones for more.
+    Each parameter is wrong alone, in both directions. If there are several parameters, all are then
+    wrong together: in all combinations of signs for two or three parameters, in eight random
+    combinations for more.
 
     **Arguments:** `uncertainty`: (p,) largest error of each coordinate.
     """
@@ -473,5 +480,6 @@ def blocked_records(
 
 
 def _first(times: np.ndarray, where: np.ndarray) -> float:
-    """Return the first of the times (T,) at which `where` (T,) is true; infinite without one."""
+    """Return the first of `times`, (T,), at which `where`, (T,), is true; infinite if there is
+    none."""
     return float(times[np.argmax(where)]) if where.any() else np.inf

@@ -13,19 +13,19 @@ import jax.numpy as jnp
 from .vectors import Scalar
 
 NEWTON_STEPS = 4
-"""Number of Newton steps in `hermite_root`. The number of digits doubles in each, once it is near
-the root."""
+"""Number of Newton steps in `hermite_root`. Once the position is near the root, each step doubles
+the number of correct digits."""
 TINY = 1e-200
-"""Coefficient of x^2 below which a parabola counts as a straight line. It is so small that
-in practice only a zero is replaced, which cannot be a divisor."""
+"""Absolute value up to which the coefficient of x^2 of a parabola is replaced by this number in
+`Parabola.part_below`. In practice only a zero is replaced, which cannot be a divisor."""
 SECANT_STEPS = 4
 """Number of evaluations in `secant_root`. It is fixed, since there are no loops at run time."""
 REFINEMENTS = 3
 """Number of evaluations in `highest`."""
 MARGIN = 0.05
 """Smallest distance of a new evaluation in `highest` from the outer two of three points, relative
-to the distance between these two. Slopes are divided by it later, and rounding errors would be
-large for a smaller one."""
+to the distance between these two. Later, differences of values are divided by the distances of the
+points, and their rounding errors would be large for a smaller distance."""
 GUESS_MARGIN = 0.1
 """Smallest distance of the first evaluation in `highest_after` from the ends of the interval,
 relative to its length. It is larger than `MARGIN`, because the position is extrapolated."""
@@ -256,14 +256,15 @@ def _cubic_vertex(before: Point, first: Point, middle: Point, last: Point) -> Sc
     """Return the approximate position x of the maximum of the cubic through four points in order
     of x.
 
-    The maximum is sought among the last three points, by a Newton step from the maximum of the
-    parabola through them. If the cubic does not bend downwards there, the result is that of
-    `vertex` for the parabola.
+    The maximum is sought between `first` and `last`, by a Newton step from the maximum of the
+    parabola through the last three points. If the cubic does not bend downwards there, the result
+    is that of `vertex` for the parabola.
     """
     x = vertex(first, middle, last)
     bend = _bend(first, middle, last)
     # In Newton's form, the cubic is the parabola plus twist (x - first)(x - middle)(x - last). The
-    # first and second derivative of the cubic at x follow, where the parabola's slope is zero.
+    # first and second derivative of the cubic at x follow. The parabola's slope at x is taken as
+    # zero, which is exact if its maximum is between `first` and `last`.
     twist = (bend - _bend(before, first, middle)) / _positive(last.x - before.x)
     a, b, c = x - first.x, x - middle.x, x - last.x
     slope = twist * (a * b + b * c + c * a)
@@ -285,12 +286,13 @@ def highest(
     """Estimate the maximum of a function between the first and the last of three points.
 
     The function is evaluated `REFINEMENTS` times, by successive parabolic interpolation (R. Brent,
-    Algorithms for Minimization without Derivatives, 1973, ch. 5).
+    Algorithms for Minimization without Derivatives, 1973, ch. 5). After each evaluation, three of
+    the four points are kept: the higher one of the two inner points, and its neighbours.
 
     **Arguments:** `value_at`: function of x; `first`, `middle`, `last`: points of the function in
-    order of x. If `middle` is lower than an end, this end may be dropped from the search.
+    order of x. If `middle` is lower than `first` or `last`, that end may be dropped.
 
-    **Returns:** the highest of the points that are kept. Its value is one of the function's values,
+    **Returns:** the highest of the last three points. Its value is one of the function's values,
     because the maximum of a parabola would be too large at a kink.
     """
     for count in reversed(range(REFINEMENTS)):
@@ -333,6 +335,9 @@ def _slope(first: Point, second: Point) -> Scalar:
 
 
 def _positive(length: Scalar) -> Scalar:
-    """Return a distance of two points to divide a difference of their values by, or 1 if it is
-    zero. Such points are equal, so that the quotient is zero instead of NaN."""
+    """Return the distance of two points in x, or 1 if it is zero, for use as a divisor.
+
+    Points at zero distance are equal, so that the quotient of the difference of their values and
+    the result is zero instead of NaN.
+    """
     return jnp.where(length > 0.0, length, 1.0)

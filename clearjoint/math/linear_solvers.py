@@ -115,11 +115,11 @@ class AbstractSolver:
     """
 
     def significant(self, row: Sequence[Scalar]) -> list[Scalar]:
-        """Return a row of D without entries that this solver takes for rounding errors.
+        """Return a row of D, with zeros in place of entries that the solver takes for rounding
+        errors.
 
-        It is called for each row of D before the matrix is computed from the results. By default
-        the row is returned unchanged; a solver for singular matrices puts zeros in place of such
-        entries.
+        This method is called for each row of D before the matrix is computed from the results. By
+        default it returns the row unchanged. A solver for singular matrices overrides it.
         """
         return list(row)
 

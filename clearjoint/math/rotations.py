@@ -79,7 +79,7 @@ def conjugate(p: EulerParameters) -> EulerParameters:
 
 
 def normalised(p: EulerParameters) -> EulerParameters:
-    """Return Euler parameters, of which one at least is not zero, divided by their norm.
+    """Return Euler parameters divided by their norm, which must not be zero.
 
     >>> p = extend.normalised(extend.EulerParameters(2.0, 0.0, 0.0, 0.0))
     >>> print(f"{p.e0:.1f}")
@@ -91,7 +91,7 @@ def normalised(p: EulerParameters) -> EulerParameters:
 
 NORM_DRIFT = 1e-6
 """Error of the squared norm of Euler parameters up to which `kept_unit` leaves them unchanged. The
-correction is exact to first order; of an error of this size it leaves about 1e-13."""
+correction is exact to first order: it reduces an error of this size to 2.5e-13."""
 
 
 def kept_unit(p: EulerParameters) -> EulerParameters:
@@ -154,8 +154,9 @@ def _sign(a: Scalar) -> Scalar:
 
 
 SMALL = 1e-4
-"""Squared sine up to which `_angle_over_sine` uses a series. `_curvature` uses one up to a squared
-angle of 100 times this number. The errors of both series are below rounding errors."""
+"""Squared sine below which `_angle_over_sine` uses a series for an acute angle. `_curvature` uses
+another series for squared angles below 100 times this number. The errors of both series are below
+rounding errors."""
 TINY = 1e-200
 """Squared sine up to which the sine counts as zero."""
 
@@ -199,12 +200,12 @@ def rotation_vector(rotation: Matrix) -> RotationVector:
 
     The matrix transforms components in the rotated frame to components in the fixed frame.
 
-    At exactly half a revolution, the direction of the vector is not defined, and the result is
-    zero.
+    At exactly half a revolution, two opposite vectors describe the same rotation, and the `vector`
+    of the result is zero instead.
     """
     x, y, z = rotation.rows
-    # The antisymmetric part of the matrix is that of sine times axis, and the trace is
-    # 1 + 2 cosine.
+    # The antisymmetric part of the matrix is the cross-product matrix of sine times axis, and the
+    # trace is 1 + 2 cosine.
     sine_vector = Vector(z.y - y.z, x.z - z.x, y.x - x.y) * 0.5
     cosine = 0.5 * (x.x + y.y + z.z - 1.0)
     squared_sine = sine_vector.dot(sine_vector)

@@ -90,7 +90,11 @@ def multiply(a: Scalar, b: Scalar) -> Scalar:
 
 
 def square_root(a: Scalar) -> Scalar:
-    """Return the square root, as a number of Python, NumPy or JAX like the argument."""
+    """Return the square root of a number that is not negative.
+
+    It is a Python float for numbers of Python and for NumPy's float64, otherwise a number or array
+    of NumPy or JAX like the argument.
+    """
     return math.sqrt(a) if isinstance(a, int | float) else library((a,)).sqrt(a)
 
 

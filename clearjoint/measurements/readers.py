@@ -44,7 +44,7 @@ class Channel:
 
     **Arguments:**
 
-    - `quantity`: a scalar function of an `Instant`, the scene and its motion at one time, such as
+    - `quantity`: a scalar function of an `Instant` (the scene with its motion at one time), such as
       those of `clearjoint.quantities`.
     - `noise`: standard deviation of the samples in the column's unit: a number, or one for each
       row. ``None`` takes the `noise` argument of the reader.
@@ -114,7 +114,7 @@ def read_csv(
     missing: Missing = "refuse",
     **options: Any,
 ) -> Measurements:
-    """Read measurements from a CSV file with a header; the file may be compressed.
+    """Read measurements from a CSV file with a header.
 
     This example reads the columns "t [ms]" and "probe x [um]", and converts values to SI units:
 
@@ -124,6 +124,7 @@ def read_csv(
 
     **Arguments:**
 
+    - `path`: path of the file, which may be compressed.
     - `channels`: `Channel` by name of the column. A header may contain the unit: "probe x [mm]" is
       the column "probe x".
     - `time`, `time_unit`: name of the column of times, and its unit if the header has none.
@@ -134,13 +135,13 @@ def read_csv(
 
     **Returns:** `Measurements` whose series have the names of the columns.
 
-    **Raises:** `ValueError` for a file that is empty, in another encoding than UTF-8 or the option
-    `encoding`, or whose rows have more fields than its header; for a missing or repeated column;
-    for a column without a unit, with an unknown unit or one of another dimension, or with another
-    unit than its channel; for samples that are not finite numbers, unless they are dropped, and for
-    dates and truth values; for a column without samples; for times that are not finite or don't
-    rise strictly; for noise that is missing, not positive or of another length; for an unknown
-    `missing`; and for an empty `channels`. `OSError` for a file that does not exist.
+    **Raises:** `ValueError` for a file that is empty, that is not in UTF-8 (or in the encoding of
+    the option `encoding`), or whose rows have more fields than its header; for a missing or
+    repeated column; for a column without a unit, with an unknown unit or one of another dimension,
+    or with another unit than its channel; for samples that are not finite numbers, unless they are
+    dropped, and for dates and truth values; for a column without samples; for times that are not
+    finite or don't rise strictly; for noise that is missing, not positive or of another length; for
+    an unknown `missing`; and for an empty `channels`. `OSError` for a file that does not exist.
 
     >>> import pandas as pd
     >>> table = pd.DataFrame({"t [ms]": [0, 1], "probe x [um]": [1.0, 2.0]})
@@ -177,6 +178,7 @@ def function_from_csv(
 
     **Arguments:**
 
+    - `path`: path of the file, which may be compressed.
     - `column`: name of the column of values. A header may contain its unit, "torque [N cm]".
     - `unit`: SI unit of the function, to which values are converted; also the unit of a column
       whose header has none.
@@ -186,10 +188,11 @@ def function_from_csv(
 
     **Returns:** a function of time of the type `kind`, with times in s and values in `unit`.
 
-    **Raises:** `ValueError` for a file that can't be read as in `read_csv`, a missing or repeated
-    column, fewer than two rows, values or times that are not finite numbers, dates and truth
-    values, times that don't rise strictly, and an unknown unit or one of another dimension;
-    `OSError` for a file that does not exist.
+    **Raises:** `ValueError` for a file that is empty, in another encoding, or whose rows have more
+    fields than its header, as in `read_csv`; for a missing or repeated column, fewer than two rows,
+    values or times that are not finite numbers, dates and truth values, times that don't rise
+    strictly, and an unknown unit or one of another dimension. `OSError` for a file that does not
+    exist.
 
     >>> import pandas as pd
     >>> table = pd.DataFrame({"t [ms]": [0, 100], "torque [N cm]": [0.0, 250.0]})
@@ -321,8 +324,8 @@ def _read(path: str | Path, options: dict[str, Any]) -> "pd.DataFrame":
 
 
 def _split(header: Hashable) -> tuple[str, str | None]:
-    """Return the name and the unit of a header such as "x [mm]"; without brackets, the unit is
-    ``None``."""
+    """Return the name and the unit of a header such as "x [mm]"; the unit is ``None`` if the header
+    does not end with brackets."""
     name, bracket, rest = str(header).strip().rpartition("[")
     if not bracket or not rest.endswith("]"):
         return str(header).strip(), None
@@ -338,8 +341,8 @@ def _times(column: _Column, unit: str) -> np.ndarray:
 
     **Arguments:** `unit`: unit of the times if the table has none.
 
-    **Raises:** `ValueError` for times that are not finite or don't rise strictly, and for a unit
-    that is not one of time.
+    **Raises:** `ValueError` for times that are not finite or don't rise strictly, for dates and
+    truth values, and for a unit that is not one of time.
     """
     times = column.numbers()
     column.require_each(np.isfinite(times), "a finite number", "complete the times")
@@ -362,8 +365,9 @@ def _series(
     **Arguments:** `name`: name of the column; `channel`: its quantity, noise and unit; `column`:
     its values; `times`: (rows,) s; `noise`, `missing`: arguments of the reader.
 
-    **Raises:** `ValueError` for an unknown `missing`, for invalid rows or noise, and for a column
-    whose unit is unknown or is not the channel's.
+    **Raises:** `ValueError` for an unknown `missing`, for invalid rows or noise, for a column
+    without samples, and for a unit that is missing, unknown, of another dimension than the
+    quantity, or not the channel's.
     """
     known = ("refuse", "drop")
     require(missing in known, "missing", missing, f"one of {known}", "name one of them")
@@ -381,7 +385,8 @@ def _series(
         expected, remedy = f"of shape {valid.shape}", "pass one number, or one for each row"
         require(np.shape(deviation) == valid.shape, "noise", np.shape(deviation), expected, remedy)
         deviation = np.asarray(deviation)[valid]
-    # The unit of the table is taken first, and must then be the channel's, if that has one too.
+    # The unit is that of the table, or of the channel if the table has none. If both have one, the
+    # two must be equal.
     unit = channel.unit if column.unit is None else column.unit
     if unit is None:
         raise ValueError(

@@ -27,10 +27,12 @@ if TYPE_CHECKING:
 LONGEST = 100
 """Largest number of characters in a unit."""
 LARGEST_POWER = 1000
-"""Largest product of the magnitudes of all powers in a unit; of a fraction, the numerator counts.
-Without a limit, pint would compute integers that exhaust the memory."""
+"""Largest product of the absolute values of all exponents in a unit. Of a fraction such as 3/2,
+only the numerator counts, and a factor below 1 counts as 1. Without this limit, pint would compute
+integers that exhaust the memory."""
 POWER = re.compile(r"\*\*\(?[+-]?(\d{1,2}(?:\.\d*)?)(?:/\d{1,2})?(?!\d)\)?")
-"""A power with a small exponent, such as "**2" or "**(-1/2)"."""
+"""A power whose exponent has at most two digits before the decimal point, or is a fraction of such
+numbers: "**2" or "**(-1/2)"."""
 # The remedy in error messages about a unit.
 SPELLING = 'write for example "mm", "deg", "N m", "m/s^2", "g_0" or "1"'
 
@@ -82,10 +84,11 @@ def _pint_unit(
     from pint.util import string_preprocessor
 
     # Units come from headers of files, so pint's parser must not be given an expression that takes
-    # it very long. Only powers with small exponents are accepted, and no powers of powers: pint's
-    # preprocessor writes every power with "**", and after every accepted power has become "#",
-    # neither "##" nor "**" may be left. In the product, a power below 1 counts as 1, so that it
-    # does not compensate for a large one.
+    # it very long. Only powers with small exponents are accepted, and no power directly after
+    # another: pint's preprocessor writes every power with "**", and after every accepted power has
+    # become "#", neither "##" nor "**" may be left. Exponents of nested powers, as in (m**2*s)**2,
+    # multiply, so their product is limited. In it, an exponent below 1 counts as 1, so that it does
+    # not compensate for a large one.
     require(len(unit) <= LONGEST, argument, unit, f"at most {LONGEST} characters", SPELLING)
     plain = string_preprocessor(unit).replace(" ", "")
     powers = POWER.findall(plain)
@@ -112,23 +115,24 @@ class Series(AbstractReadable):
 
     **Arguments:**
 
-    - `channel`: the measured quantity, a scalar function of an `Instant`, which is the scene with
-      its motion at one time: one of `clearjoint.quantities` or a user-defined function. If it has a
-      `period`, such as 2 pi for an angle, residuals are taken modulo the period.
+    - `channel`: the measured quantity, one of `clearjoint.quantities` or a user-defined function.
+      It is a scalar function of an `Instant`, the scene with its motion at one time. If the channel
+      has an attribute `period`, such as 2 pi for an angle, residuals are taken modulo the period.
     - `times`: (N,) s, strictly rising.
     - `values`: (N,) in `unit`.
     - `noise`: standard deviation of the samples in `unit`: a number, or (N,).
-    - `unit`: unit of `values` and `noise`, any that pint knows; by default that of the channel. It
-      is required for a user-defined function, which has no unit; the function must return values
-      in the SI unit of the same dimension.
+    - `unit`: unit of `values` and `noise`, any that pint knows; by default the unit of the channel.
+      It is required for a channel without an attribute `unit`, such as a plain function, which must
+      return values in the SI unit of the same dimension.
     - `name`: name of the series in error messages.
 
     The attributes `values` and `noise` (N,) are in SI, and `unit` is the SI unit.
 
-    **Raises:** `ValueError` for shapes that differ, a series without samples, numbers that are not
-    finite, times that don't rise strictly, noise that is not positive, a unit that is unknown,
-    missing or of another dimension than the channel's, and a channel that is not a function. If
-    JAX traces any of the numbers, only the unit and the channel are checked.
+    **Raises:** `ValueError` for shapes other than these, a series without samples, numbers that are
+    not finite, times that don't rise strictly, noise that is not positive, a channel that is not a
+    function, and a unit that is missing, or that `to_si` refuses: for example one that is unknown
+    or of another dimension than the channel's. If JAX traces any of the numbers, only the unit and
+    the channel are checked.
 
     >>> angle = cj.quantities.JointAngle("elbow")
     >>> series = cj.Series(angle, [0.0, 0.1], [90.0, 91.0], noise=0.5, unit="deg")
@@ -227,9 +231,10 @@ class Series(AbstractReadable):
         return difference / noise
 
     def with_noise(self, generator: np.random.Generator) -> "Series":
-        """Return a copy with normally distributed noise, of standard deviation `noise`, added.
+        """Return a copy with values to which normally distributed noise has been added, with the
+        standard deviation `noise`.
 
-        From a series of predicted values this makes synthetic measurements.
+        Applied to a series of predicted values, it gives synthetic measurements.
 
         **Arguments:** `generator`: source of the random numbers.
         """
@@ -237,7 +242,8 @@ class Series(AbstractReadable):
         return self._of(self.times, drawn, self.noise)
 
     def between(self, start: float, end: float) -> "Series | None":
-        """Return the samples with start <= time < end, s, or ``None`` if there are none."""
+        """Return a series of the samples with start <= time < end, s, or ``None`` if there are
+        none."""
         inside = (self.times >= start) & (self.times < end)
         if not inside.any():
             return None
@@ -266,7 +272,7 @@ class Measurements(AbstractReadable):
 
     **Arguments:** `series`: a dictionary of `Series`, at least one; their times may differ.
 
-    **Raises:** `ValueError` for an empty dictionary, for names that are not non-empty strings, and
+    **Raises:** `ValueError` for an empty dictionary, for a name that is empty or not a string, and
     for an entry that is not a `Series`.
 
     >>> angle = cj.quantities.JointAngle("elbow")
@@ -292,7 +298,7 @@ class Measurements(AbstractReadable):
         return np.unique(np.concatenate([series.times for series in self.series.values()]))
 
     def between(self, start: float, end: float) -> "Measurements":
-        """Return the measurements with only the samples with start <= time < end, s.
+        """Return measurements that contain only the samples with start <= time < end, s.
 
         Adjacent windows share no samples. Series without samples in the window are left out.
 
@@ -307,11 +313,12 @@ class Measurements(AbstractReadable):
         return Measurements(inside)
 
     def check(self, scene: Scene) -> None:
-        """Check that a scene has the bodies and joints that the channels name.
+        """Check that a scene has the elements that the channels name, such as bodies and joints.
 
         A channel that is a plain function is not checked.
 
-        **Raises:** `ValueError` that names the series and lists the known names.
+        **Raises:** `ValueError` if an element is missing. The message names the series, and lists
+        the names that the scene has.
         """
         for name, series in self.series.items():
             check_quantity(f"Series {name!r}", series.channel, scene)
@@ -325,8 +332,9 @@ class Measurements(AbstractReadable):
         """Return an `xarray.Dataset` with the series by name, and with the noise of each series as
         "<name>_noise", both in SI units.
 
-        The dimension of all variables is "time", s, if all series have the same times; otherwise it
-        is "<name>_time".
+        If all series have the same times, the dimension of all variables is "time". If not, each
+        series and its noise have a dimension of their own, "<name>_time". The times, s, are the
+        coordinate of a dimension.
 
         **Raises:** `ValueError` if the name of a series is also that of a dimension or of a noise.
         """

@@ -16,10 +16,12 @@ from .scene import Scene
 from .survey import survey
 
 TOLERANCE = 1e-6
-"""Tolerance of `satisfies_joints`. It limits the sine of the angle between the two axes of a joint,
-and the ratio of the distance between its two points to a length: the larger of the points'
-distances from their bodies' centres of mass (on the ground, from the origin), but at least 1 mm. It
-is far above rounding errors, and far below common clearances over the size of a body."""
+"""Tolerance of `satisfies_joints` for the sine of the angle between the two axes of a joint, and
+for the distance between its two points divided by a length.
+
+The length is the larger of the distances of the two points from the centres of mass of their bodies
+(on the ground, from the origin), but at least 1 mm. The tolerance is far above rounding errors, and
+far below the usual ratio of a clearance to the size of a body."""
 Pose: TypeAlias = tuple[np.ndarray, Rotation]
 """Position of a body's centre of mass, (3,) m in global axes, and rotation from body to global
 axes."""
@@ -31,16 +33,18 @@ def arranged_state(scene: Scene, given: State | None = None, angle: float = 0.0)
     Each joint places the next body, at rest, such that the two points of the joint coincide. The
     body's axes are parallel to those of the body before it, or turned by the smallest rotation that
     makes the axes of the joint parallel. The points and axes of a joint, one on each of its bodies,
-    are those at which its method `draw` draws it. Bodies that no chain of joints connects with the
-    ground start a chain of their own, whose first body is at the origin, parallel to the global
-    axes.
+    are those at which its method `draw` draws it. Joints that are drawn without such a pair of
+    points, such as a massless rod (`DistanceJoint`) or a pair of gears, are not used. Bodies that
+    no chain of the other joints connects with the ground start a chain of their own, whose first
+    body is at the origin, parallel to the global axes.
 
     A joint between two bodies that already have a place is not used, so that a closed chain of
     bodies may stay open at one of its joints: see `satisfies_joints`.
 
     **Arguments:**
 
-    - `given`: state of some of the scene's bodies, which keep it.
+    - `given`: state of some of the scene's bodies, which is kept together with its entry speeds,
+      work and bristles; none by default.
     - `angle`: rad, by which the first joint is turned about its axis. The angle of each further
       joint is -1.3 times that of the one before; a joint without an axis is not turned, but counts.
       With the default, zero, the links of a planar chain are parallel, which may be a singular
@@ -68,12 +72,13 @@ def arranged_state(scene: Scene, given: State | None = None, angle: float = 0.0)
 
 
 def satisfies_joints(scene: Scene, state: State) -> bool:
-    """Return whether the points and axes of all joints fit together, also those that close loops.
+    """Return whether the points and axes of all joints fit together, including joints that close
+    loops.
 
-    The two points of each joint (see `arranged_state`) must coincide, and its two axes must be
-    parallel in either sense, within the tolerance `TOLERANCE`. The points of a sliding joint must
-    coincide too, although its block may be elsewhere on the rail in general. The state must contain
-    all bodies.
+    The two points of each joint that `arranged_state` uses must coincide within the tolerance
+    `TOLERANCE`. If a joint has an axis on both bodies, the two axes must also be parallel, in the
+    same or the opposite sense. The points of a sliding joint must coincide too, although its block
+    could be elsewhere on the rail. The state must contain all bodies.
     """
     poses = _poses(state)
     for pair in survey(scene).joined:

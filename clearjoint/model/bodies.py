@@ -102,21 +102,23 @@ True
 DENSITIES = 1e-2, 1e6
 """Range of a body's density, kg/m^3, outside which a warning is issued.
 
-The density is that of a homogeneous box with the body's mass and inertia. Solid materials have 10
-to 2e4 kg/m^3. The range is wider, because inertias without effect on a planar motion are often
-guessed, and because the boxes of frames are mostly empty.
+The density is that of a homogeneous box with the body's mass and inertia. Solid materials have
+about 10 to 2.2e4 kg/m^3. The range is wider, because inertias without effect on a planar motion are
+often guessed, and because the box of an open structure, such as a machine frame, is mostly empty.
 """
 THINNEST = 1e-2
 """Smallest ratio of the shortest to the longest side of the box with which a body's density is
-estimated. A rod or plate with idealised moments of inertia would have no thickness."""
+estimated. Without this limit, the box of a rod or plate with idealised moments of inertia would
+have no thickness."""
 
 
 def _require_inertia(argument: str, value: ArrayLike) -> None:
     """Check principal moments, (3,), or an inertia matrix, (3, 3), kg m^2. `argument` is the name
     of the value in error messages.
 
-    Of a value that JAX traces, only the shape is checked in general, because its numbers are
-    unknown.
+    If JAX traces the value, its numbers are unknown, and only the shape is checked. The exception
+    is inside `conditions_of`, which collects the other checks as conditions that a compiled program
+    evaluates.
 
     **Raises:** `ValueError` for another shape, a number that is not finite, or an inertia that no
     rigid body has: a matrix that is not symmetric, a principal moment that is not positive, or one
@@ -253,11 +255,12 @@ class Body(AbstractReadable):
 
         - `diameter`, `length`: m.
         - `mass`: kg, or `density`: kg/m^3, exactly one of them.
-        - `inner_diameter`: m, of the hole; zero without one.
+        - `inner_diameter`: m, of the hole; zero, the default, for no hole.
         - `axis`: axis of symmetry, "x", "y" or "z".
 
-        **Raises:** `ValueError` if a number is not positive, the hole is negative or not smaller
-        than the cylinder, unless exactly one of mass and density is given, or for another axis.
+        **Raises:** `ValueError` if the inner diameter is negative or not smaller than `diameter`,
+        if another number is not positive, if not exactly one of mass and density is given, or for
+        another axis.
         **Warns:** `UnusualValueWarning` for a density outside 10 to 25e3 kg/m^3, or if the mass and
         inertia are unusual for a `Body`.
         """
@@ -289,8 +292,8 @@ class Body(AbstractReadable):
         - `lengths`: (3,) m, along x, y and z.
         - `mass`: kg, or `density`: kg/m^3, exactly one of them.
 
-        **Raises:** `ValueError` if a number is not positive, or unless exactly one of mass and
-        density is given.
+        **Raises:** `ValueError` if `lengths` are not three numbers, if a number is not positive, or
+        if not exactly one of mass and density is given.
         **Warns:** `UnusualValueWarning` for a density outside 10 to 25e3 kg/m^3, or if the mass and
         inertia are unusual for a `Body`.
         """
@@ -322,10 +325,10 @@ class Body(AbstractReadable):
 
         - `diameter`: m.
         - `mass`: kg, or `density`: kg/m^3, exactly one of them.
-        - `inner_diameter`: m, of a hollow sphere; zero by default.
+        - `inner_diameter`: m, of a hollow sphere; zero, the default, for a solid one.
 
-        **Raises:** `ValueError` if a number is not positive, the hole is negative or not smaller
-        than the sphere, or unless exactly one of mass and density is given.
+        **Raises:** `ValueError` if the inner diameter is negative or not smaller than `diameter`,
+        if another number is not positive, or if not exactly one of mass and density is given.
         **Warns:** `UnusualValueWarning` for a density outside 10 to 25e3 kg/m^3, or if the mass and
         inertia are unusual for a `Body`.
         """
@@ -360,10 +363,12 @@ class Body(AbstractReadable):
 
 
 def _round_body(axis: str, mass: Number, about: Number, across: Number) -> Body:
-    """Return a body of revolution about an axis "x", "y" or "z".
+    """Return a body of revolution about an axis of the body frame.
 
-    **Arguments:** `mass`: kg; `about`: moment about this axis; `across`: moment about each of the
-    other two, kg m^2.
+    **Arguments:** `axis`: "x", "y" or "z"; `mass`: kg; `about`: moment of inertia about this axis,
+    kg m^2; `across`: that about each of the other two axes, kg m^2.
+
+    **Raises:** `ValueError` for another axis.
     """
     require(axis in AXES, "axis", axis, f"one of {AXES}", "pass one of these")
     return Body(mass, as_numbers([about if axis == name else across for name in AXES]))
@@ -377,8 +382,8 @@ def _box_density(mass: float, inertia: np.ndarray) -> float:
     **Arguments:** `mass`: kg; `inertia`: kg m^2, principal moments, (3,), or a matrix, (3, 3).
     """
     moments = np.linalg.eigvalsh(inertia) if inertia.ndim == 2 else inertia
-    # A box with the sides a, b, c has the moments m (b^2 + c^2)/12, and so on. Hence a^2 is 6/m
-    # times the sum of the moments less twice the first. Rounding may make it negative.
+    # A box with the sides a, b, c has the moments I_a = m (b^2 + c^2)/12, and so on. Hence a^2 is
+    # (6/m) (I_a + I_b + I_c - 2 I_a). Rounding may make it negative.
     sides = np.sqrt(np.maximum(6.0 * (moments.sum() - 2.0 * moments), 0.0) / mass)
     return float(mass / np.maximum(sides, THINNEST * sides.max()).prod())
 
@@ -411,10 +416,10 @@ class State(AbstractReadable):
     - `bodies`: `BodyState` of each body by name, without the ground.
     - `entry_speeds[joint][contact]`: entry speed of the current contact, its penetration rate at
       the onset, m/s, by name of the joint and label of the contact. It is zero without contact. If
-      a run starts without the entry speed of a contact that began earlier, the contact gets 1e9,
-      which makes the damping negligible. Empty for scenes whose laws don't use entry speeds; a run
-      ignores those of other contacts. States saved by `simulate_nonsmooth`, whose contacts are
-      rigid, list zero for each contact.
+      a run starts without the entry speed of a contact that began earlier, the contact gets
+      1e9 m/s, which makes the damping negligible. Empty for scenes whose laws don't use entry
+      speeds; a run ignores entries for contacts whose laws don't use them. States saved by
+      `simulate_nonsmooth`, whose contacts are rigid, list zero for each contact.
     - `work`: energies since the start, J, by name: "normal damping", "friction", "film" and
       "stabilisation", positive if taken from the motion, and "supplied", positive if drives and
       loads supplied it; empty unless the run keeps this energy ledger.
@@ -602,7 +607,7 @@ def body_state(
     - `orientation`: (4,) Euler parameters, scalar first, that transform components in body axes to
       global axes, for example from `rotation`; parallel axes by default.
     - `velocity`: of the centre of mass, (3,) m/s in global axes; zero by default.
-    - `spin`: (3,) rad/s, in body axes; zero by default.
+    - `spin`: (3,) rad/s, angular velocity in body axes; zero by default.
 
     **Raises:** `ValueError` if a shape is wrong, a number is not finite, or the Euler parameters
     don't have unit norm.

@@ -1,4 +1,4 @@
-"""Film laws: the force of a lubricant on a journal from its position and rate.
+"""Film laws: the force of a lubricant on a journal, from the journal's position and its rate.
 
 The pressure in a film depends on the spins of journal and bearing only through half their sum (O.
 Reynolds 1886). Film laws therefore receive the rate of the journal's position as seen in axes that
@@ -65,8 +65,9 @@ class FilmGap:
 class AbstractFilm(AbstractConverting):
     """Base class of lubricant films with a dynamic `viscosity`, Pa s.
 
-    A subclass defines `force`, the force on the journal. The force and its derivatives must be
-    finite at zero offset and at zero rate, where these vectors have no direction. Test it with
+    A subclass declares the field `viscosity` and defines `force`, the force on the journal. The
+    force and its derivatives must be finite at zero offset and at zero rate, where these vectors
+    have no direction. The methods `drag` and `limits` have defaults. Test a subclass with
     `clearjoint.testing.check_film`.
 
     ```python
@@ -110,8 +111,8 @@ class AbstractFilm(AbstractConverting):
         -2 pi mu R^3 L spin/(c sqrt(1 - eps^2)), with the viscosity mu, bearing radius R, length L,
         clearance c and eccentricity ratio eps (A. Sommerfeld 1904).
         """
-        # The viscous stress mu R spin/h acts on the journal's surface. The mean of 1/h around the
-        # bearing, for the film's height h = c (1 + eps cos angle), is the inverse of this height.
+        # The viscous stress mu R spin/h acts on the journal's surface. The film's height is
+        # h = c (1 + eps cos angle). The mean of 1/h around the bearing is 1/(c sqrt(1 - eps^2)).
         height = gap.clearance * square_root(1.0 - gap.offset.dot(gap.offset))
         scale = -2.0 * math.pi * self.viscosity * gap.bearing_radius**3 * gap.length
         return scale * (gap.spin / height)
@@ -122,7 +123,7 @@ class AbstractFilm(AbstractConverting):
         A warning is issued for a value outside its range when a joint with the film is made. The
         default is an empty tuple.
 
-        **Arguments:** `bearing_radius`, `length`: of the bearing and the film, m.
+        **Arguments:** `bearing_radius`: m; `length`: of the film along the axis, m.
         """
         return ()
 
@@ -136,10 +137,11 @@ class CaponeFilm(AbstractFilm):
 
     Here x is `FilmGap.offset`, the offset divided by the clearance, and u is `FilmGap.rate`, the
     rate of x in axes that rotate with half the sum of the spins of journal and bearing; e is the
-    unit vector along u, and n the axis. mu is the viscosity, R the bearing's radius, L the length
-    and c the clearance; rho = 1 - x.x, d = x.e,
-    q = n.(x cross e), G = 2/sqrt(rho) (pi/2 + atan(d/sqrt(rho))), V = (2 + d G)/rho and
-    Q = q/(1 - q^2). The force is exact in the limit of a small length-to-diameter ratio L/D. At an
+    unit vector along u, and n the axis. mu is the viscosity, R the bearing's radius, L the film's
+    length and c the clearance. The abbreviations are rho = 1 - x.x, d = x.e, q = n.(x cross e),
+    G = 2/sqrt(rho) (pi/2 + atan(d/sqrt(rho))), V = (2 + d G)/rho and Q = q/(1 - q^2).
+
+    The force is exact in the limit of a small length-to-diameter ratio L/D, with D = 2R. At an
     eccentricity ratio of 0.5 it is too large by 6 % for L/D = 1/4, and by 69 % for L/D = 1.
 
     **Arguments:** `viscosity`: mu, Pa s.
@@ -189,8 +191,8 @@ class PinkusSternlichtFilm(AbstractFilm):
 
     They are multiplied by mu L R^3/c^2, with the viscosity mu, length L, bearing radius R and
     clearance c. For e' < 0, k replaces k + 3, and the radial force begins with 6 e' (4 k e^2 -
-    (2 + e^2) pi) instead. The cited papers print the leading sign of the latter wrongly: with their
-    sign, the force would jump at e' = 0.
+    (2 + e^2) pi) instead. The cited papers print the leading sign of this radial force for e' < 0
+    wrongly: with their sign, the force would jump at e' = 0.
 
     The formula is approximate: its error is 1 to 23 % for moderate squeeze and 34 % where squeeze
     dominates. An infinitely long bearing carries far more than a short one.
@@ -241,9 +243,9 @@ NARROWEST, WIDEST = 0.125, 1.0
 """Range of the width-to-diameter ratio for which the coefficients of `ButenschoenFilm` were
 fitted."""
 NEARLY_CENTRED = 1e-3
-"""Eccentricity ratio at which the vector along the line of centres has the length 0.71. The length
-is nearly 1 at much larger ratios, and falls to zero for a centred journal, whose line of centres
-has no direction."""
+"""Eccentricity ratio at which the vector along the line of centres that `ButenschoenFilm` uses has
+the length 0.71. The length is nearly 1 at much larger ratios, and falls to zero for a centred
+journal, whose line of centres has no direction."""
 LOAD = (
     (1.1642, -1.9456, 7.1161, -10.1073, 5.0141),
     (-1.000026, -0.023634, -0.4215, -0.038817, -0.090551),
@@ -270,12 +272,14 @@ the load that squeeze carries."""
 class ButenschoenFilm(AbstractFilm):
     """Film of finite width: fits to solutions of Reynolds' equation for rotation and for squeeze.
 
-    Let B be the width of the film, D the bearing's diameter, psi = 2c/D with the clearance c, eps
-    the eccentricity ratio at the angle delta, and Omega the sum of the spins of journal and bearing
-    minus 2 delta'. Rotation carries the load So_D B D mu |Omega|/psi^2 at the angle beta from the
-    line of centres, and squeeze carries So_V B D mu eps'/psi^2 along this line. The load numbers
-    So_D and So_V and the angle beta are fitted functions of B/D and eps; So_V also depends on the
-    sign of eps'. So_D deviates from tabulated values by -3.3 to 6.8 %.
+    Let B be the width of the film along the axis, D the bearing's diameter, psi = 2c/D with the
+    clearance c, eps the eccentricity ratio, delta the angle of the line of centres, eps' and delta'
+    their rates, and Omega the sum of the spins of journal and bearing minus 2 delta'. The line of
+    centres is along the offset of the journal. Rotation carries the load So_D B D mu |Omega|/psi^2
+    at the angle beta from the line of centres, and squeeze carries So_V B D mu eps'/psi^2 along
+    this line. The load numbers So_D and So_V and the angle beta are fitted functions of B/D and
+    eps; So_V also depends on the sign of eps'. So_D deviates by -3.3 to 6.8 % from tabulated
+    values.
 
     The two solutions are added, which is an approximation; for simultaneous rotation and squeeze in
     a short bearing use `CaponeFilm`. A centred journal has no line of centres, so the load along
@@ -322,7 +326,7 @@ class ButenschoenFilm(AbstractFilm):
     def limits(self, bearing_radius: Scalar, length: Scalar) -> tuple[Limit, ...]:
         """Return the width-to-diameter ratio of the film with its valid range, as one `Limit`.
 
-        **Arguments:** `bearing_radius`, `length`: of the bearing and the film, m.
+        **Arguments:** `bearing_radius`: m; `length`: of the film along the axis, m.
         """
         width = length / (2.0 * bearing_radius)
         name = type(self).__name__

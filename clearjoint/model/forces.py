@@ -156,8 +156,9 @@ class AppliedLoad(AbstractForce):
 
     - `body`: its name.
     - `force`: (3,) N. `torque`: (3,) N m. Both are zero by default. Each component is a number, a
-      table such as `PiecewiseConstant`, or a Python function of the time in s. Instead of three
-      components, a table with values (N, 3) or a function that returns three numbers may be passed.
+      function of time such as `PiecewiseConstant`, or a Python function of the time in s. Instead
+      of three components, a table with values (N, 3) or a function that returns three numbers may
+      be passed.
     - `point`: where the force acts, (3,) m in body axes; the centre of mass by default.
 
     **Raises:** `ValueError` if a component is neither a number nor a function of time, their number
@@ -236,13 +237,13 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
     """Springs and dampers along and about three axes, such as a rubber liner.
 
     The bushing's axes are fixed to the first body. Let s be the displacement of the second body's
-    point from the first body's, and r the rotation vector (axis times angle) from these axes to
-    those that `orientation_second` defines on the second body. Force and moment derive from the
-    energy (k s^2 + c r^2)/2 and the dissipation d s'^2 + b r'^2, summed over the axes. Rotations
-    may therefore be large: about one axis the moment is exactly c times the angle, the order of
-    rotations about several axes doesn't matter, and the elastic forces are conservative. The
-    rotation must stay below half a revolution, where a rotation vector is singular. Here k, d, c
-    and b are the stiffnesses and dampings below.
+    point from the first body's, and r the rotation vector (axis times angle) from the bushing's
+    axes to those that `orientation_second` defines on the second body. With the stiffnesses k and c
+    and the dampings d and b below, force and moment derive from the energy (k s^2 + c r^2)/2 and
+    the dissipated power d s'^2 + b r'^2, each summed over the axes. Rotations may therefore be
+    large: about one axis the moment is exactly c times the angle, the order of rotations about
+    several axes doesn't matter, and the elastic forces are conservative. The rotation must stay
+    below half a revolution, where a rotation vector is singular.
 
     **Arguments:**
 
@@ -250,11 +251,11 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
     - `point_first`, `point_second`: (3,) m from the centre of mass in body axes.
     - `stiffness`, `damping`: k, N/m, and d, N s/m, along each axis, (3,).
     - `rotational_stiffness`, `rotational_damping`: c, N m/rad, and b, N m s/rad, about each axis,
-      (3,). They and the damping are zero by default.
-    - `orientation_first`, `orientation_second`: (4,) Euler parameters, scalar first, that transform
-      components along the bushing's axes to each body's frame; these axes are the body's by
-      default. In the relaxed bushing, the axes that the two bodies define are parallel, and the two
-      points coincide.
+      (3,). All but `stiffness` are zero by default.
+    - `orientation_first`, `orientation_second`: (4,) Euler parameters, scalar first, each of which
+      defines axes on its body: they transform components along these axes to the body's frame. By
+      default these are the body's axes. Those on the first body are the bushing's axes. In the
+      relaxed bushing, the axes on the two bodies are parallel, and the two points coincide.
 
     **Raises:** `ValueError` if a number is negative, a point or orientation is invalid, or the
     bodies are the same.

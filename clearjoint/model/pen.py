@@ -94,7 +94,7 @@ class AbstractPen(abc.ABC):
     def slide(self, rail: Marker, block: Marker, *, turning: bool) -> None:
         """Draw a block with its centre at the marker `block` on a rail along the axis of `rail`.
 
-        If `turning` is true, draw a sleeve that can rotate about the rail instead of a block.
+        If `turning` is true, draw a sleeve, which can rotate about the rail, in place of the block.
         """
 
     @abc.abstractmethod
@@ -114,8 +114,8 @@ class AbstractPen(abc.ABC):
     def load(self, marker: Marker, force: Triple | Callable[[jax.Array], Triple]) -> None:
         """Draw an arrow for a force that acts at a point.
 
-        **Arguments:** `force`: (3,) N in global axes, or a function of the time in s that returns
-        it, which must work under `jax.vmap`.
+        **Arguments:** `marker`: the point; `force`: (3,) N in global axes, or a function that
+        returns it from the time in s. The function must work under `jax.vmap`.
         """
 
     @abc.abstractmethod
@@ -154,7 +154,7 @@ class AbstractPen(abc.ABC):
         **Arguments:**
 
         - `middle`: a point midway between the walls.
-        - `runner`: centre of the part; the walls are as long as its path.
+        - `runner`: centre of the guided part; the walls are as long as the path of this point.
         - `normal`: of the walls, (3,) in the axes of the body of `middle`, any length.
         - `distance`: between the two walls, m.
         """
@@ -171,7 +171,7 @@ class AbstractPen(abc.ABC):
     def roller(self, centre: Marker, *, radius: Single) -> None:
         """Draw a cylinder with a `radius`, m, and its axis along the line of sight.
 
-        For a planar mechanism this is perpendicular to the plane of motion.
+        The line of sight on a planar mechanism is perpendicular to the plane of motion.
         """
 
     @abc.abstractmethod

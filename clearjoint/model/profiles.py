@@ -1,13 +1,13 @@
 """Deviations of a bearing's wall or a journal from a circle, and where the two come closest.
 
 A profile is given by its support function p(u): the distance from the centre to the tangent that is
-perpendicular to the unit vector u. With it the penetration of two convex shapes is exact. A journal
-with the support function p_J, displaced from the centre of a bearing with p_B by the vector e, is
-inside the bearing if e.u + p_J(u) <= p_B(u) for every u. The largest value of the left side minus
-the right side is the penetration, and the u where it occurs is the normal of the contact. The
-radius measured along u differs from p(u) by about s^2/(2 R) only, with the slope s of the deviation
-and the radius R: 5e-10 m for 3 um per rad and R = 10 mm. Deviations of the radius are therefore
-used as deviations of p(u).
+perpendicular to the unit vector u. With support functions the penetration of two convex shapes is
+exact. Let p_J be that of a journal, p_B that of the bearing's wall, and e the vector from the
+bearing's centre to the journal's. The journal is inside the bearing if e.u + p_J(u) <= p_B(u) for
+every u. The largest value of e.u + p_J(u) - p_B(u) over all u is the penetration, and the u where
+it occurs is the normal of the contact. The radius measured along u differs from p(u) by about
+s^2/(2 R) only, with the slope s of the deviation and the radius R: 5e-10 m for 3 um per rad and
+R = 10 mm. Deviations of the radius are therefore used as deviations of p(u).
 """
 
 import abc
@@ -28,9 +28,9 @@ from ..math.vectors import Scalar, library
 NEWTON_STEPS = 4
 """Number of Newton steps in the search for the angle at which journal and wall come closest.
 
-The search starts at the best of evenly spaced angles. Up to the sixth harmonic there are eight or
-more to a wave, so that the start is at most a sixteenth of a wave from the result. Each step
-roughly squares this error, so that four steps reach rounding accuracy.
+The search starts at the best of evenly spaced angles. Up to the sixth harmonic, each wave contains
+eight or more of these angles, so that the start is at most a sixteenth of a wave from the result.
+Each step roughly squares this error, so that four steps reach rounding accuracy.
 """
 FEWEST_ANGLES = 16
 """Smallest number of evenly spaced angles at which `closest_approach` begins to search: that for
@@ -67,12 +67,12 @@ class Deviation(NamedTuple):
 class AbstractProfile(AbstractConverting):
     """Base class of periodic deviations of a bearing's wall or of a journal from a circle.
 
-    A subclass defines `at`, which must be twice continuously differentiable, and `angles`. The
-    angle is measured about the part's axis, from the x axis towards the y axis of a frame that is
-    fixed to the part and has its z axis along this axis. For a part with the axis (0, 0, 1) it is
-    the frame of its body; in general its x and y axes are those that `transverse_axes` returns. A
-    positive deviation enlarges the radius: it removes material from a bearing and adds material to
-    a journal.
+    A subclass defines `at`, the deviation as a function of an angle, which must be twice
+    continuously differentiable, and `angles`. The angle is measured about the axis of the part
+    (bearing or journal), from the x axis towards the y axis of a frame that is fixed to the part
+    and has its z axis along the axis of the part. The x and y axes are those that `transverse_axes`
+    returns; for the axis (0, 0, 1) they are the x and y axes of the body. A positive deviation
+    enlarges the radius: it removes material from a bearing and adds material to a journal.
 
     ```python
     import clearjoint as cj
@@ -101,9 +101,9 @@ class AbstractProfile(AbstractConverting):
     def angles(self) -> int:
         """Return how many evenly spaced angles resolve the waves of the profile.
 
-        The search for the closest approach of journal and wall begins at the best of them. It uses
-        at least 16 and at most 48 angles: of waves above the sixth harmonic, it may find a maximum
-        that is not the largest.
+        The search for the closest approach of journal and wall begins at the best of these angles.
+        It uses at least 16 and at most 48 angles: for waves above the sixth harmonic, it may find a
+        maximum of the penetration that is not the largest.
         """
 
 
@@ -278,6 +278,7 @@ class Approach(NamedTuple):
 class PlanarAxes(NamedTuple):
     """Components of a journal's x and y axes along the x and y axes of its bearing.
 
+    For example, `x_along_y` is the component of the journal's x axis along the bearing's y axis.
     The journal may be tilted, or its axis may point against the bearing's.
     """
 
@@ -303,16 +304,17 @@ def closest_approach(
     The penetration is the maximum over the angle of x cos(angle) + y sin(angle) - clearance -
     (deviation of the wall) + (deviation of the journal). The search begins at the best of evenly
     spaced angles and ends with Newton steps, so it finds the largest of several maxima if the
-    angles resolve them. There are at most `MOST_ANGLES` of these angles. Without profiles no search
-    is needed, so that one of `bearing` and `journal` at least must be given.
+    angles resolve them. There are at most `MOST_ANGLES` of these angles. At least one of `bearing`
+    and `journal` must be given, since two circles need no search.
 
     **Arguments:**
 
-    - `x`, `y`: position of the journal's centre in the bearing's cross-section, m in its frame.
+    - `x`, `y`: position of the journal's centre in the bearing's cross-section, m from the
+      bearing's centre along the bearing's x and y axes.
     - `clearance`: radius of the bearing's circle less that of the journal's, m. The profiles are
       deviations from these circles.
     - `bearing`, `journal`: the profiles; ``None`` for a circle.
-    - `axes`: the journal's x and y axes in the bearing's frame.
+    - `axes`: components of the journal's x and y axes along the bearing's.
     """
     # JAX does not differentiate the search, except for its last Newton step.
     shapes = x, y, bearing, journal, axes
@@ -379,7 +381,7 @@ def overlaps(
     It is the penetration plus the clearance.
 
     **Arguments:** `angle`: of the direction in the bearing's cross-section, rad, a number or an
-    array. The others are those of `closest_approach`.
+    array. The other arguments are those of `closest_approach`.
     """
     numpy = library((angle,))
     cosine, sine = numpy.cos(angle), numpy.sin(angle)

@@ -43,12 +43,13 @@ class Scene(AbstractReadable):
     - `forces`: springs, dampers, loads and drive torques by name.
     - `gravity`: acceleration of gravity, (3,) m/s^2 in global axes; ``None`` (default) for zero.
 
-    **Raises:** `ValueError` if there is no body, a body is named "ground", a name is empty or no
+    **Raises:** `ValueError` if there is no body, a body is named "ground", a name is empty or not a
     string, an element has the wrong class or names an unknown body, a joint and a force have the
     same name, or the gravity is not three finite numbers.
     **Warns:** `LooseBodyWarning` if no joint and no force acts on a body of a scene with joints, or
-    no chain of joints connects the two bodies of a drive; `UnusualValueWarning` if a point is
-    farther than 100 radii of gyration from its body's centre of mass, or gravity exceeds 1e3 m/s^2.
+    if no chain of joints, apart from drivers, connects the two bodies of a driver, drive torque or
+    torsional spring; `UnusualValueWarning` if a point is farther than 100 radii of gyration from
+    its body's centre of mass, or gravity exceeds 1e3 m/s^2.
 
     >>> scene = cj.Scene(
     ...     bodies={"arm": cj.Body(mass=1.0, inertia=(1e-3, 0.1, 0.1))},
@@ -114,10 +115,11 @@ class Scene(AbstractReadable):
     def _caution_together(self) -> None:
         """Warn of bodies on which nothing acts, and of drives whose axis no joint holds.
 
-        `AbstractReadable` calls it when a scene has been made.
+        A drive is a driver, a drive torque or a torsional spring. `AbstractReadable` calls the
+        method when a scene has been made.
 
         **Warns:** `LooseBodyWarning` if no joint and no force acts on a body of a scene with
-        joints, or if no chain of joints connects the two bodies of a drive.
+        joints, or if no chain of joints, apart from drivers, connects the two bodies of a drive.
         """
         elements = (*self.joints.values(), *self.forces.values())
         connected = {body for element in elements for body in element.body_names()}
@@ -185,7 +187,8 @@ def _check_names(argument: str, element: AbstractElement, bodies: Mapping[str, B
 
 
 def _check_distances(argument: str, element: AbstractElement, bodies: Mapping[str, Body]) -> None:
-    """Warn of points of an element far from their body's centre of mass, whose unit may be wrong.
+    """Warn of points of an element that are far from their body's centre of mass, since their unit
+    may be wrong.
 
     Points of the ground, and points and bodies with traced numbers, are not checked.
 

@@ -22,11 +22,12 @@ class SurveyingPen(AbstractPen):
     and to choose the sizes and the viewing direction of a figure.
 
     - `markers`: all markers.
-    - `joined`: pairs of markers on the two bodies of a joint. To make a first guess of a state,
-      `arranged_state` places one body at the other such that the points coincide, and the axes are
-      parallel if both markers have one. The pair of a sliding joint is among them although its
-      block may be anywhere along the rail.
-    - `bores`: the bores of all journals and balls with clearance.
+    - `joined`: pairs of markers on the two bodies of a joint. Joints that are drawn as a rod, a
+      spring, gears or single markers are left out, since their points need not coincide. To make a
+      first guess of a state, `arranged_state` places one body at the other such that the points
+      coincide, and the axes are parallel if both markers have one. The pair of a sliding joint is
+      included, although its block may be anywhere along the rail.
+    - `bores`: the bores of all bearings and sockets with clearance.
     """
 
     def __init__(self) -> None:

@@ -27,10 +27,10 @@ On CPUs, calls of the package are compiled by LLVM or by XLA:
 | `free_impact` | XLA |
 | calls inside of `jax.jit`, `jax.vmap` or `jax.grad` | XLA |
 
-If a program contains a JAX primitive without a rule, XLA compiles it. `simulate`, `sweep` and
-`sensitivities` then issue a `NativeFallbackWarning`, once in a process for each reason. On
-accelerators XLA compiles every call. JAX saves the code that XLA has compiled on disk, but traces
-such a program again in each process.
+If a program contains a JAX primitive, or a use of one, without a rule, XLA compiles the whole
+program. `simulate`, `sweep` and `sensitivities` then issue a `NativeFallbackWarning`, once in a
+process for each reason. On accelerators XLA compiles every call. JAX saves XLA's machine code on
+disk, but traces a program that XLA compiles again in each process.
 """
 
 from .compiled import Native, NativeFallbackWarning, is_native, over_rows

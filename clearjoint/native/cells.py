@@ -31,8 +31,8 @@ class Region(NamedTuple):
 
     @staticmethod
     def of(array: "ShapedArray | jax.ShapeDtypeStruct | np.ndarray", start: int) -> "Region":
-        """Return the region of `array`, of which only shape and dtype are used. Its first cell is
-        `start`."""
+        """Return the region that begins at the cell `start` and has the shape and dtype of `array`,
+        whose numbers are not used."""
         end = start + math.prod(array.shape)
         return Region(slice(start, end), tuple(array.shape), np.dtype(array.dtype))
 
@@ -48,10 +48,13 @@ class Region(NamedTuple):
 
 
 def numbers_of(floats: np.ndarray, dtype: np.dtype) -> np.ndarray:
-    """Return a view of memory, an array of float64, through which to access numbers of a dtype.
+    """Return the array through which to read and write numbers of a dtype in memory.
 
-    It has the shape of `floats`, and is `floats` itself for a dtype of floats, or the same bits as
-    int64 for integers and bools.
+    For a dtype of floats it is `floats` itself, and for integers and bools a view of the same bits
+    as int64, with the same shape.
+
+    **Arguments:** `floats`: the memory, or a part of it, as an array of float64; `dtype`: dtype of
+    the numbers.
     """
     return floats if dtype.kind == "f" else floats.view(np.int64)
 
@@ -110,8 +113,8 @@ class Cells:
             self.size += leaf.size
 
     def columns(self) -> PyTree:
-        """Return the example with the index of its cell in place of each element of an array, to
-        find a part of the PyTree in a row."""
+        """Return the example with each element of its arrays replaced by the index of the element's
+        cell. The indices tell where a part of the PyTree is in a row."""
         return self._tree([np.arange(self.size)[r.cells].reshape(r.shape) for r in self._regions])
 
     def rows(self, trees: PyTree) -> Float[np.ndarray, "n {self.size}"]:

@@ -30,7 +30,7 @@ _reported: set[str] = set()
 
 class NativeFallbackWarning(UserWarning):
     """Warning that XLA compiles a program, because `clearjoint.native` has no rule for a primitive
-    or for its use, or because LLVM rejects the program.
+    or for the way in which it is used, or because LLVM rejects the program.
 
     Results are correct, but compiling takes longer.
     """
@@ -39,10 +39,15 @@ class NativeFallbackWarning(UserWarning):
 class Native(Generic[Arguments, Result]):
     """A function that is compiled when it is first called, on CPUs to native code.
 
-    XLA compiles the function on accelerators, inside of JAX's transformations (such as `jax.jit`
-    and `jax.grad`), for calls with keyword arguments, if native code cannot be made (for instance
-    if a primitive has no rule), and if the environment variable `CLEARJOINT_NATIVE` is 0. Arrays in
-    results of native code are NumPy arrays.
+    XLA compiles the function instead in each of these cases:
+
+    - on accelerators;
+    - inside of JAX's transformations, such as `jax.jit` and `jax.grad`;
+    - for calls with keyword arguments;
+    - if native code cannot be made, for instance if a primitive has no rule;
+    - if the environment variable `CLEARJOINT_NATIVE` is 0.
+
+    Arrays in results of native code are NumPy arrays.
 
     - `native`: the function in native code.
 
@@ -96,8 +101,8 @@ def over_rows(function: Callable[..., Result], *rows: PyTree) -> Result:
     operations, and would contain all operations of a mapped function once for each row. Otherwise
     `jax.vmap` computes all rows at once.
 
-    **Arguments:** `rows`: PyTrees of arrays (n, ...). `function`: takes as many PyTrees of arrays
-    (...), one row of each of these.
+    **Arguments:** `function`: takes one row of each of the PyTrees `rows`, as PyTrees of arrays
+    (...). `rows`: PyTrees of arrays (n, ...), whose index along the first axis is the row.
     """
     if is_native():
         return jax.lax.map(lambda row: function(*row), rows)

@@ -42,12 +42,14 @@ from .operations import Symbol, Value
 def _cond(lower: Lowering, equation: Equation, condition: Array, *arguments: Array) -> list[Array]:
     """Add a branch (`jax.lax.cond`), and return its results.
 
-    The condition is a bool, or the index of a branch. Only the chosen branch is added if the
-    condition is known, both are computed if they are short, and otherwise the program jumps.
+    The condition is a bool, or the index of a branch. If it is known while the program is built,
+    only the chosen branch is added. If not, and both branches are short and return no large array,
+    both are always executed and the results selected. In all other cases the program jumps.
 
     **Raises:** `UnsupportedPrimitiveError` for more than two branches, unless the index is known;
     and for branches that return large arrays in different cells of memory, if the program has
-    several lanes or the cells of the second branch's array must not be overwritten.
+    several lanes or the cells of the array of the second branch (that of a true condition) must not
+    be overwritten.
     """
     branches = equation.params["branches"]
     ops = lower.ops
@@ -92,6 +94,7 @@ def _selected(lower: Lowering, condition: Value, yes: list[Array], no: list[Arra
     ops, selected = lower.ops, []
     for a, b in zip(lower.flatten(yes), lower.flatten(no), strict=True):
         kind = ops.kinds[a]
+        # For a vector of tangents the condition is repeated for each tangent.
         is_yes = ops.emit("splat", "bp", condition) if kind.endswith("p") else condition
         selected.append(ops.emit("select", kind, is_yes, a, b))
     return lower.unflatten(selected, yes)
@@ -117,15 +120,15 @@ def _if_any(
     """Add a branch for the lanes in which its condition holds, and return its results.
 
     A short branch that returns no large array is always executed, and does not overwrite its
-    arguments. Another branch is executed if the condition holds in any lane, and writes to memory
-    only in the lanes in which it holds. If it holds in no lane, the results are zero, and the
-    caller does not select them.
+    arguments. Any other branch is executed if the condition holds in at least one lane, and writes
+    to memory only in the lanes in which it holds. If it holds in no lane, the results are zero, and
+    the caller does not select them.
 
     **Arguments:** `size`: number of equations of the branch; `in_memory`: whether it returns large
     arrays.
     """
-    # A jump would cost more than a short branch. As this is executed in all lanes, it must not
-    # overwrite its arguments in lanes that need the other branch.
+    # A jump would cost more than a short branch. Since the short branch is executed in all lanes,
+    # it must not overwrite its arguments, which lanes that need the other branch still use.
     if size <= LONGEST_CHOICE and not in_memory:
         return lower.inline(branch, [borrowed(argument) for argument in arguments])
     results: list[Array] = []
@@ -152,12 +155,13 @@ def _branch(
     """Add a branch in a program of one lane, and return its results.
 
     **Raises:** `UnsupportedPrimitiveError` if the two branches return arrays in different cells of
-    memory, and those of `yes` must not be overwritten by `no`.
+    memory, and the cells of an array of `yes` must not be overwritten.
     """
     first_results: list[Array] = []
 
     def compute(branch: core.ClosedJaxpr) -> list[Value]:
         results = lower.inline(branch, arguments)
+        # The first call, for `yes`, sets `first_results`.
         first_results[:] = first_results or results
         # Later operations read the same cells whichever branch was executed. So the branch that is
         # added second, `no`, must leave its arrays in the cells of the first one, `yes`.
@@ -258,9 +262,12 @@ def loop(
 
 
 def _move_to(lower: Lowering, places: Sequence[Array], results: Sequence[Array]) -> None:
-    """Add the operations that copy each array of `results` in memory into the cells of the array
-    with the same index in `places`, where later operations read it: carries of a loop, or results
-    of the other branch."""
+    """Add operations that copy results in memory to the cells where later operations read them.
+
+    **Arguments:** `places`: arrays in these cells, one for each result: the carries of a loop, or
+    the results of the other branch; `results`: the arrays to copy. A result that is not in memory,
+    or already in its place, is left out.
+    """
     # Arrays may exchange their cells or parts of them. They are copied to new cells first, so that
     # none is overwritten before it is read.
     taken = [old for old in places if isinstance(old, InMemory)]

@@ -9,10 +9,11 @@ Sines and cosines are computed by a reduction of the angle with fused multiply-a
 and by the polynomials of Sun's fdlibm; exponentials, logarithms, powers and hyperbolic tangents by
 sums of two doubles (Dekker) and Taylor's polynomials of a reduced argument. The errors, measured
 with mpmath in the tests, are below one unit in the last place: at most 0.95 for `expm1`, 0.8 for
-sines, cosines and `tanh`, and 0.7 for the others. For arguments outside of the ranges below,
-infinities and NaN, all of them but `tanh` call the C library.
+sines, cosines and `tanh`, and 0.7 for the others. For infinities, NaN and arguments outside of the
+ranges given below, all of these functions but `tanh` call the C library.
 
-A number of about twice the precision of a double is the sum of two doubles, a high and a low part.
+A number with about twice the precision of a double is represented as the sum of two doubles, a high
+and a low part.
 The functions here take and return values of a program (`Symbol`), not numbers: an operator such as
 ``a + b`` adds an operation to the program, which is executed when the program runs.
 """
@@ -42,12 +43,13 @@ _EXPONENTIAL = tuple(1.0 / math.factorial(k) for k in range(3, 15))
 _LAST_TANH = 22.0
 """Argument from which on tanh rounds to one."""
 _ROOT_OF_HALF = 0x3FE6A09E667F3BCD
-"""Bits of the square root of 1/2, the lower bound of m where logarithms divide a number into
-m 2**k."""
+"""Bits of the square root of 1/2 as an integer. Logarithms write a number as m 2**k, and this root
+is the lower bound of m."""
 _HALF_PI = (1.5707963267948966, 6.123233995736766e-17, -1.4973849048591833e-33)
 """pi/2 as a sum of three doubles."""
 _ROUNDING = 6755399441055744.0
-"""1.5 * 2**52: the sum with a number below 2**51 has the nearest integer in its last bits."""
+"""1.5 * 2**52. The last bits of its sum with a number of absolute value below 2**51 are those of
+the integer nearest to the number."""
 # Coefficients of fdlibm's polynomials: for sines from the third power on, for cosines from the
 # fourth power on.
 _SINE = (
@@ -128,7 +130,7 @@ def _within(least: float, a: Symbol, largest: float) -> Symbol:
 
 
 def _has_bit(a: Symbol, bit: int) -> Symbol:
-    """Return whether an integer has the binary digit of the value `bit`: 1, 2, 4, ..."""
+    """Return whether a bit of an integer is set, from the bit's value `bit`: 1, 2, 4, ..."""
     return (a & bit).compare("ne", 0)
 
 
@@ -202,8 +204,8 @@ def _sine(angle: Symbol, name: str = "sin") -> Symbol:
 
 def _logarithm_of(x: Symbol) -> tuple[Symbol, Symbol]:
     """Return the logarithm of a positive normal number as a high and a low part."""
-    # x = m 2**k with m between the roots of 1/2 and 2, and log m = 2 artanh(s) with
-    # s = (m - 1) / (m + 1) = f / divisor, as s + s_low.
+    # x = m 2**k with m between the square roots of 1/2 and 2, and log m = 2 artanh(s + s_low) with
+    # s + s_low = (m - 1) / (m + 1) = f / (divisor + rest), where f = m - 1 is exact.
     # k is found from the bits, in which the exponent begins at the 52nd. `k_float` is k as a float.
     bits = _bits(x)
     k = (bits - _ROOT_OF_HALF).emit("shift_right", 52)
@@ -237,7 +239,7 @@ def _logarithm_of(x: Symbol) -> tuple[Symbol, Symbol]:
 
 
 def _exponential_of(x: Symbol, x_low: Symbol | float) -> tuple[Symbol, Symbol, Symbol]:
-    """Return r, p and an integer whose last bits are n, with exp(x + x_low) = 2**n (1 + r + p).
+    """Return r, p and an integer whose last bits are those of n: exp(x + x_low) = 2**n (1 + r + p).
 
     n is the integer nearest to x/log(2), r is the rounded remainder x + x_low - n log(2), and p is
     the small rest.
@@ -261,7 +263,8 @@ def _exponential_from(x: Symbol, x_low: Symbol | float) -> Symbol:
 
 def _exponential_less_one(x: Symbol) -> tuple[Symbol, Symbol]:
     """Return exp(x) - 1 as a high and a low part."""
-    # The sum (2**n - 1) + 2**n r + 2**n p, in which large terms cancel if x is small.
+    # exp(x) - 1 = (2**n - 1) + 2**n r + 2**n p. The first two terms may nearly cancel, so their
+    # rounding errors are kept.
     r, p, n = _exponential_of(x, 0.0)
     one = x.like(1.0)
     scale = _scaled(one, n)

@@ -5,6 +5,7 @@ that compute the result, and returns the result. The same rules serve scalars an
 tangents (derivatives by parameters). An operator such as ``a + b`` adds an operation to the
 program, and so does `Symbol.emit`, whose first argument is the operation's name. The letter of a
 value stands for its dtype: "f" for float64, "i" for int64 and uint32, "w" for int32, "b" for bool.
+A value's kind is this letter, with the suffix "p" for a vector of tangents.
 """
 
 import math
@@ -98,8 +99,8 @@ def _extreme(name: str) -> Rule:
 
 
 def _is_number(a: Symbol) -> bool:
-    """Return whether a float, or each element of a vector, is known before the program runs and not
-    NaN."""
+    """Return whether a value is a float that is known before the program runs and is not NaN, or a
+    vector that repeats such a float."""
     known = a.ops.repeated_number(a.value)
     return isinstance(known, float) and not math.isnan(known)
 
@@ -118,7 +119,7 @@ def _divide(a: Symbol, b: Symbol) -> Symbol:
 def _whole_division(
     name: str, a: Symbol, b: Symbol, by_zero: Symbol, by_minus_one: Symbol
 ) -> Symbol:
-    """Return the quotient or remainder of integers, or a given result if the divisor is 0 or -1.
+    """Return the quotient or remainder of integers a and b, or a given result if b is 0 or -1.
 
     LLVM leaves divisions by zero undefined, and that of the least integer by -1, whose quotient is
     out of range. For the divisors 0 and -1 the operation therefore divides by one, and its result
@@ -201,8 +202,8 @@ def _remainder(a: Symbol, b: Symbol) -> Symbol:
 
 
 def _select(index: Symbol, *cases: Symbol) -> Symbol:
-    """Return the case that a bool or an integer selects: the first one for negative integers, and
-    the last one for integers that are too large."""
+    """Return one of the cases, by its index: a bool (false for the first of two cases) or an
+    integer. A negative integer selects the first case, one that is too large the last."""
     if index.letter == "b":
         return index.select(cases[1], cases[0])
     result = cases[-1]
@@ -212,12 +213,13 @@ def _select(index: Symbol, *cases: Symbol) -> Symbol:
 
 
 def convert(a: Symbol, letter: str) -> Symbol:
-    """Convert a value to the kind with the given letter: "f" (float64), "i" (int64), "w" (int32) or
-    "b" (bool).
+    """Convert a value to the dtype with the given letter: "f" (float64), "i" (int64), "w" (int32)
+    or "b" (bool).
 
-    A float loses its fraction when it becomes an integer. Beyond the range of the integers it
-    becomes the nearest of them, and NaN becomes zero. Of an int64, int32 keeps the lower 32 bits. A
-    bool is true for all numbers but zero.
+    - A float becomes an integer without its fraction. A float beyond the integer's range becomes
+      the nearest integer of the range, and NaN becomes zero.
+    - An int64 becomes an int32 that keeps the lower 32 bits.
+    - A number becomes a bool that is true unless the number is zero.
     """
     old = a.letter
     if old == letter:
@@ -235,7 +237,8 @@ def convert(a: Symbol, letter: str) -> Symbol:
 
 
 def _convert(a: Symbol, dtype: DTypeLike) -> Symbol:
-    """Convert a value to a dtype."""
+    """Convert a value to a dtype. An integer beyond the range of uint32 keeps its higher bits here;
+    `Lowering` cuts them off."""
     if a.letter == "f" and np.dtype(dtype) == np.uint32:
         # A float beyond the range of uint32 becomes the nearest integer of that range.
         a = _clamp(a.like(0), a, a.like((1 << 32) - 1))

@@ -33,12 +33,12 @@ from .operations import Number, Operations
 RULES = structure.RULES | indexing.RULES | control.RULES
 """Rules of the primitives that do not work element by element, by the primitives' names."""
 LARGE = 256
-"""Number of elements from which on an argument is written to memory separately. For smaller ones
-the time of a call of NumPy counts more than that of a copy."""
+"""Number of elements from which on an argument is written to memory by a call of NumPy of its own.
+Smaller arguments are joined and written by one call, since a call takes longer than their copy."""
 _ARRAY = ...
 """Stands for an array in the structure of a result; it is the same object after unpickling."""
 _COMPILES = threading.RLock()
-"""Held while a program is made, so that threads do not make the same program."""
+"""Lock that a thread holds while it makes a program, so that no two threads make the same one."""
 
 
 class NativeProgram:
@@ -50,8 +50,9 @@ class NativeProgram:
     - `outputs`: cells of memory for each result.
 
     **Arguments:** `closed`: the jaxpr; `tangents`: number of tangents (derivatives of a variable by
-    parameters). Arrays of this length are computed as vectors of the processor. By default it is
-    found from the jaxpr; 0 stands for none. `stopwatch`: measures the stages of compilation.
+    parameters). Arrays with one axis of this length are computed as vectors of the processor. By
+    default the number is found from the jaxpr; 0 stands for none. `stopwatch`: measures the stages
+    of compilation.
 
     **Raises:** `UnsupportedPrimitiveError` for a primitive, or a use of one, without a rule, for an
     unsupported dtype such as float32, and if LLVM rejects the program.
@@ -78,8 +79,8 @@ class NativeProgram:
         ]
         stopwatch.end("lowering")
         self.code = Code(lowering, stopwatch)
-        # All small arguments of floats are written at once, and so are all those of integers: that
-        # takes a tenth of the time.
+        # All small arguments of floats are written at once, and so are all those of integers and
+        # bools. This takes a tenth of the time of separate writes.
         small = {k: r for k, r in enumerate(self.inputs) if r is not None and r.size < LARGE}
         floats = [k for k, region in small.items() if region.dtype.kind == "f"]
         integers = [k for k in small if k not in floats]
@@ -117,7 +118,7 @@ def _indices(cells: Iterable[slice]) -> np.ndarray:
 
 
 class BoundFunction:
-    """A native function of some of its arguments, for many calls with the same other arguments.
+    """A native function with some of its arguments fixed, for many calls.
 
     It takes and returns rows of numbers: a row has the numbers of the varied arrays, or of the
     resulting arrays, of one call, one array after the other. Only one thread may call it at a time,
@@ -126,7 +127,10 @@ class BoundFunction:
     - `results`: conversion of the rows that a call returns to PyTrees of results.
 
     **Arguments:** `function`: the native function; `flat`: all of its arguments; `varied`: indices
-    in `flat.arrays` of the arrays that differ between calls, whose numbers the rows replace.
+    in `flat.arrays` of the arrays that differ between calls. Their numbers come from the rows; all
+    other arrays and leaves keep their values in `flat`.
+
+    **Raises:** `UnsupportedPrimitiveError` as `NativeProgram`.
     """
 
     def __init__(self, function: "NativeFunction", flat: "FlatArguments", varied: Sequence[int]):
@@ -134,8 +138,8 @@ class BoundFunction:
         outputs = program.outputs
         # Of an example of a result, `Cells` uses the structure, shapes, dtypes and static leaves.
         self.results = Cells(result([np.zeros(region.shape, region.dtype) for region in outputs]))
-        # Arguments that are not varied are written to memory here, and large ones again before each
-        # call, since a program may overwrite its arguments in memory.
+        # Arguments that are not varied are written to memory here. A program may overwrite large
+        # arguments (see `Lowering.argument`), so these are written again before each call.
         self._code, self._memory = program.code, program.memory(flat.arrays)
         self._fixed = [
             (region, flat.arrays[k])
@@ -179,9 +183,9 @@ def evaluated(
     **Arguments:** `function`: function of arrays that returns a number; `calls`: the arguments of
     each call, with the same shapes and dtypes in all calls; at least one call.
 
-    **Returns:** the result of each call; ``None`` if a result cannot be computed in this way. This
-    is so for loops, large arrays, primitives without a rule, and functions such as `exp` that are
-    not computed while a jaxpr is lowered.
+    **Returns:** the result of each call; ``None`` if any of them cannot be computed in this way:
+    if the function has loops, large arrays, primitives without a rule, or functions such as `exp`
+    that are not computed while a jaxpr is lowered.
     """
     # Shapes and dtypes are those of all calls, so one jaxpr serves them all.
     closed = jax.make_jaxpr(function)(*calls[0])
@@ -274,7 +278,8 @@ class NativeFunction:
         return bound.results.trees(bound(Cells(examples).rows(values)))
 
     def bound(self, shared: PyTree, *examples: PyTree) -> BoundFunction:
-        """Return the function of all arguments but the first, which keeps its value.
+        """Return this function with its first argument fixed, for calls with varied values of the
+        others.
 
         **Arguments:** `shared`: the first argument; `examples`: PyTrees with the structure, shapes,
         dtypes and static leaves of the other arguments. The numbers in their arrays are not used.
@@ -286,6 +291,8 @@ class NativeFunction:
         """Return the program for flattened arguments, and the structure of its result.
 
         The program is loaded from disk or made if this is the first call with such arguments.
+
+        **Raises:** `UnsupportedPrimitiveError` as `NativeProgram`.
         """
         program = self._programs.get(flat.key)
         if program is None:

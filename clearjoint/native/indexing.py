@@ -37,7 +37,7 @@ from .operations import Symbol, Value
 
 
 def _strides(shape: Sequence[int]) -> list[int]:
-    """Return for each axis the distance of row-major indices of neighbouring elements."""
+    """Return for each axis the difference of the row-major indices of neighbours along the axis."""
     return [math.prod(shape[k + 1 :]) for k in range(len(shape))]
 
 
@@ -53,12 +53,12 @@ def _offsets(sizes: Sequence[int], strides: Sequence[int]) -> np.ndarray:
 def _moved_inside(
     lower: Lowering, starts: Sequence[Value], lengths: Sequence[int], sizes: Sequence[int]
 ) -> tuple[list[Symbol], Symbol]:
-    """Return the starts of a block, moved so that it is inside of the array.
+    """Return the starts of a block after it is moved inside of the array.
 
     The second result is a bool: whether the block was inside already.
 
-    **Arguments:** along each axis, `starts`: index at which the block starts; `lengths`, `sizes`:
-    lengths of the array and of the block.
+    **Arguments:** for each of some axes, `starts`: index at which the block starts; `lengths`:
+    length of the array; `sizes`: length of the block.
     """
     inside: list[Symbol] = []
     fits = Symbol(lower.ops, lower.ops.constant("b", True))
@@ -71,7 +71,12 @@ def _moved_inside(
 
 
 def _flat_index(lower: Lowering, indices: Sequence[Symbol], strides: Sequence[int]) -> Symbol:
-    """Return the row-major index of an element from its indices along the axes."""
+    """Return the row-major index of an element from its indices along some axes.
+
+    The indices along all other axes count as zero.
+
+    **Arguments:** `indices`, `strides`: the element's index and the array's stride along each axis.
+    """
     total = Symbol(lower.ops, lower.ops.constant("i", 0))
     for index, stride in zip(indices, strides, strict=True):
         total += index * stride
@@ -81,14 +86,15 @@ def _flat_index(lower: Lowering, indices: Sequence[Symbol], strides: Sequence[in
 def read_block(
     lower: Lowering, memory: InMemory, first: Value, offsets: np.ndarray, shape: tuple[int, ...]
 ) -> Array:
-    """Return a block of an array in memory as an array of the given shape.
+    """Return a block of the array `memory` as an array of the given shape.
 
-    The caller must ensure that the whole block is inside of the array in memory.
+    The caller must ensure that the whole block is inside of `memory`.
 
     **Arguments:** `first`: row-major index of the block's first element; `offsets`: (n,) offsets of
     its elements from there.
 
-    **Raises:** `UnsupportedPrimitiveError` for a large block of elements that are not consecutive.
+    **Raises:** `UnsupportedPrimitiveError` for a large block whose elements are not consecutive in
+    memory.
     """
     ops = lower.ops
     if offsets.size <= LARGEST_UNROLLED:
@@ -113,7 +119,8 @@ def _elements(lower: Lowering, memory: InMemory, first: Value, offsets: np.ndarr
 def _block_of_slice(
     lower: Lowering, shape: tuple[int, ...], sizes: tuple[int, ...], starts: Sequence[Array]
 ) -> tuple[Value, np.ndarray]:
-    """Return the index of the first element of a slice, and the offsets of its elements from there.
+    """Return the row-major index of a slice's first element, and the offsets of its elements from
+    there.
 
     **Arguments:** `shape`: of the array; `sizes`, `starts`: along each axis, the slice's size and
     the index at which it starts. As in JAX, a slice that extends beyond the array is moved inside.
@@ -127,6 +134,11 @@ def _block_of_slice(
 def _dynamic_slice(
     lower: Lowering, equation: Equation, array: Array, *starts: Array
 ) -> list[Array]:
+    """Return the block of an array that begins at `starts` (see `jax.lax.dynamic_slice`).
+
+    **Raises:** `UnsupportedPrimitiveError` for a large block whose elements are not consecutive in
+    memory, unless its indices are known.
+    """
     shape = tuple(aval_of(equation.invars[0]).shape)
     sizes = tuple(equation.params["slice_sizes"])
     first, offsets = _block_of_slice(lower, shape, sizes, starts)
@@ -141,8 +153,9 @@ def _dynamic_update_slice(
 ) -> list[Array]:
     """Return an array in which the block that begins at `starts` is replaced by `update`.
 
-    In a small array at known indices, the values are exchanged without an operation. Otherwise the
-    block is written to memory, in place if nothing else reads the array.
+    If the array is small and the indices are known, its values are replaced without an operation.
+    In all other cases the update is written to memory, over the array itself if nothing else reads
+    that array, else over a copy.
 
     **Raises:** `UnsupportedPrimitiveError` for a large `update` whose elements are not consecutive
     in the array.
@@ -174,8 +187,8 @@ def _dynamic_update_slice(
 def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -> list[Array]:
     """Return one block of the array for each row of indices (see `jax.lax.gather`).
 
-    In the mode "fill", all elements of a block that lies partly outside of the array become JAX's
-    value for missing elements, such as NaN. In all other modes, the block is moved inside.
+    In the mode "fill", all elements of a block that does not lie wholly inside of the array become
+    JAX's value for missing elements, such as NaN. In all other modes, the block is moved inside.
 
     **Raises:** `UnsupportedPrimitiveError` for arrays with batching dimensions, and for a large
     result in which the axes of the blocks do not come last.
@@ -186,7 +199,8 @@ def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -
         raise UnsupportedPrimitiveError("gather of batches")
     shape, index_shape = (tuple(aval_of(v).shape) for v in equation.invars)
     out, strides = aval_of(equation.outvars[0]), _strides(shape)
-    # A row of indices has the start of a block along these axes of the array.
+    # A row, which is the last axis of the indices, has the start of a block along the axes `axes`
+    # of the array. The other axes of the indices, `batch`, number the blocks.
     *batch, depth = index_shape
     axes = numbers.start_index_map
     # A block has the axes of the array that are not collapsed.
@@ -289,14 +303,16 @@ def _scatter(
     """Return a small array in which updates replace elements, or are combined with them
     (see `jax.lax.scatter`).
 
-    The indices of updates may be computed, so each element is selected from its old value and the
-    update. A window is the part of the array that the updates for one row of indices replace. If it
-    lies partly outside of the array, all its updates are dropped; in the mode "clip" it is moved
-    inside instead.
+    If the program computes the index of an update, any element may be the one to change, so for
+    each element the program selects its old or its new value. A window is the part of the array
+    that the updates for one row of indices change. If a window does not lie wholly inside of the
+    array, all its updates are dropped; in the mode "clip" it is moved inside instead.
 
-    **Arguments:** `name`: primitive that combines an element and an update; "" to replace it.
+    **Arguments:** `name`: primitive that combines an element and an update, such as "add"; "" for
+    the primitive "scatter", which has none.
 
-    **Raises:** `UnsupportedPrimitiveError` for large arrays or arrays with batching dimensions.
+    **Raises:** `UnsupportedPrimitiveError` if the array, the indices or the updates are large, and
+    for arrays with batching dimensions.
     """
     shape, index_shape, update_shape = (aval_of(v).shape for v in equation.invars)
     numbers, depth = equation.params["dimension_numbers"], index_shape[-1]
@@ -311,7 +327,7 @@ def _scatter(
     ops, values, strides = lower.ops, lower.values(array), _strides(shape)
     starts = lower.values(indices)
     clips = "CLIP" in str(equation.params["mode"])
-    # A row of indices has the start of a window in the array along these axes.
+    # A row, which is the last axis of the indices, has the start of a window along these axes.
     axes = numbers.scatter_dims_to_operand_dims
     # Axes of the updates are those of a window in the array, and those of the batch of windows.
     windows = list(numbers.update_window_dims)
@@ -332,7 +348,7 @@ def _scatter(
         along = [start + offsets.pop(axis) for start, axis in zip(inside, axes, strict=True)]
         rest = sum(strides[axis] * offset for axis, offset in offsets.items())
         target = _flat_index(lower, along, [strides[axis] for axis in axes]) + rest
-        # The element with this index is replaced; if the index is computed, it may be any element.
+        # The element with the index `target` changes; unless that is known, it may be any element.
         known = ops.number(target.value)
         for k in range(len(values)) if known is None else [int(known)]:
             is_target = target.compare("eq", k)
@@ -349,7 +365,8 @@ def _combination(lower: Lowering, equation: Equation, name: str) -> Callable[[Va
     """
     if name:
         return lower.operation(name, aval_of(equation.invars[0]))
-    # The jaxpr returns the update or, in `x.at[k].apply`, a function of the element.
+    # "scatter" has a jaxpr that returns the update or, for `x.at[k].apply`, a function of the
+    # element. Without a jaxpr, the update replaces the element.
     jaxpr, consts = (equation.params[key] for key in ("update_jaxpr", "update_consts"))
     if jaxpr is None or jaxpr.outvars[0] is jaxpr.invars[1]:
         return lambda old, new: new

@@ -108,8 +108,8 @@ class LaneLoop(AbstractLaneLoop):
     - `status`: function of the same arguments that returns scalars by name. Among them is "moves",
       whether the lane can take a step without its host.
     - `shared`: data of all lanes.
-    - `own`, `state`: constant data and state of one lane. Of the arrays in these three PyTrees,
-      only shapes and dtypes are used.
+    - `own`, `state`: constant data and state of one lane. Of the arrays in `shared`, `own` and
+      `state`, only shapes and dtypes are used; all other leaves become part of the program.
 
     **Raises:** `UnsupportedPrimitiveError` for a primitive, or a use of one, without a rule for
     machine code, for an unsupported dtype such as float32, and if LLVM rejects the program.
@@ -211,8 +211,9 @@ def _traced(
 ) -> tuple[list[str], core.ClosedJaxpr, core.ClosedJaxpr]:
     """Return the names of the scalars that `status` returns, and the jaxprs of `step` and `status`.
 
-    The arguments of the jaxprs are the leaves of `arrays`, and their results are arrays. Equations
-    that the results don't need are removed.
+    Both jaxprs take the leaves of `arrays`. That of `step` returns the arrays of the new state, and
+    that of `status` the scalars in the order of their names. Equations that the results don't need
+    are removed.
 
     **Arguments:** `arrays`, `static`: the functions' arguments, divided by `eqx.partition`.
     """

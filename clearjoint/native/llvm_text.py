@@ -1,9 +1,9 @@
 """Text of a program in LLVM's intermediate language, written by llvmlite.
 
 A product that is used only as a term of one sum is computed together with the sum, by a fused
-multiply-add. This module decides where. If LLVM decided it, the decision would depend on the number
-of lanes (runs that the program computes at once), so that the last bits of a lane's results could
-depend on that number.
+multiply-add. This module decides which products are. If LLVM decided, the choice would depend on
+the number of lanes (runs that the program computes at once), so that the last bits of a lane's
+results could depend on that number.
 
 A program consists of blocks, which are lists of entries: operations, and branches and loops, which
 contain blocks themselves (see `.operations`). A value is the result of an operation, a branch or a
@@ -36,7 +36,8 @@ _INSTRUCTIONS: dict[str, tuple[str, ...]] = {
     "fne": ("fcmp_unordered", "!="),
     "is_nan_either": ("fcmp_unordered", "uno"),
 }
-"""Methods of llvmlite's builder, with the sign that some take first, by the names of operations."""
+"""Methods of llvmlite's builder, by the names of operations. A method for comparisons stands
+with its first argument, the comparison's sign."""
 _CONVERSIONS = {
     "int_to_float": "sitofp",
     "bool_to_float": "uitofp",
@@ -73,9 +74,9 @@ def llvm_text(program: Operations, result: Value | None = None) -> str:
     program on memory at an address that is a multiple of 64. A cell of the memory has 8 bytes for
     each lane, which hold a float or a 64-bit integer.
 
-    **Arguments:** `program`: the program, from whose branches results that nothing uses are
-    removed; `result`: a value of kind "i" whose number in the first lane the function returns. By
-    default the function returns 0.
+    **Arguments:** `program`: the program, which is changed: results of branches that nothing uses
+    are removed; `result`: a value of kind "i" whose number in the first lane the function returns.
+    By default the function returns 0.
     """
     return _Writer(program).module(result)
 
@@ -225,7 +226,8 @@ class _Writer:
         return base if count == 1 and not kind.endswith("p") else ir.VectorType(base, count)
 
     def _value(self, value: Value) -> Word:
-        """Return the constant or result that a value has in the function being written."""
+        """Return LLVM's value for a value of the program, in the function that is being written: a
+        constant, or the result of an instruction."""
         number = self._program.constants.get(value)
         if number is not None and value not in self._values:
             # llvmlite repeats the number in all elements of a vector.
@@ -239,6 +241,7 @@ class _Writer:
             if id(entry) not in self._live:
                 continue
             if isinstance(entry, Operation):
+                # A fused product is written together with its sum.
                 if entry.out not in self._products:
                     straight.append(entry)
                 continue
@@ -258,13 +261,14 @@ class _Writer:
                 self._values[entry.out] = result
 
     def _by_need(self, entries: list[Operation]) -> list[Operation]:
-        """Return operations in an order in which each comes right before its first use.
+        """Return operations in a new order, in which most come right before the first use of their
+        result.
 
-        Loads, stores, calls and operations whose results no other given operation uses keep their
-        order. Of the operations that one needs, that with the longest chain of dependent operations
-        before it comes first. LLVM roughly keeps the order in which operations are written. In the
-        returned order fewer values occupy registers than in the given one, and a single run takes
-        0.93 of the time.
+        Loads, stores, calls, and operations whose results no other given operation uses keep their
+        order; only the remaining operations are moved. Of several operations that one needs, that
+        with the longest chain of dependent operations before it comes first. LLVM roughly keeps the
+        order in which operations are written. In the new order fewer values occupy registers, and a
+        single run takes 0.93 of the time.
         """
         # Operations that have not been placed and may be moved, by their results, and the lengths
         # of the longest chains that end with them.
@@ -304,11 +308,11 @@ class _Writer:
     def _written(self, entry: Operation) -> Word | None:
         """Write an operation and return its result.
 
-        Two operations have no result, and their `out` is ``None``: for a store, ``None`` is
-        returned, and for the call of a function of the program its instruction, which has no value.
+        The operations "store" and "call" have no result: their `out` is ``None``, and the returned
+        object has no value.
 
-        **Raises:** `NotImplementedError` for an operation without instructions in LLVM's language,
-        which would be an error of this package.
+        **Raises:** `NotImplementedError` for the name of an operation that this module cannot
+        write, which would be an error of this package.
         """
         name, arguments, builder = entry.name, entry.arguments, self._builder
         if name == "call":
@@ -372,9 +376,10 @@ class _Writer:
         return self._builder.call(self._declared(full, form, given), given)
 
     def _declared(self, name: str, form: Form, given: list[Word]) -> ir.Function:
-        """Return a function outside of the module, which is declared at its first use.
+        """Return a function from outside of the module, and declare it if this is its first use.
 
-        **Arguments:** `form`: type of the result; `given`: values of the types of its arguments.
+        **Arguments:** `form`: type of the result; `given`: values of the types that the function
+        takes.
         """
         known = self._module.globals.get(name)
         types = [value.type for value in given]
@@ -384,7 +389,7 @@ class _Writer:
         """Call a function of the C library for each lane or tangent."""
         scalars = [_BASES["f"](None)] * len(given)
         function = self._declared(name, _BASES["f"], scalars)
-        # Without side effects, so that LLVM may omit the call.
+        # Declared to have no side effects, so that LLVM may omit calls whose results are not used.
         function.attributes.add("nounwind")
         function.attributes.add("readnone")
         call = self._builder.call
@@ -422,7 +427,8 @@ class _Writer:
     def _pointer(self, start: int, index: Value | None, lane: int = 0) -> Word:
         """Return the address of a lane's number in the cell `start`, or in `start` + `index`.
 
-        That of lane 0, the default, is also the address of the cell with the numbers of all lanes.
+        The numbers of all lanes in a cell are consecutive, so the address for lane 0, the default,
+        is also that of the whole cell.
         """
         number, builder = _BASES["i"], self._builder
         offset = number(start * self._width + lane)
@@ -433,15 +439,15 @@ class _Writer:
         return builder.gep(self._memory, [offset], inbounds=True, source_etype=_BASES["f"])
 
     def _is_one_cell(self, index: Value | None) -> bool:
-        """Return whether all lanes are known to read or write the same cell, given its index.
+        """Return whether all lanes are known to read or write the same cell.
 
-        ``None`` stands for no index: the number of the cell is known.
+        **Arguments:** `index`: index of the cell; ``None`` if the number of the cell is known.
         """
         return index is None or self._program.is_uniform(index)
 
     def _load(self, entry: Operation) -> Word:
-        """Write the instructions that read a cell, and return the content. If lanes may read
-        different cells, because their indices may differ, they are read one by one."""
+        """Write the instructions that read a cell, and return the content. If the lanes may have
+        different indices, and so read different cells, the cells are read lane by lane."""
         assert entry.out is not None
         kind, builder = self._program.kinds[entry.out], self._builder
         cell, index = self._type(_CELL[kind[0]] + kind[1:]), next(iter(entry.arguments), None)
@@ -457,8 +463,8 @@ class _Writer:
         return builder.trunc(content, self._type(kind)) if kind[0] == "w" else content
 
     def _store(self, entry: Operation) -> None:
-        """Write the instructions that store a value in a cell. If lanes may write to different
-        cells, because their indices may differ, they are stored one by one."""
+        """Write the instructions that store a value in a cell. If the lanes may have different
+        indices, and so write to different cells, the numbers are stored lane by lane."""
         value, index = (*entry.arguments, None)[:2]
         assert value is not None
         kind, builder = self._program.kinds[value], self._builder
@@ -478,10 +484,10 @@ class _Writer:
         """Write a jump to the block `yes` if the condition holds in any lane or for any tangent,
         else to the block `no`.
 
-        With several lanes, the block `yes` is thus executed also for lanes in which the condition
-        does not hold. Nothing is written here for these lanes: operations "select" that `control`
-        adds after the branch give them their results, and `yes` writes to memory only where the
-        condition holds.
+        With several lanes or tangents, the block `yes` is thus executed also for those in which the
+        condition does not hold. Nothing is written here for them: operations "select", in `yes` or
+        after the branch, give them their results, and `yes` writes to memory only where the
+        condition holds (see `.operations.Branch`).
 
         Both blocks continue after the branch. There, a phi instruction gives each result the value
         from the block that was executed.

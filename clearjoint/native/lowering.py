@@ -34,11 +34,12 @@ larger one would cost code and time of compilation, which a loop saves."""
 LONGEST_PACKED = 16
 """Largest number of tangents that are kept as a vector: two vectors of 512 bits."""
 FEWEST_PACKED = 60
-"""Least number of sums and products of arrays of one length for which arrays of this length are
-kept as vectors. If a program has fewer, these arrays are probably not tangents."""
+"""Least number of sums and products of arrays with one axis, all of the same length, for which
+arrays of this length are kept as vectors. If a program has fewer, they are probably not tangents.
+"""
 LONGEST_CHOICE = 24
-"""Largest number of equations of a branch that is always computed, its result being selected. A
-longer one costs more than a jump."""
+"""Largest number of equations of a branch that is computed whether its result is needed or not. To
+compute a longer one in vain costs more than a jump."""
 SMALLEST_FUNCTION = 1000
 """Number of equations from which on a jaxpr that is called repeatedly becomes a function. For a
 shorter one, the exchange of values in memory costs more than the code that a function saves."""
@@ -57,8 +58,10 @@ class UnsupportedPrimitiveError(NotImplementedError):
     """Raised for a primitive, or a use of one, for which there is no rule, for arrays of an
     unsupported type, and for a program that LLVM rejects.
 
+    - `location`: source line at which the primitive is called; "" if it is not known.
+
     **Arguments:** `what`: what is not supported, such as "sort" or "gather of batches"; `location`:
-    source line of the call, "" while it is not known.
+    see above.
     """
 
     def __init__(self, what: str, location: str = ""):
@@ -163,7 +166,8 @@ def tangents_of(jaxpr: core.Jaxpr) -> int:
 
     A jaxpr does not say which arrays are tangents, but programs with tangents add and multiply many
     arrays of one axis whose length is the number of tangents. The result is the length from 2 to
-    `LONGEST_PACKED` with the most of these operations, or 0 if it has fewer than `FEWEST_PACKED`.
+    `LONGEST_PACKED` with the most of these operations, or 0 if that has fewer than `FEWEST_PACKED`
+    of them.
     """
     lengths: Counter[int] = Counter()
 
@@ -200,11 +204,11 @@ class Function:
     """A function of machine code for a jaxpr, which exchanges values with its callers in memory.
 
     - `number`: number of the function, for `Operations.call`.
-    - `parameters`: first cells of the values that differ between calls. The caller writes the
-      values there.
-    - `results`: arrays that the function returns, of values as named inside the function.
-    - `cells`: first cells of the values in `results` that the function computes. The function
-      writes them there. The other values in `results` are computed outside, once for all calls.
+    - `parameters`: for each value that differs between calls, the first cell to which the caller
+      writes it.
+    - `results`: arrays that the function returns. Their values are those inside of the function.
+    - `cells`: for each value in `results` that the function computes, the first cell to which the
+      function writes it. All other values in `results` are computed outside, once for all calls.
     """
 
     number: int
@@ -214,13 +218,14 @@ class Function:
 
 
 def repeated_calls(jaxpr: core.Jaxpr) -> dict[int, RepeatedCall]:
-    """Return the calls in `jaxpr` of inner jaxprs that may become functions of machine code.
+    """Return those equations of `jaxpr` that call an inner jaxpr for which a function of machine
+    code may be made.
 
-    Such a jaxpr has at least `SMALLEST_FUNCTION` equations, is called at least `FEWEST_CALLS`
+    The inner jaxpr has at least `SMALLEST_FUNCTION` equations, is called at least `FEWEST_CALLS`
     times, and returns no array of more than `LARGEST_UNROLLED` elements.
 
-    **Returns:** the calls by the id of the equation that makes them. Equations that call the same
-    jaxpr share one `RepeatedCall`.
+    **Returns:** a `RepeatedCall` for the `id` of each of these equations. Equations that call the
+    same inner jaxpr share one.
     """
     # Calls of the same jaxpr share one object for it.
     groups: dict[int, list[Equation]] = {}
@@ -257,8 +262,9 @@ class Lowering:
     - `ops`: operations of the program.
     - `constants`: arrays that must be in memory before the program starts, by their first cells.
 
-    **Arguments:** `rules`: rules of the primitives that do not work element by element, by the
-    primitives' names.
+    **Arguments:** `ops`: operations of the program; `rules`: rules of the primitives that do not
+    work element by element, by the primitives' names. (The rules of the others are in
+    `.elementwise`.)
     """
 
     def __init__(self, ops: Operations, rules: Mapping[str, EquationRule]):
@@ -306,7 +312,7 @@ class Lowering:
         return np.array(values, dtype=np.int64).reshape(shape)
 
     def new_array(self, shape: tuple[int, ...], kind: str) -> InMemory:
-        """Reserve the cells of an array in memory, whose content is not defined."""
+        """Reserve cells for an array and return the array, whose elements are not defined yet."""
         return InMemory(self.ops.allocate(math.prod(shape)), shape, kind, owned=True)
 
     def is_packed(self, shape: tuple[int, ...]) -> bool:
@@ -314,7 +320,7 @@ class Lowering:
         return self.ops.packed > 0 and shape == (self.ops.packed_length,)
 
     def values(self, array: Array) -> list[Value]:
-        """Return the elements of an array in row-major order."""
+        """Return the elements of an array in row-major order, each as a value of its own."""
         if isinstance(array, int):
             return [array]
         if isinstance(array, Packed):
@@ -332,7 +338,7 @@ class Lowering:
         return self.ops.pack(values * (self.ops.packed_length if len(values) == 1 else 1))
 
     def read(self, memory: InMemory) -> Array:
-        """Add the reads of a small array, and return its elements as an array of another form."""
+        """Add the reads of a small array in memory, and return it in the form for its shape."""
         return self.array(self.values(memory), memory.shape)
 
     def write(self, array: Array, start: int, index: Value | None = None) -> None:
@@ -364,7 +370,10 @@ class Lowering:
         return memory
 
     def stored(self, array: Array, aval: ShapedArray) -> Region:
-        """Return the region of an array in memory; write it to new cells if necessary."""
+        """Return the region of memory that has an array; write the array there if necessary.
+
+        **Arguments:** `aval`: shape and dtype of the array.
+        """
         if isinstance(array, InMemory):
             return Region.of(aval, array.start)
         region = self.region(aval)
@@ -372,14 +381,14 @@ class Lowering:
         return region
 
     def copied(self, memory: InMemory) -> InMemory:
-        """Copy an array in memory to new cells."""
+        """Copy an array in memory to new cells, and return the copy."""
         copy = self.new_array(memory.shape, memory.kind)
         self.write(memory, copy.start)
         return copy
 
     def flatten(self, arrays: Sequence[Array]) -> list[Value]:
         """Return all values of arrays in one list, as branches, loops and functions exchange them.
-        A vector of tangents is one value, and an array in memory has none."""
+        A vector of tangents is one value, and an array in memory is left out."""
         flat: list[Value] = []
         for array in arrays:
             if isinstance(array, Packed):
@@ -391,7 +400,7 @@ class Lowering:
     def unflatten(self, values: Sequence[Value], like: Sequence[Array]) -> list[Array]:
         """Return arrays with the given values and the forms of `like`: the inverse of `flatten`.
 
-        Arrays in memory have no values, so those in `like` are returned.
+        `flatten` leaves out arrays in memory, so the arrays in memory of `like` are returned.
         """
         remaining = iter(values)
         arrays: list[Array] = []
@@ -408,9 +417,9 @@ class Lowering:
         return arrays
 
     def take(self, array: Array, indices: np.ndarray) -> Array:
-        """Return the array, in the shape of `indices`, of elements at known row-major indices.
+        """Return the elements of an array at known row-major indices, in the shape of `indices`.
 
-        The result may share cells with an array in memory.
+        If the array is in memory, the result may share its cells.
         """
         shape, flat, ops = indices.shape, indices.ravel(), self.ops
         if isinstance(array, InMemory) and is_contiguous(flat):
@@ -426,7 +435,7 @@ class Lowering:
             values = self.values(array)
             if flat.size <= LARGEST_UNROLLED:
                 return self.array([values[k] for k in flat], shape)
-            # A large array with one number everywhere is filled by a loop.
+            # A large result that repeats one value everywhere is filled by a loop.
             if len(values) == 1:
                 return self._by_loop(lambda value: value, ops.kinds[values[0]], shape, values)
             array = self.in_memory(array, (len(values),))
@@ -510,13 +519,14 @@ class Lowering:
     ) -> None:
         """Add an equation to the program and its results to `known`.
 
-        Arrays in memory are marked as owned if later equations may overwrite them.
+        Arrays in memory that something else may read later are marked as not owned: arguments that
+        are read again, and results that share cells with these or with each other.
 
         **Arguments:** `known`: arrays of the variables of the jaxpr so far; `last_reads`: number of
         the last equation that reads each variable; `number`: number of this equation.
 
         **Raises:** `UnsupportedPrimitiveError` with the source line of the equation, if there is no
-        rule for its primitive or for this use of it.
+        rule for its primitive or for this use of it, or if a dtype is not supported.
         """
         arguments: list[Array] = []
         kept: dict[Atom, InMemory] = {}
@@ -542,8 +552,8 @@ class Lowering:
         if len(outs) == 1 and isinstance(outs[0], int):
             known[equation.outvars[0]] = outs[0]
             return
-        # A result may have cells in common with an argument or with another result, such as a part
-        # of it. Then neither of the two may be overwritten.
+        # A result, such as a part of an array, may have cells in common with an argument that is
+        # read later or with another result. Then neither of the two may be overwritten.
         in_memory = [out for out in outs if isinstance(out, InMemory)]
         for atom, array in kept.items():
             if any(map(array.overlaps, in_memory)):
@@ -627,9 +637,8 @@ class Lowering:
         """Return the function that applies the primitive `name`, which works element by element, to
         values.
 
-        **Arguments:** `aval`: has the dtype of the result; `parameter`: the primitive's parameter
-        that its rule takes as last argument, such as the exponent of "integer_pow", if there is
-        one.
+        **Arguments:** `aval`: has the dtype of the result; `parameter`: for a primitive whose rule
+        takes a parameter as last argument, this parameter, such as the exponent of "integer_pow".
         """
 
         def rule(*values: Value) -> Value:
@@ -666,7 +675,10 @@ class Lowering:
         return self.array([rule(*row) for row in zip(*rows, strict=True)], shape)
 
     def _repeat_axes(self, array: Array, aval: ShapedArray, shape: tuple[int, ...]) -> Array:
-        """Return the array in `shape`, with axes of length one repeated; a scalar is unchanged."""
+        """Return the array in `shape`, with axes of length one repeated; a scalar is unchanged.
+
+        **Arguments:** `aval`: has the shape of `array`.
+        """
         if isinstance(array, int) or tuple(aval.shape) == shape:
             return array
         return self.take(array, np.broadcast_to(element_indices(aval), shape))

@@ -2,10 +2,10 @@
 
 LLVM compiles the text of a program for the processor of this machine. Two kinds of files are saved
 in JAX's compilation cache. A file with machine code is named by a digest of the LLVM text and the
-processor: it saves the compilation, but the function must be traced and its text made to find it.
-A file with a whole program also has the layout of its arguments and results, and is named by a
-digest of, among others, the function and the structure, shapes, dtypes and static values of the
-arguments: it saves tracing and the making of the text too.
+processor. It saves the compilation only: to find the file, a process must trace the function and
+make the text. A file with a whole program also has the layout of its arguments and results. Its
+name is a digest of the function, of the structure, shapes, dtypes and static values of the
+arguments, and of versions and settings, so it saves tracing and making the text too.
 """
 
 import ctypes
@@ -40,7 +40,7 @@ OPTIMISATION = 2
 _PACKAGES = (*NUMERIC, "beartype", "jax", "jaxlib", "jaxtyping", "ml_dtypes", "numpy")
 """Packages on whose versions programs depend."""
 _IRRELEVANT = ("cache_dir", "persistent_cache", "compilation_cache", "log", "traceback", "dump")
-"""Parts of the names of JAX's settings on which programs don't depend."""
+"""Programs do not depend on settings of JAX whose names contain one of these texts."""
 
 
 class Stopwatch:
@@ -71,8 +71,8 @@ class Code:
       `stopwatch` has recorded before, such as "tracing" and "lowering".
 
     **Arguments:** `lowering`: lowering of the whole program; `stopwatch`: measures the stages;
-    `result`: value of kind "i" (int64) whose number in the first lane, or run that the program
-    computes, `run` returns. By default `run` returns 0.
+    `result`: value of kind "i" (int64). `run` returns its number in the first lane, that is, in the
+    first of the runs that the program computes at once. By default `run` returns 0.
 
     **Raises:** `UnsupportedPrimitiveError` if LLVM rejects the program.
     """
@@ -103,7 +103,10 @@ class Code:
         return memory
 
     def run(self, memory: Memory) -> int:
-        """Execute the program on memory from `memory`, and return its `result`, an integer."""
+        """Execute the program, and return the number of `result`.
+
+        **Arguments:** `memory`: memory that the method `memory` has returned, with the arguments.
+        """
         engine, function = self._loaded  # The engine owns the code; it must live during the call.
         return function(memory.address)
 
@@ -192,21 +195,26 @@ def load_or_make(
 ) -> Program:
     """Load the program of a function from disk, or make and save it.
 
-    A loaded program needs neither tracing nor lowering. Nothing is loaded or saved if that is
-    switched off (by `keep_programs` in `..compilation.program_store`), if JAX's compilation cache
-    is not in use, if the package's code has changed since its import, or if the function or its
-    arguments contain classes or functions from outside of this package and those in `NUMERIC`: a
-    change of their code would not be noticed.
+    A loaded program needs neither tracing nor lowering. The program is made and not saved
+
+    - unless `keep_programs`, in `..compilation.program_store`, has switched saving on;
+    - if JAX's compilation cache is not in use;
+    - if the package's code has changed since its import;
+    - if the function or its arguments contain classes or functions from outside of this package and
+      those in `NUMERIC`, since a change of their code would not be noticed, or other values that
+      `digest_of` refuses;
+    - if the program cannot be pickled or written.
 
     **Arguments:** `function`, `arguments`: function of PyTrees, and arguments with the structure,
-    shapes, dtypes and static values for which the program is valid; `make`: makes the program,
-    which is returned without being saved if it cannot be pickled or written.
+    shapes, dtypes and static values for which the program is valid; `make`: makes the program.
+
+    **Raises:** what `make` raises.
     """
     kept = load(function, arguments)
     if kept is not None:
         return cast(Program, kept)
-    # The place is determined after the program is made: it is `None` if the package's code was
-    # changed until then.
+    # The place is determined after the program is made, so that it is `None` if the package's code
+    # has changed in the meantime.
     program, place = make(), _place(function, arguments)
     if place is not None:
         store, key = place
@@ -234,7 +242,7 @@ def load(function: Callable[..., PyTree], arguments: tuple[PyTree, ...]) -> obje
 def _place(
     function: Callable[..., PyTree], arguments: tuple[PyTree, ...]
 ) -> tuple[ProgramStore, str] | None:
-    """Return the store and the key of a program; ``None`` if the program cannot be kept."""
+    """Return the store and the key of a program; ``None`` if it cannot or shall not be saved."""
     store = _store() if keeps_programs() else None
     if store is None:
         return None
@@ -245,13 +253,13 @@ def _place(
 
 
 def _key(function: Callable[..., PyTree], arguments: tuple[PyTree, ...]) -> str:
-    """Return a text that is the same in all processes for arguments with the same program.
+    """Return the key of the program of a function for arguments, the same text in all processes.
 
-    Programs depend on shapes and dtypes of arrays, but not on their numbers.
+    Of the arrays in the arguments, it depends on the shapes and dtypes, but not on the numbers.
 
-    **Raises:** `NotPlainError` if function or arguments contain code from outside of the package
-    and of those in `NUMERIC`, and `ChangedCodeError` if the package's own code has changed since
-    its import.
+    **Raises:** `NotPlainError` if function or arguments contain classes or functions from outside
+    of this package and those in `NUMERIC`, or other values that `digest_of` refuses;
+    `ChangedCodeError` if the package's own code has changed since its import.
     """
     shapes = jax.tree.map(
         lambda leaf: jax.ShapeDtypeStruct(leaf.shape, leaf.dtype) if eqx.is_array(leaf) else leaf,

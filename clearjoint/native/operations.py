@@ -1,12 +1,12 @@
 """Operations on scalars: the form of a program between a jaxpr and LLVM's language.
 
 A value is named by an integer and computed once (static single assignment). Its kind is ``f``
-(float64), ``i`` (int64), ``w`` (int32) or ``b`` (bool). With the suffix ``p`` it is a vector of
-tangents of that kind: derivatives of one variable by several parameters. A program may compute
-several runs, called lanes, at once; each value is then a vector with a number for each lane. A
-block is a list of entries: pure operations, reads and writes of memory, calls of functions, and
-branches and loops, which contain blocks. Memory consists of numbered cells, each of which holds one
-number for each lane. A vector of tangents occupies consecutive cells.
+(float64), ``i`` (int64), ``w`` (int32) or ``b`` (bool). A kind with the suffix ``p`` is that of a
+vector of tangents: derivatives of one variable by several parameters. A program may compute several
+runs, called lanes, at once; each value is then a vector with a number for each lane. A block is a
+list of entries: pure operations, reads and writes of memory, calls of functions, and branches and
+loops, which contain blocks. Memory consists of numbered cells, each of which holds one number for
+each lane. A vector of tangents occupies consecutive cells.
 """
 
 import math
@@ -39,7 +39,7 @@ class Operation:
     - "call", which executes the function `number` of the program. The function reads its arguments
       from memory and writes its results there.
 
-    A vector of tangents is read from, or written to, the given cell and the following ones. Of
+    A vector of tangents is read from, or written to, the given cell and the following ones. For
     "store" and "call", `out` is ``None``. An operation contains no blocks, so `blocks` is empty.
     """
 
@@ -143,8 +143,9 @@ class Operations:
 
     A pure operation is not added if its result can be computed from known numbers, if its result
     is one of its operands (x times 1), or if the same operation on the same arguments has been
-    added already in this block or in one that contains it. Loads, stores and calls are always
-    added.
+    added already in this block or in one that contains it. Where a simpler operation has the same
+    result, as the negation for x times -1, the simpler one is added instead. Loads, stores and
+    calls are always added.
 
     - `kinds`: kind of each value.
     - `constants`: numbers of the values that are known.
@@ -170,8 +171,8 @@ class Operations:
         self.cells = 0
         self.block: Block = []
         self.functions: list[Block] = []
-        # The blocks to which the functions that are being built belong, from the outermost function
-        # on, each with the index of its keys in `_scopes`.
+        # For each function that is being built, from the outermost one on: the block around it, and
+        # the index of this block's keys in `_scopes`.
         self._outside: list[tuple[Block, int]] = []
         # For values that are computed in functions, the number of functions around them.
         self._depths: dict[Value, int] = {}
@@ -224,8 +225,11 @@ class Operations:
         return self.width == 1 or value in self.constants or value in self._uniform
 
     def mark_uniform(self, value: Value) -> None:
-        """Declare a value to be the same in all lanes if that does not follow from the operations
-        that compute it, as for the counter of a loop."""
+        """Declare that a value is the same in all lanes.
+
+        This is for values for which it does not follow from the operations that compute them, such
+        as the counter of a loop.
+        """
         self._uniform.add(value)
 
     def emit(self, name: str, kind: str, *arguments: Value) -> Value:
@@ -289,7 +293,8 @@ class Operations:
                 return first
             for number, value, other in zip(known, arguments, arguments[::-1], strict=True):
                 if number is not None:
-                    # x and True is x, and so is x or False; x and False is False.
+                    # `x and True` and `x or False` are x; `x and False` is False, and `x or True`
+                    # is True.
                     return other if bool(number) == (name == "and") else value
         elif name == "fmul":
             for x, other in (arguments, arguments[::-1]):
@@ -317,9 +322,10 @@ class Operations:
         return None
 
     def repeated_number(self, value: Value) -> Number | None:
-        """Return the number of a value that is known, or that of all elements of a vector.
+        """Return the known number of a value, or the one that all elements of a vector have.
 
-        **Returns:** the number; ``None`` if only the run determines it.
+        **Returns:** the number; ``None`` if only the run determines it, and for a vector whose
+        elements are not all the same value.
         """
         # A vector with equal elements is made from one value by the operation "splat".
         element = self._operand_of("splat", value)
@@ -376,7 +382,8 @@ class Operations:
     def inside(self, block: Block) -> Iterator[Block]:
         """Within the context, add entries to `block`.
 
-        Their values are not reused after the context, where the block may not have been executed.
+        Values that these entries compute are not reused after the context, because the program may
+        get there without having executed the block.
         """
         outer, self.block = self.block, block
         self._scopes.append([])
@@ -418,7 +425,8 @@ class Operations:
     def masked(self, condition: Value | None) -> Iterator[None]:
         """Within the context, only lanes in which a condition holds write to memory.
 
-        The conditions of nested contexts must all hold. With ``None``, all lanes write.
+        The conditions of nested contexts must all hold. With ``None``, all lanes write, whatever
+        the conditions of outer contexts.
         """
         outer = self._mask
         if outer is None or condition is None:
@@ -433,7 +441,8 @@ class Operations:
     def _address(self, start: int, index: Value | None) -> tuple[int, tuple[Value, ...]]:
         """Return the cell and the arguments with which an operation addresses `start` + `index`.
 
-        The only argument is the index; there is none if the index is known and added to the cell.
+        The only argument is the index. There is none if the index is ``None``, or if it is known
+        and thus added to the cell.
         """
         known = None if index is None else self.constants.get(index)
         if known is None:
@@ -443,13 +452,13 @@ class Operations:
     # Functions.
 
     def function(self, build: Callable[[], None]) -> int:
-        """Add a function to the program, which this block and inner ones can call.
+        """Add a function to the program. The current block, and blocks inside it, can call it.
 
-        Values from outside that the function uses are written to memory in this block, and the
-        function reads them there.
+        Values from outside that the function uses are written to memory in the current block, and
+        the function reads them there.
 
-        **Arguments:** `build`: adds the entries of the function. All lanes execute them, also
-        within `masked`.
+        **Arguments:** `build`: adds the entries of the function. They write in all lanes, even if
+        the function is added inside a `masked` context, whose condition does not apply in it.
 
         **Returns:** the number of the function.
         """
@@ -502,9 +511,10 @@ class Operations:
     ) -> list[Value]:
         """Add a branch and return its values.
 
-        **Arguments:** `condition`: a bool, see `Branch` for several lanes; `yes`, `no`: add the
-        entries of the block that is executed if the condition holds, or if not, and return the
-        block's values. Both return the same number of values, of the same kinds.
+        **Arguments:** `condition`: a bool, see `Branch` for several lanes; `yes`: adds the entries
+        of the block that is executed if the condition holds, and returns the block's values; `no`:
+        the same for the block that is executed if it does not hold. Both return the same number of
+        values, of the same kinds.
         """
         blocks, values = ([], []), []
         for block, build in zip(blocks, (yes, no), strict=True):
@@ -558,8 +568,8 @@ class Operations:
 def _operator(
     float_name: str, name: str, bool_name: str = ""
 ) -> "Callable[[Symbol, Symbol | Number], Symbol]":
-    """Return a method that adds the operation `float_name` for floats, `bool_name` for bools,
-    otherwise `name`."""
+    """Return a method that adds the operation `float_name` for floats, `name` for integers, and
+    `bool_name` for bools, or `name` if `bool_name` is empty."""
     names = {"f": float_name, "b": bool_name or name}
     return lambda a, b: a.emit(names.get(a.letter, name), b)
 
@@ -567,9 +577,10 @@ def _operator(
 class Symbol:
     """A value of a program, for formulas: Python's operators add operations to the program.
 
-    Operators of floats, integers and bools add the operation of the first operand's kind; sum,
-    difference and product of bools are "or", "xor" and "and". Only floats can be divided by `/`.
-    The second operand may be a number, which stands for a value of that kind.
+    The kind of the first operand decides which operation an operator adds: `+` is "fadd" for floats
+    and "add" for integers. Sum, difference and product of bools are "or", "xor" and "and". Only
+    floats can be divided by `/`. The second operand may be a number, which stands for a value of
+    the first operand's kind.
 
     - `kind`: kind of the value.
     - `letter`: first letter of the kind, which a vector of tangents shares with its elements.
@@ -612,7 +623,10 @@ class Symbol:
         return self.emit("not")
 
     def compare(self, name: str, other: "Symbol | Number") -> "Symbol":
-        """Return the bool of a comparison: "lt", "le", "gt", "ge", "eq" or "ne"."""
+        """Return the bool that results from comparing this value with another one.
+
+        **Arguments:** `name`: "lt", "le", "gt", "ge", "eq" or "ne".
+        """
         return self.emit(("f" if self.letter == "f" else "i") + name, other, letter="b")
 
     def select(self, yes: "Symbol", no: "Symbol") -> "Symbol":

@@ -5,10 +5,10 @@ arguments. It adds operations to the program and returns the equation's results.
 integer that names a number in the program. Its kind is "f" for a float64, "i" for an int64 or "b"
 for a bool, among others. Arguments and results are `Array`s: a scalar value, a vector of tangents,
 which are derivatives by parameters (`Packed`), a NumPy array of values, or an array in memory
-(`InMemory`). The latter is called a large array: it has more than `LARGEST_UNROLLED` elements and
+(`InMemory`). An array in memory is called large: it has more than `LARGEST_UNROLLED` elements and
 is processed by loops.
 
-A rule that rearranges elements applies the NumPy function of the same name to an array with the
+A rule that rearranges elements applies the corresponding NumPy operation to an array with the
 row-major index of each element: the result has in each position the index of the element that is
 moved there.
 """
@@ -39,11 +39,12 @@ from .lowering import (
 from .operations import Symbol, Value
 
 Rearrange = Callable[[np.ndarray, dict], Sequence[np.ndarray]]
-"""Function of the indices of an array's elements and an equation's parameters that returns the
-indices of the elements of each result."""
+"""Function that receives the indices of an array's elements, in the shape of the array, and an
+equation's parameters. It returns an array for each result, with the indices of its elements."""
 Join = Callable[[list[np.ndarray], dict], np.ndarray]
-"""Function of the indices of the elements of several arrays, counted through all arrays, and an
-equation's parameters that returns the indices of the result's elements."""
+"""Function that receives the indices of the elements of several arrays and an equation's
+parameters, and returns the indices of the result's elements. Indices are counted through all
+arrays: the first one of an array follows the last one of the array before."""
 Combine = Callable[[Value, Value], Value]
 """Function that adds an operation on two values and returns its result."""
 
@@ -153,9 +154,9 @@ def _iota(lower: Lowering, equation: Equation) -> list[Array]:
 
 
 def _nonempty(equation: Equation) -> ShapedArray:
-    """Return shape and dtype of an equation's argument.
+    """Return shape and dtype of an equation's first argument.
 
-    **Raises:** `UnsupportedPrimitiveError` if the argument has no elements.
+    **Raises:** `UnsupportedPrimitiveError` if this argument has no elements.
     """
     aval = aval_of(equation.invars[0])
     if not aval.size:
@@ -183,9 +184,9 @@ def _reduce(lower: Lowering, equation: Equation, array: Array, name: str) -> lis
     # One row for each element of the result, with the elements that are combined to it.
     others = [k for k in range(values.ndim) if k not in axes]
     rows = values.transpose([*others, *axes]).reshape(out.size, -1)
-    # Sums and products are computed one by one. A sum can then absorb a product at each addition (a
-    # fused multiply-add). For all other operations, a tree has the shorter chain of dependent
-    # instructions.
+    # Sums and products are computed from the first to the last element, one after the other. Each
+    # addition of a product can then be a fused multiply-add. For all other operations, a tree has
+    # the shorter chain of dependent instructions.
     fold = partial(reduce, combine) if name in ("add", "mul") else partial(_by_halves, combine)
     return [lower.array([fold(row) for row in rows.tolist()], tuple(out.shape))]
 
@@ -261,8 +262,10 @@ def _cumulate(lower: Lowering, equation: Equation, array: Array, name: str) -> l
 
 
 def _arg_extreme(lower: Lowering, equation: Equation, array: Array, compare: str) -> list[Array]:
-    """Return the indices of the largest ("gt") or smallest ("lt") elements along an axis; of equal
-    elements, the first index. If there are NaNs, the index is that of the first NaN.
+    """Return the indices of the largest or smallest elements along an axis; of equal elements, the
+    first index. If there are NaNs, the index is that of the first NaN.
+
+    **Arguments:** `compare`: "gt" for the largest elements, "lt" for the smallest.
 
     **Raises:** `UnsupportedPrimitiveError` for arrays that are large or have no elements.
     """

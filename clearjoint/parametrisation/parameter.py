@@ -1,7 +1,7 @@
 """Parameters of a scene that a fit estimates, and scales, which map their values to coordinates.
 
-A fit works in these coordinates. They are of the order of 1, so that parameters of different units
-can be compared.
+A fit works in these coordinates. On a suitable scale, a typical change of a coordinate is of the
+order of 1, so that parameters of different units can be compared.
 """
 
 import abc
@@ -37,7 +37,7 @@ class AbstractScale(abc.ABC):
 
     A subclass defines `value`, its inverse `coordinate`, and `max_step`, the largest change of the
     coordinate in one step of a fit. Fields of a scale, such as bounds, are constants of the
-    compiled program: a scale with other fields causes a recompilation.
+    compiled program: a scale whose fields have other values causes a recompilation.
 
     ```python
     from dataclasses import dataclass
@@ -87,8 +87,9 @@ class AbstractScale(abc.ABC):
         """Return the standard deviation of the coordinate above which an estimate carries no
         information.
 
-        A parameter with a larger one counts as not identifiable. The default is 1, the usual size
-        of coordinates: on a `Log` scale, an uncertainty by a factor of e.
+        A parameter whose estimate has a larger standard deviation counts as not identifiable. The
+        default is 1, the size of a typical change: on a `Log` scale, an uncertainty by a factor of
+        e.
 
         **Arguments:** `coordinate`: estimated coordinate.
         """
@@ -250,16 +251,16 @@ class Parameter:
 
     - `path`: function that selects the number in a scene, such as
       ``lambda scene: scene.joints["pin"].clearance``. A path that returns several numbers ties
-      them: they share one value. An `AbstractVariation`, which says in another way how a value
-      changes scene and state, may take its place. The field `variation` is the given
+      them: they share one value. Instead of a path, an `AbstractVariation` may be given, which says
+      in another way how a value changes scene and state. The field `variation` is the given
       `AbstractVariation`, or a `SceneNumber` made from the path.
     - `scale`: `Linear()` by default; `Log()` for positive numbers, `Bounded(low, high)` for
       numbers between bounds. A scale maps values to unbounded coordinates; the fit works in these
       coordinates, and derivatives are with respect to them.
-    - `value`: first guess, SI; ``None`` for the number's value in the scene or initial state. An
-      `AbstractVariation` that selects no number requires it.
+    - `value`: first guess, SI; ``None`` for the number's value in the scene or initial state. A
+      guess is required for an `AbstractVariation` that selects no number.
     - `unit`: text that labels the values and converts nothing; by default the SI unit of the number
-      in the scene. An `AbstractVariation` has its own unit instead.
+      in the scene. It is ignored for an `AbstractVariation`, which has its own unit.
 
     **Raises:** `ValueError` for a path that is not a function, and for a scale of another type.
 
@@ -361,8 +362,8 @@ class Parameter:
         tied numbers, that of the first.
 
         **Raises:** `ValueError` for a value that the scale doesn't allow. If `value` is ``None``,
-        also for a path that leads to no number, and if the variation selects no number of the scene
-        or state, such as a delay.
+        also for a path that leads to no number, and for a variation that selects no number of the
+        scene or state, such as a delay.
         """
         value = self.value
         if value is None:
@@ -383,7 +384,8 @@ PASS_PARAMETERS = 'pass {"clearance": cj.Parameter(lambda scene: scene.joints["p
 def check_parameters(parameters: Mapping[str, Parameter]) -> None:
     """Check that `parameters` is a dictionary of `Parameter` by name.
 
-    **Raises:** `ValueError` that names the wrong entry.
+    **Raises:** `ValueError` if it is not a dictionary, and for an entry that is no `Parameter` or
+    whose name is not a non-empty string. The message names the wrong entry.
     """
     require_types("parameters", parameters, Parameter, "a Parameter", PASS_PARAMETERS)
 

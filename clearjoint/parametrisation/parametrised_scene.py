@@ -24,7 +24,8 @@ Coordinates = jax.Array | np.ndarray
 class ParametrisedScene(eqx.Module):
     """A scene and its initial state, in which p parameters set or change some of the numbers.
 
-    - `values`: (p,) coordinates of the parameters on their scales, where derivatives are computed.
+    - `values`: (p,) coordinates of the parameters on their scales, at which derivatives are
+      computed.
     - `base`: scene and initial state before any change.
     - `changes`: for each parameter, a function of scene, state and value that returns the changed
       scene and state.
@@ -108,8 +109,9 @@ class ParametrisedScene(eqx.Module):
 
         **Arguments:**
 
-        - `function`: function of the scene, as returned by `scene`, and of `primals`. It returns a
-          pair: the value, which is differentiated, and an auxiliary result, which is not.
+        - `function`: function of the scene, in the form that the method `scene` returns, and of
+          `primals`. It returns a pair: the value, which is differentiated, and an auxiliary result,
+          which is not.
         - `primals`: further arguments of the function, after the scene; they may depend on the
           parameters.
         - `tangents`: derivatives of `primals` by the parameters, (p, ...) for each array.
@@ -147,7 +149,8 @@ def parametrised(
     **Raises:** `ValueError` for a parameter whose path does not lead to single numbers, and for a
     delay of a measured series, which is not part of a scene.
     """
-    # A Python number would be part of the program, which would be compiled for each of its values.
+    # A Python number would be a constant of the program, which would be compiled anew for each
+    # value of the number.
     scene, state = with_arrays((scene, state))
     # The example 0.0 says that all values are single numbers.
     changes = tuple(p.variation.setter(scene, state, 0.0) for p in parameters.values())

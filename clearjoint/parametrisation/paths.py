@@ -31,8 +31,8 @@ Leaf = jax.Array | np.ndarray | float
 class Number:
     """Location of a number in a scene or a state, which are PyTrees.
 
-    Indexing a location, as in ``location[1]``, returns the location of a component, or of several
-    for a slice, which cannot be indexed further.
+    Indexing a location, as in ``location[1]``, returns the location of a component. A slice or an
+    ellipsis returns the location of several components; indexing this raises a `ValueError`.
 
     - `leaf`: index of the array in the list of `jax.tree.leaves`.
     - `component`: indices into that array; empty for the whole array.
@@ -47,8 +47,8 @@ class Number:
 
     def __getitem__(self, key: Index | tuple[Index, ...]) -> "Number":
         keys = key if isinstance(key, tuple) else (key,)
-        # After a slice, a further index would count along the slice, but all indices are applied to
-        # the array at once.
+        # In NumPy, an index after a slice, as in inertia[0:2][1], counts along the slice. Here all
+        # indices are applied to the array at once, which would select something else.
         whole = all(isinstance(one, int | np.integer) for one in self.component)
         expected, remedy = "indexed no further after a slice", "give one index, as in inertia[1]"
         require(whole, "path", [*self.component, *keys], expected, remedy)
@@ -58,8 +58,9 @@ class Number:
 def numbers_at(tree: PyTree, path: NumberPath) -> list[Number]:
     """Return the locations of the numbers that a path selects in a scene or state.
 
-    **Raises:** `ValueError` if the path names an unknown element or field, or if it returns a
-    computed value, a whole element such as a joint, or nothing.
+    **Raises:** `ValueError` if the path names an unknown element or field, if it indexes beyond the
+    end of a tuple or list, or further after a slice, or if it returns a computed value, a whole
+    element such as a joint, or nothing. Whether an array has the selected component is not checked.
     """
     try:
         # The path runs on a tree whose leaves are their own locations, so that it returns
@@ -144,9 +145,10 @@ def set_values(tree: PyTree, numbers: list[Number], value: Leaf) -> PyTree:
 def require_fits(leaves: list[PyTree], numbers: list[Number], value: Leaf) -> None:
     """Check that the located numbers exist and have the shape of the value.
 
-    `leaves`: the list of `jax.tree.leaves` of the scene or state.
+    **Arguments:** `leaves`: the list of `jax.tree.leaves` of the scene or state.
 
-    **Raises:** `ValueError` otherwise.
+    **Raises:** `ValueError` for a component that the array does not have, and for a value of
+    another shape than one of the numbers.
     """
     for number in numbers:
         shape = _shape(leaves[number.leaf], number.component)
@@ -222,8 +224,8 @@ def _named_leaves(tree: PyTree, name: str, unit: str = "1") -> Iterator[tuple[st
     """Yield name, value and unit of each number, in the order of `jax.tree.leaves`.
 
     **Arguments:** `tree`: scene or state, or a part of it; `name`: name of this part, with which
-    the names of its numbers begin; `unit`: of its numbers, unless they are in fields of an object
-    inside this part, which declare their units.
+    the names of its numbers begin; `unit`: unit of the numbers of this part. It does not apply to
+    numbers in fields of an object: such a field declares its own unit.
     """
     # As in JAX, static fields are no leaves, and the entries of dictionaries are sorted by key.
     if isinstance(tree, eqx.Module):

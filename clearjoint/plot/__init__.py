@@ -1,12 +1,12 @@
 """Figures of simulated mechanisms with clearance joints.
 
 The functions in the tables draw existing data, such as an `Observation`, a `Solution`, a `Fit` or
-the data set of a sweep, into given matplotlib axes, the argument `axes`, or into new ones. They
-return the axes; `fitted` and `report` always make a new figure. Of the other functions, some draw
-in the same way, `journal_frames` draws into a figure, `animate_journal` writes a GIF, and some
-return the numbers to draw, such as `enclosed_energy`. No function simulates or shows anything; only
-`animate_journal` and `report` write files. Arguments are in SI units; axes have units with suitable
-prefixes.
+the data set of a sweep, into given matplotlib axes, the argument `axes`, or into new ones, and
+return the axes. Two of them always make a new figure: `fitted` returns its axes, `report` the
+figure itself. Of the functions that are not in the tables, some draw in the same way,
+`journal_frames` draws into a figure, `animate_journal` writes a GIF, and some return the numbers to
+draw, such as `enclosed_energy`. No function simulates or shows anything; only `animate_journal` and
+`report` write files. Arguments are in SI units; axes have units with suitable prefixes.
 
 | of a run | functions |
 |---|---|

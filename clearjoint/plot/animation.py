@@ -38,12 +38,12 @@ def journal_frames(
     columns: int = 8,
     figure: Figure | None = None,
 ) -> Figure:
-    """Draw one picture of the journal in its bearing for each instant and for each of its bases,
-    which are its end circles V and W.
+    """Draw the journal in its bearing, with one picture for each instant and each base.
 
-    The pictures of base V are in the upper row, those of base W in the lower row. Clearance and
-    eccentricity are enlarged by the same factor, so that the drawn clearance is 0.3 of the
-    bearing's radius. The journal is dark in contact and light in flight.
+    The bases V and W are the journal's two end circles. In each pair of rows, the upper one shows
+    base V, the lower one base W. Clearance and eccentricity are enlarged by the same factor, so
+    that the drawn clearance is 0.3 of the bearing's radius. The journal is dark in contact and
+    light in flight.
 
     **Arguments:**
 
@@ -110,7 +110,8 @@ def animate_journal(
     - `observation`: from `cj.observe`, with (N,) observed times.
     - `joint`: name of the clearance joint. `clearance`: radial clearance of this joint, m.
     - `file`: path of the file to write, with the suffix ".gif".
-    - `instants`: (M,) times, s, one for each frame, which shows the nearest observed time.
+    - `instants`: (M,) times, s, one for each frame. A frame shows the observed time that is nearest
+      to its instant.
     - `section`: the two perpendicular unit vectors that are drawn to the right and upwards, by
       label, see `journal_frames`.
     - `frames_per_second`: number of frames that the animation shows in a second.

@@ -1,7 +1,9 @@
-"""Draw fits to measurements, the accuracy of estimated parameters, and limits of a fit by one run.
+"""Draw fits to measurements, the accuracy of estimated parameters, and the length of record that a
+single run can fit.
 
-The accuracy of a parameter refers to its coordinate: its value on its scale, such as the logarithm
-of the value for the scale `Log`, on which a small difference is a relative error.
+The accuracy of a parameter is that of its coordinate, the parameter's value on its scale. On the
+scale `Log` the coordinate is the logarithm of the value: a small error of the logarithm is the
+relative error of the value.
 """
 
 from collections.abc import Collection, Iterable
@@ -162,17 +164,17 @@ def record_length(report: Identifiability, *, axes: Axes | None = None) -> Axes:
     """Draw how accurately parameters can be estimated from measurements of increasing length.
 
     Each parameter has a line: the lower bound of the standard deviation of its estimate, if all
-    parameters are estimated together. It is that of the parameter's coordinate, the value on its
-    scale: for the scale `Log` the relative error, for `Linear` the error in multiples of the
-    scale's `unit`. The line is thin and faint where the standard deviation exceeds `report.limits`,
-    above which an estimate carries no information; dotted horizontal lines show these limits. A
-    line begins at the first end of the record at which it determines the parameter at all.
+    parameters are estimated together. This is the standard deviation of the parameter's coordinate,
+    the value on its scale: for the scale `Log` the relative error, for `Linear` the error in
+    multiples of the scale's `unit`. The line is thin and faint where the standard deviation exceeds
+    `report.limits`, above which an estimate carries no information; dotted horizontal lines show
+    these limits. A line begins with the shortest record that determines the parameter at all.
 
     **Arguments:** `report`: from `cj.identifiability`; pass `report.of("probe")` to draw the
     accuracy by the sensor "probe" alone. `axes`: axes to draw on, new ones by default.
 
-    **Returns:** the axes; time of the record's last sample in ms, which is the record's length only
-    if the run starts at time 0; standard deviation on a logarithmic scale.
+    **Returns:** the axes, which show the time of the record's last sample in ms (the record's
+    length only if the run starts at time 0), and the standard deviation on a logarithmic scale.
 
     >>> report = cj.identifiability(scene, state, unknown, probe)
     >>> axes = plot.record_length(report)
@@ -205,7 +207,7 @@ def growth(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
 
     **Arguments:** `horizon`: from `cj.fit_horizon`; `axes`: axes to draw on, new ones by default.
 
-    **Returns:** the axes; time in ms, displacements in m on a logarithmic scale.
+    **Returns:** the axes, which show time in ms, displacements in m on a logarithmic scale.
 
     >>> axes = plot.growth(limits)
     """
@@ -225,7 +227,7 @@ def integration_error(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
 
     **Arguments:** `horizon`: from `cj.fit_horizon`; `axes`: axes to draw on, new ones by default.
 
-    **Returns:** the axes; time in ms, errors on a logarithmic scale.
+    **Returns:** the axes, which show time in ms, errors on a logarithmic scale.
 
     >>> axes = plot.integration_error(limits)
     """

@@ -45,13 +45,14 @@ def contact_and_reaction(
 
     **Arguments:**
 
-    - `observation`: from `cj.observe`, at instants that resolve the impact.
+    - `observation`: from `cj.observe`, at instants that resolve the impacts.
     - `contact`: name of the clearance joint and label of the contact, such as ("shoulder", "V").
     - `reaction`: name of the ideal joint and name of the body on which its force acts.
     - `window`: start and end of the drawn time, s, by default all observed times; `axes`: axes to
       draw on, by default new ones.
 
-    **Returns:** the axes; time in ms or s, forces in N or kN. The legend gives the peaks.
+    **Returns:** the axes, which show time in ms or s, forces in N or kN. The legend gives the
+    peaks.
 
     **Raises:** `ValueError` for unknown names, and for a window without observed times.
 
@@ -104,9 +105,9 @@ def contact_forces(
     - `window`: start and end of the drawn time, s, by default all observed times; `axes`: axes to
       draw on, by default new ones.
 
-    **Returns:** the axes; time in ms or s, force in N or kN.
+    **Returns:** the axes, which show time in ms or s, force in N or kN.
 
-    **Raises:** `ValueError` for a name that is not one of a joint with contacts, and for a window
+    **Raises:** `ValueError` unless `joint` is the name of a joint with contacts, and for a window
     outside of the observed times.
 
     >>> axes = plot.contact_forces(observed, "shoulder", window=(0.01, 0.0115))
@@ -128,7 +129,7 @@ def joint_forces(
 
     **Arguments:** `observation`, `logarithmic`, `window`, `axes`: see `contact_forces`.
 
-    **Returns:** the axes; time in ms or s, force in N or kN.
+    **Returns:** the axes, which show time in ms or s, force in N or kN.
 
     **Raises:** `ValueError` for a scene without contacts, and for a window outside of the observed
     times.
@@ -210,7 +211,7 @@ def hysteresis(
     - `count`: largest number of impacts to draw, 1 or more, from the first one on.
     - `axes`: axes to draw on, by default new ones.
 
-    **Returns:** the axes; penetration with a suitable prefix of m, force in N or kN.
+    **Returns:** the axes, which show penetration with a suitable prefix of m, force in N or kN.
 
     **Raises:** `ValueError` if `impacts` is empty, if `count` is not a positive integer, if the
     contact is not observed, or if fewer than three observed instants lie in one of the drawn
@@ -282,8 +283,8 @@ class ContactPhase(enum.IntEnum):
     """Phase of the motion in a joint with clearance.
 
     It is free flight, a short impact, or following, in which the journal stays at the bearing's
-    wall. If the contacts of a joint are in different phases, the one with the largest number is
-    that of the joint.
+    wall. If the contacts of a joint are in different phases, the phase of the joint is the one with
+    the largest number.
 
     >>> plot.ContactPhase(1).name
     'IMPACT'
@@ -311,11 +312,12 @@ differ by height, grey value and hatching."""
 def contact_phases(observation: Observation, joint: str) -> np.ndarray:
     """Return the phase of the motion in a joint at each of the N observed instants.
 
-    A contact with a single compression and restitution is an impact. If the bodies approach again
-    before they separate, or if the contact lasts to the end of the observation, the phase is impact
-    up to the first maximum of the penetration, and following from there on. A contact that exists
-    at the first instant is following until it ends. If the joint's contacts are in different
-    phases, following has priority over impact, and impact over free flight.
+    An interval of contact with a single compression and restitution is an impact. If the bodies
+    approach again before they separate, or if the interval lasts to the end of the observation, the
+    phase is impact up to the first maximum of the penetration, and following from there on. An
+    interval that begins at the first instant is following as a whole. If several contacts of the
+    joint, such as those at bases V and W, are in different phases, following has priority over
+    impact, and impact over free flight.
 
     **Arguments:**
 
@@ -377,7 +379,7 @@ def motion_timeline(
     - `window`: start and end of the drawn time, s, by default all observed times; `axes`: axes to
       draw on, by default new ones.
 
-    **Returns:** the axes; time in ms or s, a row for each joint.
+    **Returns:** the axes, which show time in ms or s, a row for each joint.
 
     **Raises:** `ValueError` for a scene without contacts, and for the name of a joint without them.
 

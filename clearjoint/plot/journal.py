@@ -1,7 +1,7 @@
 """Draw the eccentricities of a journal's bases over time and in the bearing's cross-section.
 
 The bases V and W are the two end circles of the journal. The eccentricity of a base is the distance
-of its centre from the bearing's axis; the base touches the wall where the eccentricity exceeds the
+of its centre from the bearing's axis; the base touches the wall when the eccentricity exceeds the
 clearance.
 """
 
@@ -68,8 +68,8 @@ def eccentricities(
     - `window`: start and end of the drawn time, s, by default all observed times; `axes`: axes to
       draw on, by default new ones.
 
-    **Returns:** the axes; time in ms or s; eccentricity in mm, or in µm for a clearance below
-    0.2 mm; the difference of eccentricity and clearance with a suitable prefix of m.
+    **Returns:** the axes, which show time in ms or s; eccentricity in mm, or in µm for a clearance
+    below 0.2 mm; the difference of eccentricity and clearance with a suitable prefix of m.
 
     **Raises:** `ValueError` for an unknown joint, for a joint without a journal, and for a window
     without observed times.
@@ -92,7 +92,7 @@ def eccentricities(
     times = observation.times[in_window] * time_factor
     draw_lines(axes, ((label, times, (size - zero) * factor) for label, size in sizes))
     level = (radius - zero) * factor
-    # It lies behind the curves, whose `zorder` is 2.
+    # The clearance's line lies behind the curves, whose `zorder` is 2.
     axes.axhline(level, color="black", linewidth=1.0, label="clearance", zorder=1.5)
     axes.set_xlim(times[0], times[-1])
     if zero == 0.0:
@@ -199,7 +199,7 @@ def orbit_in_contact(
     """Draw the path of the centre of one base in the bearing's cross-section, dark and thick where
     the base touches the wall.
 
-    **Arguments:** `base`: "V" or "W"; for the others see `journal_orbit`.
+    **Arguments:** `base`: "V" or "W"; for the other arguments see `journal_orbit`.
 
     **Returns:** the axes, of equal scale; eccentricities in mm, or in µm for a clearance below
     0.2 mm.

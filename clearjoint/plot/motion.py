@@ -23,7 +23,7 @@ from .style import (
 )
 
 Curve = tuple[np.ndarray, np.ndarray]
-"""Pair of angles (N,), rad, or times (N,), s, and of the values there, (N,) or (N, 3)."""
+"""Pair of arrays: angles in rad or times in s, (N,), and the values at these, (N,) or (N, 3)."""
 
 
 def position(
@@ -45,7 +45,7 @@ def position(
     - `window`: start and end of the drawn time, s, by default all times; `axes`: axes to draw on,
       by default new ones.
 
-    **Returns:** the axes; time in s, position in m.
+    **Returns:** the axes, which show time in s, position in m.
 
     **Raises:** `ValueError` for an unknown body or component, and for a window outside of the times
     of a curve.
@@ -81,7 +81,7 @@ def acceleration(
     - `window`: start and end of the drawn time, s, by default all times; `axes`: axes to draw on,
       by default new ones.
 
-    **Returns:** the axes; time in s, acceleration in m/s^2.
+    **Returns:** the axes, which show time in s, acceleration in m/s^2.
 
     **Raises:** `ValueError` for an unknown body or component, and for a window outside of the times
     of a curve.
@@ -154,7 +154,8 @@ def over_angle(
     - `shaft`: name of the shaft in the text of the horizontal axis.
     - `axes`: axes to draw on, by default new ones.
 
-    **Returns:** the axes; angle in degrees, ticks at quarter turns.
+    **Returns:** the axes, which show angle in degrees, ticks at quarter turns. No legend is drawn;
+    `axes.legend()` adds one.
 
     >>> angle = np.linspace(0.0, 2.0 * np.pi, 73)
     >>> axes = plot.over_angle({"ideal": (angle, 100.0 * np.cos(angle))}, "force / N")
@@ -179,9 +180,12 @@ def _over_time(
     """Draw one component of vectors over time.
 
     **Arguments:** `curves`: times (N,), s, and vectors (N, 3), by the curve's label;
-    `component`: "X", "Y" or "Z"; `quantity`: name and unit of the vectors, which follow the
-    component in the text of the vertical axis: "Y-position of arm's centre, m"; `width`: width of
-    the lines, points.
+    `component`: "X", "Y" or "Z"; `quantity`: name and unit of the vectors, such as "position of
+    arm's centre, m", before which the vertical axis has the component: "Y-position of arm's centre,
+    m"; `window`, `axes`: see `position`; `width`: width of the lines, points.
+
+    **Raises:** `ValueError` for an unknown component, and for a window outside of the times of a
+    curve.
     """
     axis = _number(component)
     axes = axes_or_new(axes)

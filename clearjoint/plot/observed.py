@@ -18,7 +18,7 @@ T = TypeVar("T")
 def contacts(observation: Observation, joint: str) -> dict[str, ContactObservation]:
     """Return the observations of all contacts of a joint, by the contacts' labels, such as "V".
 
-    **Raises:** `ValueError` for the name of a joint without contacts.
+    **Raises:** `ValueError` for an unknown joint, and for a joint without contacts.
     """
     return named("joint", joint, observation.contacts)
 
@@ -45,16 +45,16 @@ def spans(mask: np.ndarray) -> np.ndarray:
 
 
 def without_twins(curves: Mapping[str, np.ndarray]) -> list[tuple[str, np.ndarray]]:
-    """Merge equal curves, so that none hides another: the two end circles of a journal, its bases
-    V and W, have the same motion and forces in planar motion.
+    """Merge equal curves, so that none hides another.
 
-    Two curves count as equal if they differ by less than a line's width: at each point by at most a
-    thousandth of the value there plus 1e-5 of the largest value of all curves.
+    For example, the two end circles of a journal, its bases V and W, have equal curves in planar
+    motion. Two curves count as equal if they differ by less than a line's width: at each point by
+    at most a thousandth of the value there plus 1e-5 of the largest magnitude in all curves.
 
     **Arguments:** `curves`: arrays of one shape, by label.
 
-    **Returns:** label and values of each remaining curve, in the given order. The label of merged
-    curves has all their labels, such as "bases V and W".
+    **Returns:** label and values of each remaining curve, in the given order. Merged curves have
+    the values of the first of them, and a label with all their names, such as "bases V and W".
     """
     scale = max((np.abs(values).max(initial=0.0) for values in curves.values()), default=0.0)
     distinct: list[tuple[list[str], np.ndarray]] = []
@@ -75,10 +75,10 @@ def _joined(names: list[str]) -> str:
 
 
 def named(argument: str, name: str, family: Mapping[str, T]) -> T:
-    """Return the entry of a dictionary with a name that the user gave.
+    """Return the entry of the dictionary `family` whose key is `name`, a name given by the user.
 
-    **Raises:** `ValueError` for an unknown name. It says that `argument`, the name of the user's
-    argument, must be one of the keys of `family`.
+    **Raises:** `ValueError` for an unknown name. The message says that `argument`, the name of the
+    user's argument, must be one of the keys of `family`.
     """
     expected = f"one of those observed, {sorted(family)}"
     require(name in family, argument, name, expected, nearest(name, family, "correct the name"))

@@ -51,18 +51,19 @@ def contact_rose(
     - `joint`: name of the clearance joint. Its contacts at points between the bases, and at
       shoulders, which limit the axial motion, are left out.
     - `weight`: "impulse", the time integral of the normal force in each sector, with base W stacked
-      on base V; or "force", the largest normal force of each base in each sector. Bases with equal
-      forces share their bars, which show the sum of the impulses, or the force of one base.
-    - `sectors`: number of sectors; the first one begins at the horizontal direction.
+      on base V; or "force", the largest normal force of each base in each sector. If both bases
+      have equal values in all sectors, they share their bars, which show the sum of the two
+      impulses, or the force of one base.
+    - `sectors`: number of sectors; the first one begins at 0°, the direction drawn to the right.
     - `section`: the two perpendicular unit vectors that are drawn to the right and upwards, by
       label, as {"X": (1, 0, 0), "Y": (0, 1, 0)} in global axes; by default the x and y axes of the
       bearing's frame.
     - `axes`: polar axes to draw on, by default new ones.
 
-    **Returns:** the axes; impulses with a suitable prefix of N s, forces in N or kN.
+    **Returns:** the axes, which show impulses with a suitable prefix of N s, forces in N or kN.
 
-    **Raises:** `ValueError` for a joint without a journal, an unknown weight, a number of sectors
-    below 1, and axes that are not polar.
+    **Raises:** `ValueError` for an unknown joint, a joint without a journal, an unknown weight, a
+    number of sectors below 1, and axes that are not polar.
 
     >>> axes = plot.contact_rose(observed, "shoulder", weight="force")
     """
@@ -107,8 +108,8 @@ def wear(lane: xr.Dataset, output: str, *, axes: Axes | None = None) -> PolarAxe
       the worn volume in each sector of the wall.
     - `axes`: polar axes to draw on, by default new ones.
 
-    **Returns:** the axes; angle from the x axis of the bearing's frame, volumes in mm³, µm³ or
-    10³ µm³.
+    **Returns:** the axes, which show angle from the x axis of the bearing's frame, volumes in mm³,
+    µm³ or 10³ µm³.
 
     **Raises:** `ValueError` for unknown names, several lanes, and axes that are not polar.
 
@@ -132,17 +133,19 @@ def worn_profile(
     curves: int = 6,
     axes: Axes | None = None,
 ) -> PolarAxes:
-    """Draw the depth that wear has removed over the angle around a part of a joint, as a curve for
-    each of several numbers of cycles of the motion.
+    """Draw the worn depth of a bearing or a journal over the angle around it, as a curve for each
+    of several numbers of cycles of the motion.
 
     **Arguments:**
 
     - `found`: result of `clearjoint.wear`; `joint`: name of the joint.
     - `part`: "bearing", for the wear of its wall, or "journal".
-    - `curves`: number of curves, evenly spaced over the cycles, the last one black.
+    - `curves`: number n of curves. They are at 1/n, 2/n and so on of all cycles; the last one is
+      black.
     - `axes`: polar axes to draw on, by default new ones.
 
-    **Returns:** the axes; angle from the x axis of the part's frame, depth in a suitable unit.
+    **Returns:** the axes, which show angle from the x axis of the part's frame, depth in a suitable
+    unit.
 
     **Raises:** `ValueError` for unknown names, a number of curves below 1, and axes that are not
     polar.
@@ -164,8 +167,8 @@ def worn_profile(
     closed = np.append(angles, angles[0] + 2.0 * np.pi)  # each curve ends where it begins
     wanted = np.linspace(0.0, cycles[-1], curves + 1)[1:]  # without zero cycles
     for k, number in enumerate(wanted):
-        # A stage is a part of the computation of wear: `cycles` (stage,) has the numbers of cycles
-        # for which `depths` (stage, angle) is known, between which it is interpolated.
+        # The computation of wear advances in stages of many cycles each. `depths` (stage, angle) is
+        # known at the numbers of cycles in `cycles` (stage,), and interpolated between them.
         curve = [np.interp(number, cycles, depth) for depth in depths.T]
         shade = str(0.75 * (1.0 - (k + 1) / curves))  # grey value, from light to 0, black
         label = f"{number:.3g} cycles"
@@ -177,8 +180,8 @@ def worn_profile(
 def _sectors(lane: xr.Dataset, name: str) -> np.ndarray:
     """Return the worn volumes (sectors,) of one base, m^3, in the order of the sectors' numbers.
 
-    **Arguments:** `lane`: data set of one run of a sweep; `name`: name of the base's variables in
-    it without the number of the sector: they are "<name> 1", "<name> 2" and so on.
+    **Arguments:** `lane`: data set of one run of a sweep; `name`: start of the names of the base's
+    variables, which are "<name> 1", "<name> 2" and so on, one for each sector.
 
     **Raises:** `ValueError` for a data set of several runs.
     """
@@ -231,9 +234,10 @@ def _dressed(
 ) -> PolarAxes:
     """Add the legend and the texts to polar axes, and return the axes.
 
-    **Arguments:** `angles`: (N,) rad, angles of the bars or points; `heights`: (N,) their distances
-    from the centre; `label`: name and unit of the radial axis; `right`, `up`: names of the
-    directions 0° and 90°, such as "x" for the text "x, 0°".
+    **Arguments:** `angles`: (N,) rad, angles of the bars or points; `heights`: (N,) distances of
+    the points, or of the outer ends of the bars, from the centre, in any unit; `label`: name and
+    unit of the radial axis; `right`, `up`: names of the directions 0° and 90°, such as "x" for the
+    text "x, 0°".
     """
     # The numbers of the radial scale are midway between two of the grid lines at every 45°, where
     # they cover least of the bars.

@@ -59,8 +59,8 @@ IMPACT_NUMBERS = (
     ("peak force, N", 0.745, "peak_force", 1.0, ".1f"),
     ("penetration, µm", 0.86, "largest_penetration", 1e6, ".4g"),
 )
-"""Columns of numbers in the table of impacts: title, left end, name in `Impacts`, factor from the
-SI unit, and format."""
+"""Columns of numbers in the table of impacts: title, left end as a fraction of the page's width,
+name in `Impacts`, factor from the SI unit, and format."""
 IMPACT_COLUMNS = {"joint": 0.0, "contact": 0.16} | {row[0]: row[1] for row in IMPACT_NUMBERS}
 """Left ends of the columns of the table of impacts, as `JOINT_COLUMNS` for joints."""
 
@@ -88,7 +88,8 @@ def _joint_row(name: str, joint: AbstractConstraint | AbstractContactJoint) -> C
     # A joint without the field `friction`, such as a user-defined one, shows its bristle laws only.
     friction = getattr(joint, "friction", None)
     frictions = [friction] if friction is not None else [*joint.bristle_laws().values()]
-    # Shoulders, which stop the journal's axial motion, may have a friction law of their own.
+    # Shoulders, which stop the journal's axial motion, may have a friction law of their own. In a
+    # lubricated joint they belong to `dry`, its clearance joint without the film.
     dry = joint.dry if isinstance(joint, LubricatedJoint) else joint
     if isinstance(dry, ClearanceJoint) and (face := dry.axial.shoulder_friction()) is not None:
         frictions += [face[0]]
@@ -108,15 +109,18 @@ def _law(law: object) -> str:
 
 
 def _single_number(owner: object, field: str) -> float | None:
-    """Return the value of a field that is a single number; ``None`` for all others."""
+    """Return the value of a field of `owner`; ``None`` if there is no such field, or if its value
+    is not a single number."""
     value = getattr(owner, field, None)
     return float(np.asarray(value)) if value is not None and np.shape(value) == () else None
 
 
 def _play(joint: AbstractContactJoint) -> str:
-    """Return the joint's clearance, play or backlash with its unit, such as "0.5 mm"; "yes" if the
-    joint has neither a journal nor a field of one of these names that is a single number with a
-    unit."""
+    """Return the joint's clearance, play and backlash with their units, such as "0.5 mm".
+
+    Only attributes that are a single number with a unit are listed; if there are none, the text is
+    "yes".
+    """
     units = {field.name: field.metadata.get("unit", "") for field in fields(joint)}
     if isinstance(joint, HasJournal):  # its clearance may be a property
         units["clearance"] = "m"
@@ -163,10 +167,10 @@ def _counted(number: int, name: str, one: str = "", many: str = "s") -> str:
 
 
 def _tolerances(solution: Solution) -> list[str]:
-    """Return a list with one text: the solver, and the step-size controller if one was given, else
-    the relative tolerance, and the absolute one if it was given.
+    """Return a list with one text: the solver and its tolerances, such as "Tsit5, rtol 1e-06".
 
-    The list is empty if the solution does not contain its settings.
+    The absolute tolerance is left out if it was not given. If a step-size controller was given, its
+    name replaces the tolerances. The list is empty if the solution does not contain its settings.
     """
     notes = {name.removeprefix("setting_"): value for name, value in solution.settings}
     if "solver" not in notes:
@@ -268,8 +272,9 @@ def report(
 
     - `scene`: the simulated scene. `solution`: with saved states, best from a run with
       ``Saving(np.linspace(0, end, count), steps=True, impacts=True)`` and
-      ``Settings(ledger=True)``. Orbits, forces and phases are drawn along the accepted steps, which
-      resolve impacts, and inside them (`Trajectory.between`), if these are saved.
+      ``Settings(ledger=True)``. If the accepted steps are saved (``steps=True``), orbits, forces
+      and phases are drawn along them and inside them (`Trajectory.between`), which resolves
+      impacts; if not, at the saved times only.
     - `file`: path of the page, with the suffix ".png" or ".pdf"; not written by default.
     - `title`: by default "Run of" and the names of the bodies.
     - `quantity`, `unit`: quantity whose spectrum is drawn, and its SI unit if it does not declare
@@ -280,7 +285,8 @@ def report(
     **Returns:** the figure, of size A4.
 
     **Raises:** `ValueError` for another suffix, for results that are not a `Solution`, for a
-    solution without states, and for a quantity without a unit.
+    solution without states, for a quantity without a unit, and for a quantity of an element that
+    the scene lacks.
 
     >>> save = cj.Saving(np.linspace(0, 0.5, 101))
     >>> solution = cj.simulate(scene, state, 0.5, save=save, progress=False)
@@ -316,7 +322,7 @@ def report(
         for row, part in zip(rows, parts, strict=True):
             part.draw(row)
         if file is not None:
-            figure.savefig(file, dpi=200)  # also that of rasterised curves in a PDF
+            figure.savefig(file, dpi=200)  # of a PNG, and of rasterised curves in a PDF
     return figure
 
 
@@ -381,7 +387,8 @@ def _record(
 
     **Returns:** array (N,) with the coordinate "time", s.
 
-    **Raises:** `ValueError` for a solution without states, and for a quantity without a unit.
+    **Raises:** `ValueError` for a solution without states, for a quantity without a unit, and for a
+    quantity of an element that the scene lacks.
     """
     trajectory = trajectory_of(solution, solution.saved or solution.steps)
     if quantity is not None:
@@ -399,7 +406,7 @@ def draw_description(row: SubFigure, lines: list[str], joints: list[Cells]) -> N
     `joints`, whose columns are `JOINT_COLUMNS`."""
     axes = row.add_subplot()
     for line, text in enumerate(lines):
-        _write(axes, 0.0, line, shown(text, 125))  # as many letters as the page is wide
+        _write(axes, 0.0, line, shown(text, 125))  # as many letters as fit into the page's width
     _table(axes, JOINT_COLUMNS, joints, len(lines) + 0.5)
 
 
@@ -473,7 +480,8 @@ def draw_motion(row: SubFigure, scene: Scene, path: Trajectory, observed: Observ
     # One legend below replaces those of the panels, whose entries are the same for all orbits.
     orbits, bars = (panel.get_legend_handles_labels() for panel in (row.axes[0], axes))
     names = [*map(str, orbits[1]), *(f"{label}, direction" for label in bars[1])]
-    # The legends keep their space in the layout, which is then the same for all panels.
+    # The panels' legends are hidden, not removed: they keep their space in the layout, so that all
+    # panels have the same size.
     for legend in filter(None, (axes.get_legend() for axes in row.axes)):
         legend.set_visible(False)
     row.legend([*orbits[0], *bars[0]], names, loc="outside lower center", ncols=5, frameon=False)

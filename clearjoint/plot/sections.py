@@ -55,8 +55,10 @@ def poincare_map(
 def _mapped(
     x: np.ndarray, y: np.ndarray, numbers: np.ndarray, labels: tuple[str, str], axes: Axes | None
 ) -> Axes:
-    """Draw points with coordinates `x`, `y` (N,), in the units of the axes' texts `labels`, whose
-    colours show their `numbers` (N,)."""
+    """Draw points whose colours show their `numbers` (N,).
+
+    The coordinates `x`, `y` (N,) are in the units of `labels`, the texts of the axes.
+    """
     axes = axes_or_new(axes, (5.4, 4.8))
     shades = LinearSegmentedColormap.from_list("later is darker", [LIGHT, BLUE, DARK])
     look = {"cmap": shades, "s": 14.0, "linewidths": 0.0, "zorder": 3}
@@ -208,6 +210,8 @@ def section_points(
     if clearance is not None:
         clearance_circle(axes, clearance, factor=factor)
     if same:
+        # The limits are widened for equal scales. With a circle the axes are made smaller instead,
+        # so that the circle fills them.
         axes.set_aspect("equal", adjustable="datalim" if clearance is None else "box")
     if after is not None:
         text = f"{kept.sum()} of {len(kept)} crossings, from {after:g} s on"
@@ -242,12 +246,12 @@ def bifurcation(
       motion that decays, whose crossings depend on the time.
     - `axes`: axes to draw on, by default new ones.
 
-    **Returns:** the axes. An axis is logarithmic if all its values are positive and the largest
-    exceeds 12 times the smallest one; that of the parameter also if its values form a geometric
-    series.
+    **Returns:** the axes. The scale of the parameter or the channel is logarithmic if all its
+    values are positive and the largest exceeds 12 times the smallest one; that of the parameter
+    also if its values form a geometric series.
 
     **Raises:** `ValueError` for unknown names, without `axis` for a sweep with several axes, for an
-    axis of which a single value is selected, and for several values of an axis that is not drawn.
+    `axis` of which a single value is selected, and if another axis has several values left.
 
     >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
     >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")

@@ -55,7 +55,7 @@ def axes_or_new(axes: Axes | None, size: tuple[float, float] = (6.4, 4.0)) -> Ax
 
 
 def polar_or_new(axes: Axes | None) -> PolarAxes:
-    """Return `axes`, or for None new polar axes, with grid lines at every 45°.
+    """Give polar axes grid lines at every 45°, and return them: `axes`, or new ones for None.
 
     **Raises:** `ValueError` for axes that are not polar.
     """
@@ -153,11 +153,11 @@ def inside(
     contents: str = "observed times",
     remedy: str = "widen it, or observe at more instants",
 ) -> np.ndarray:
-    """Return a mask (N,) that is true for those of the values (N,), such as times, that lie in the
-    window or at its ends, or for all values if `window` is None. Both have the same unit.
+    """Return a mask (N,) that is true for values in a window or at its ends.
 
-    **Arguments:** `argument`, `contents`, `remedy`: name of the window, text for the values, and
-    advice, in the error message.
+    **Arguments:** `values`: (N,), such as times; `window`: its start and end, in the unit of the
+    values, or None for a mask that is true for all of them; `argument`, `contents`, `remedy`: name
+    of the window, text for the values, and advice, in the error message.
 
     **Raises:** `ValueError` if no value lies in the window.
     """
@@ -173,8 +173,9 @@ PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
 PREFIXED = ("m", "s", "N", "J", "W", "Pa", "Hz", "rad", "N s")
 """Units that take a prefix, also as the numerator of a quotient: mm/s."""
 GEOMETRIC = 1e-6
-"""Largest relative difference of the ratios of successive values in a geometric series, which
-allows for rounding errors."""
+"""Largest range, relative to the mean, of numbers that count as equal in spite of rounding errors:
+logarithms of the ratios of successive values in a geometric series, or differences of the values.
+"""
 
 
 class ScaledValues(NamedTuple):
@@ -205,7 +206,8 @@ def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
       new data get its unit, and the new label has its names before the new name. Empty for a new
       axis.
 
-    **Raises:** `ValueError` if the unit of `present` is not that of the data with some prefix.
+    **Raises:** `ValueError` if the unit of `present` is not that of the data with some prefix. For
+    data without unit: if `present` ends with one of `PREFIXED`, with any prefix.
     """
     values = np.asarray(data.values, dtype=float)
     exponent, unit = _prefixed(values, data.attrs.get("units", "1"))
@@ -232,9 +234,8 @@ def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
 def legend_label(dataset: xr.Dataset, variable: str, axis: str) -> str:
     """Return the legend's text for an output of a sweep, such as "peak force, clearance 0.2 mm".
 
-    The text has the output's name, and the name and value of each coordinate of the data set, such
-    as a swept parameter or a body, of which a single value is selected, since the curve belongs to
-    these values.
+    The output's name is followed by the name and value of each coordinate of which a single value
+    is selected, such as a swept parameter or a body, since the curve belongs to these values.
 
     **Arguments:** `variable`: name of the output; `axis`: name of the drawn axis.
     """

@@ -102,7 +102,7 @@ def require_names(dataset: xr.Dataset, names: tuple[str, ...]) -> None:
 
 
 def require_several_values(dataset: xr.Dataset, along: tuple[str, ...]) -> None:
-    """Raise `ValueError` if a single value of one of these axes of a sweep is selected."""
+    """Raise `ValueError` if a single value is selected of one of the sweep's axes `along`."""
     single = [axis for axis in along if not dataset[axis].dims]
     expected = "a swept parameter with more than one value left"
     require(not single, "axis", single, expected, "draw the output before that value is selected")
@@ -132,14 +132,15 @@ def against(
       whose axes vary together, needs a name.
     - `median`: number of neighbouring lanes over which a running median is drawn as a line. It
       shows the trend in the scatter of chaotic motion. No line by default.
-    - `label`: text of the legend; by default the name of the output and the selected values.
+    - `label`: text of the legend; by default the name of the output and the selected values. The
+      legend is drawn when the axes have more than one text.
     - `colour`: colour of the points; by default one that the axes do not have yet.
     - `axes`: axes to draw on, such as those of an earlier call; values are then converted to the
       units in their labels. New ones by default.
 
-    **Returns:** the axes. An axis is logarithmic if all its values are positive and the largest
-    exceeds 12 times the smallest one; that of the parameter also if its values form a geometric
-    series.
+    **Returns:** the axes. The scale of the parameter or the output is logarithmic if all its values
+    are positive and the largest exceeds 12 times the smallest one; that of the parameter also if
+    its values form a geometric series.
 
     **Raises:** `ValueError` for unknown names, without `axis` for a sweep with several axes, for an
     output that is not one number for each value of the parameter, for a `median` below 1 or above
@@ -226,9 +227,9 @@ def parameter_map(
     - `x`, `y`: names of the parameters that are drawn to the right and upwards.
     - `axes`: axes to draw on, by default new ones.
 
-    **Returns:** the axes. Colours and axes are logarithmic if all values are positive and the
-    largest exceeds 12 times the smallest one; axes also if the values of the parameter form a
-    geometric series.
+    **Returns:** the axes. The scale of the colours or of a parameter is logarithmic if all its
+    values are positive and the largest exceeds 12 times the smallest one; that of a parameter also
+    if its values form a geometric series.
 
     **Raises:** `ValueError` for unknown names, and for an output that is not one number for each
     pair of values.
@@ -327,7 +328,8 @@ def power_law_exponent(
 
     **Arguments:** `dataset`: from `sweep` or `open_sweep`; `variable`: name of the output; `axis`:
     name of the parameter, by default the only axis of the sweep; `within`: smallest and largest
-    parameter of the lanes that are fitted, in the unit of the data set, by default all are.
+    parameter of the lanes that are fitted, in the unit of the data set; by default all lanes are
+    fitted.
 
     **Raises:** `ValueError` for unknown names, without `axis` for a sweep with several axes, for an
     output that is not one number for each value of the parameter, and for fewer than two lanes to

@@ -290,8 +290,8 @@ def spectrum(
     - `taper`: see `plot.amplitude_spectrum`.
     - `axes`: axes to draw on, by default new ones.
 
-    **Returns:** the axes; frequency in Hz and amplitude in the quantity's unit, both with suitable
-    prefixes; the amplitude on a logarithmic scale.
+    **Returns:** the axes, which show frequency in Hz and amplitude in the quantity's unit, both
+    with suitable prefixes; the amplitude on a logarithmic scale.
 
     **Raises:** see `plot.series` and `plot.amplitude_spectrum`.
 
@@ -367,11 +367,11 @@ def energy_ledger(
     have are left out.
 
     The drift is the sum of kinetic, potential, elastic and dissipated energy minus the work, less
-    its value at the first instant. It is zero for an exact integration. A title gives its largest
-    magnitude in the window as a fraction of the largest change (maximum minus minimum) of a curve
-    above over all observed times. In a run without ``Settings(ledger=True)``, dissipated energy and
-    work are unknown: the lower axes then show the change of kinetic, potential and elastic energy
-    together.
+    its value at the first instant. It is zero for an exact integration. A title gives the largest
+    magnitude of the drift in the window as a fraction of the largest change of an energy above,
+    which is its maximum minus its minimum over all observed times. In a run without
+    ``Settings(ledger=True)``, dissipated energy and work are unknown: the lower axes then show the
+    change of kinetic, potential and elastic energy together, without this title.
 
     **Arguments:**
 

@@ -33,7 +33,7 @@ SHARE = 1e-6
 """Default ratio of the sensor's mass to the body's mass, which hardly affects the motion."""
 RADIUS = 1e-3
 """Radius of gyration of the seismic mass, m. It has almost no effect, because the mass can't rotate
-on its body."""
+relative to the body that carries it."""
 BUTTERWORTH = math.sqrt(0.5)
 """Damping ratio of a second-order Butterworth filter, whose response is the flattest possible."""
 SPRING = " spring"
@@ -136,8 +136,8 @@ def accelerometer(
     - `body`: name of the body.
     - `point`: position of the sensor, (3,) m in body axes; by default the centre of mass.
     - `axis`: direction of measurement, (3,) in body axes, any length.
-    - `frequency`: Hz, of the mass on its spring; with the default damping ratio the attenuation
-      there is 3 dB.
+    - `frequency`: natural frequency of the mass on its spring without damping, Hz. With the default
+      damping ratio, the attenuation at this frequency is 3 dB.
     - `damping_ratio`: positive.
     - `mass`: of the sensor, kg; by default a millionth of the body's mass, which hardly affects the
       motion.
@@ -196,7 +196,7 @@ def _require_names(scene: Scene, state: State, body: str, name: str) -> None:
 
     **Arguments:** `body`: name of the body that carries the sensor; `name`: that of the sensor.
 
-    **Raises:** `ValueError` otherwise.
+    **Raises:** `ValueError` if the scene or the state lacks the body, or a name is in use.
     """
     remedy = nearest(body, scene.bodies, "pass one of these")
     require(body in scene.bodies, "body", body, f"one of {sorted(scene.bodies)}", remedy)
@@ -222,7 +222,7 @@ def _state_at_rest(
     - `direction`: of the sensor, a unit vector (3,) in the body's axes.
     - `angular_frequency`: of the mass on its spring, rad/s.
     """
-    # The body's rotation of a vector q v q*, by its Euler parameters q, as two cross products.
+    # The rotation q v q* of a vector v by the body's Euler parameters q, as two cross products.
     scalar, *vector = np.asarray(body.orientation, dtype=float)
     axis = np.array(vector)
 

@@ -47,10 +47,12 @@ class Instant:
     **Arguments:**
 
     - `system`: the equations of motion of the scene.
-    - `own_time`: s, since the system's `origin`, a time of the scene near which a run starts;
-      without an origin it is the scene's time. The attribute `time` is always the scene's.
+    - `own_time`: time since the system's `origin`, s; the time of the scene if `origin` is
+      ``None``. The origin is a time of the scene near which the run starts. The attribute `time` is
+      always the time of the scene.
     - `variables`: coordinates and velocities, as `system.encode` returns them.
-    - `entry_speeds`, `bristles`: m/s and m, by joint and contact; empty if no law uses them.
+    - `entry_speeds`, `bristles`: entry speeds, m/s, and bristle deflections, m, by joint and
+      contact; empty if no law uses them.
     - `work`: see above.
     - `inside`: function that returns the instant at a fraction, 0 to 1, of the step that ends at
       this instant; ``None``, the default, if no step ends here.
@@ -80,14 +82,15 @@ class Instant:
         self.entry_speeds = entry_speeds
         """Entry speeds of the current contacts, m/s, ``entry_speeds[joint][contact]``.
 
-        An entry speed is the penetration rate at the onset. Contacts whose law doesn't use it have
-        no entry. It is zero without contact, and 1e9 m/s if the onset was before the start.
+        An entry speed is the penetration rate at the onset of a contact. It is zero while the
+        contact is open, and 1e9 m/s if it is unknown because the onset was before the start of the
+        run. Contacts whose law doesn't use it are left out.
         """
         self.bristles = bristles
-        """Bristle deflections, m, ``bristles[joint][contact]``; zero without contact.
+        """Bristle deflections, m, ``bristles[joint][contact]``; zero while the contact is open.
 
-        Each is a vector in the axes of the joint's first body. Contacts without bristles have no
-        entry.
+        Each is a vector in the axes of the joint's first body. Contacts without bristles are left
+        out.
         """
         self._system, self._own_time, self._variables = system, own_time, variables
         self._inside = inside
@@ -114,8 +117,9 @@ class Instant:
     def motions(self) -> Motions:
         """Motion of each body and of "ground" by name.
 
-        It has the `position` of the centre of mass, m, and its `velocity`, m/s, in global axes, the
-        `rotation` matrix from body axes to global axes, and the `spin`, rad/s in body axes.
+        Each motion has the `position` and the `velocity` of the centre of mass, m and m/s in global
+        axes, the `rotation` matrix from body axes to global axes, and the angular velocity `spin`,
+        rad/s in body axes.
         """
         return self._system.motions(self._variables)
 
@@ -133,8 +137,8 @@ class Instant:
 
         Each has its geometry in `contact`, such as the penetration ``contact.gap.depth``, m; the
         `normal_force`, N; and the `friction` on the joint's second body, a vector, N in global
-        axes, or ``None`` without friction. Contacts whose surfaces are apart are included, with
-        forces of zero.
+        axes, or ``None`` without friction. Open contacts, whose force has not begun, are included
+        with forces of zero.
         """
         return self._system.contact_forces(self._variables, self.entry_speeds, self.bristles)
 
@@ -150,8 +154,8 @@ class Instant:
         """Penetration of each contact, `depth` in m, and its `rate`, m/s, as
         ``contact_gaps[joint][contact]``.
 
-        The penetration is measured from the depth at which the contact's force begins; it is
-        negative before.
+        The penetration is measured from the onset of the contact's force, and is negative while the
+        contact is open.
         """
         return contact_gaps(self.scene, self.motions)
 

@@ -273,10 +273,11 @@ class Angle(AbstractBodyQuantity):
     - `body`: its name.
     - `about`: the fixed axis, (3,) in global axes, any length.
     - `reference`: the fixed direction of zero angle, (3,) in global axes; by default its components
-      are those of `axis`.
-    - `axis`: the body's direction, (3,) in body axes. The default has the components of a fixed
-      direction perpendicular to `about`. If `reference` is left out too, and the body's orientation
-      is a rotation of the global axes about the fixed axis, the angle is that of this rotation.
+      are those of `axis`. With this default, the angle of a body whose orientation is a rotation of
+      the global axes about the fixed axis is that of this rotation.
+    - `axis`: the body's direction, (3,) in body axes; by default its components are those of a
+      vector perpendicular to `about`, which is (1, 0, 0) for the z axis. Pass it if you pass
+      `reference`.
 
     The angle is undefined while the body's direction is parallel to `about`, and changes abruptly
     as the direction passes there.
@@ -334,11 +335,11 @@ class Distance(AbstractQuantity):
 
     - `first`, `second`: names of the bodies; one may be the ground.
     - `point_first`, `point_second`: (3,) m from the bodies' centres of mass, in body axes.
-    - `along`: (3,) in the first body's axes, any length; ``None``, the default, for the straight
-      distance. The signed distance is positive if the second point is ahead of the first in this
-      direction.
+    - `along`: direction of the signed distance, (3,) in the first body's axes, any length. The
+      signed distance is positive if the second point is ahead of the first in this direction.
+      ``None``, the default, for the straight distance.
 
-    **Raises:** `ValueError` if a point or the axis is invalid.
+    **Raises:** `ValueError` if a point or `along` is invalid.
 
     >>> stretch = cj.quantities.Distance("ground", (0, 0, 0), "arm 2", (0.5, 0, 0))
     >>> stroke = cj.quantities.Distance("ground", (0, 0, 0), "slider", (0, 0, 0), along=(1, 0, 0))

@@ -47,7 +47,7 @@ class AbstractJointQuantity(AbstractQuantity):
     def check(self, scene: Scene) -> None:
         """Check that the scene has a joint of this name to which the quantity applies.
 
-        **Raises:** `ValueError` with the names of these joints.
+        **Raises:** `ValueError` with the names of the joints to which it applies, if there is none.
         """
         require_known("joint", self.joint, self.joints(scene))
 
@@ -254,8 +254,8 @@ class JournalOffset(AbstractJournalQuantity):
     - `joint`: name of a revolute joint with clearance.
     - `component`: "x", "y" or "z" of the bearing's frame, which moves with the bearing's body: z is
       the bearing's axis, x and y are perpendicular to it. For a bearing axis of (0, 0, 1) they are
-      the axes of the body. For others, x and y are two directions fixed in the body, by the formula
-      of T. Duff et al. (Building an orthonormal basis, revisited, 2017).
+      the axes of the body. For any other bearing axis, x and y are two directions fixed in the
+      body, by the formula of T. Duff et al. (Building an orthonormal basis, revisited, 2017).
     - `base`: "V" or "W", one end of the journal, or ``None``, the default, for its centre.
 
     **Raises:** `ValueError` for another component or base.
@@ -302,8 +302,10 @@ class Multiplier(AbstractJointQuantity):
     themselves have no multipliers; use `Reaction` for them.
 
     **Arguments:** `joint`: name of the joint. `row`: name of its constraint row, a key of the
-    dictionary that the joint's method `rows` returns. A row that is unknown or has no multiplier
-    raises a `ValueError` in the run; `check` doesn't test it.
+    dictionary that the joint's method `rows` returns.
+
+    **Raises:** `ValueError` when the quantity is evaluated, if the row is unknown or has no
+    multiplier; `check` tests only the name of the joint.
 
     >>> torque = cj.quantities.Multiplier("motor", "angle")
     >>> torque.check(cj.mechanisms.slider_crank()[0])  # does the scene have this joint?
@@ -343,6 +345,7 @@ class AbstractReaction(AbstractJointQuantity):
         in global axes, and a moment about the centre of mass, N m in body axes. The joint must have
         constraint rows.
         """
+        # In joint coordinates, rows of joints that the coordinates satisfy have no multipliers.
         dynamics, wrench = now.absolute_dynamics, NO_WRENCH
         for label, row in dynamics.rows[self.joint].items():
             if self.body in row.jacobian:
@@ -355,9 +358,9 @@ class Reaction(AbstractReaction):
     """Force of a joint on one of its bodies, N: its magnitude or a global component.
 
     For an ideal joint the force follows from the Lagrange multipliers of its constraints, which are
-    computed even if the run uses joint coordinates. With redundant constraints it isn't unique, and
-    the multipliers of least norm are used. For a joint with clearance the force is the sum of
-    normal forces, friction, film force and axial reaction.
+    computed even if the run uses joint coordinates. With redundant constraints the force isn't
+    unique, and the multipliers of least norm are used. For a joint with clearance the force is the
+    sum of normal forces, friction, film force and axial reaction.
 
     **Arguments:**
 
@@ -399,13 +402,14 @@ class Reaction(AbstractReaction):
 class ReactionMoment(AbstractReaction):
     """Moment of an ideal joint or driver on one of its bodies, N m: its magnitude or a component.
 
-    The moment refers to the joint's point on the body, or to the centre of mass if the joint has no
-    point there. For a driver it is the driving moment. With redundant constraints it isn't unique,
-    and the Lagrange multipliers of least norm are used.
+    The moment refers to the joint's point on the body. If the joint has no point there, it refers
+    to the centre of mass, or to the global origin for the ground. For a driver the quantity is the
+    driving moment. With redundant constraints the moment isn't unique, and the Lagrange multipliers
+    of least norm are used.
 
     **Arguments:**
 
-    - `joint`: name of the joint.
+    - `joint`: name of the ideal joint or driver.
     - `body`: name of the body on which the moment acts, which may be the ground.
     - `component`: "x", "y", "z", or ``None``, the default, for the magnitude.
     - `axes`: "global", the default, or "body", in which the component is taken.
@@ -503,14 +507,15 @@ class AbstractJointAngle(AbstractJointQuantity):
 
 
 class JointAngle(AbstractJointAngle):
-    """Angle of a joint's second body relative to its first, rad within (-pi, pi], right-handed.
+    """Angle of a joint's second body relative to its first, rad in [-pi, pi], right-handed.
 
     - Revolute joints with or without clearance, cylindrical, screw and planar joints, and
-      `Backlash`: the angle about the axis of the first body. It is zero if the bodies' frames
-      differ by the shortest rotation that makes the two axes parallel: for parallel frames, if the
-      axis has the same components in both bodies.
+      `Backlash`: the angle about the axis of the first body. If the axis has the same components in
+      both bodies, the angle is zero while the bodies' frames are parallel. In general it is zero
+      while these frames differ by the shortest rotation that makes the two axes parallel.
     - Drivers of rotations, drive torques and torsional springs: the second body's angle about their
-      axis, zero at their `orientation`.
+      axis. It is zero while the orientation of the second body relative to the first is the
+      argument `orientation` of the element.
     - User-defined joints and forces with a method ``relative_angle(motions)``: the value of the
       constraint row (`clearjoint.extend.Row`) that it returns.
 
@@ -528,7 +533,7 @@ class JointAngle(AbstractJointAngle):
     period: ClassVar[float | None] = 2.0 * math.pi
 
     def __call__(self, now: Instant) -> Scalar:
-        """Return the angle, rad within (-pi, pi]."""
+        """Return the angle, rad."""
         return self.angle(now).value
 
 
@@ -560,8 +565,9 @@ class JointAngularAcceleration(AbstractJointAngle):
     def __call__(self, now: Instant) -> Scalar:
         """Return the second time derivative of the angle, rad/s^2."""
         row = self.angle(now)
-        # The second time derivative of a row's value is the row's bias, which is that part without
-        # accelerations, plus the Jacobian times the accelerations. The ground has none.
+        # The second time derivative of a row's value is the row's bias, the part that does not
+        # depend on accelerations, plus the Jacobian times the accelerations. The ground has no
+        # acceleration.
         total = row.bias
         for name, pair in row.jacobian.items():
             if name != GROUND:

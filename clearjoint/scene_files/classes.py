@@ -32,8 +32,8 @@ Maker: TypeAlias = Callable[..., PyTree]
 """A class, or a static method that returns an object of its class, such as `Body.rod`. A table of a
 file contains the arguments of a maker."""
 CHECKED: dict[Maker, Maker] = {BodyState: body_state}
-"""For classes whose constructors do not check their arguments: functions that check them and make
-an object, by class."""
+"""Functions that check the arguments of a class and make its object, by class. They are used
+instead of constructors that do not check their arguments."""
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,9 @@ class Expectation:
     """Values that an argument of a constructor, or an entry of a table or list, may have in a file.
 
     They are derived from the annotation of the argument, and from the unit and shape of the field
-    with its name. Numbers need no entry: they are refused only if there are `options` but neither
-    `shapes` nor `classes`. Otherwise the constructor checks them.
+    with its name. No attribute tells whether numbers are allowed: the reader refuses a number only
+    if there are `options` but neither `shapes` nor `classes`. In all other cases the constructor
+    checks the number. NaN, and whole numbers too large for a float, are always refused.
 
     - `unit`: SI unit of numbers; None if no unit is declared.
     - `shapes`: shapes that arrays of numbers may have, () for a single number; empty if unknown.
@@ -97,14 +98,17 @@ def makers(families: tuple[type, ...], given: Classes) -> dict[str, Maker]:
     """Return the makers that a file may name as `kind`, by their names, such as "Body" and
     "Body.rod".
 
-    They are the classes of this package that derive from one of the `families` and from
-    `AbstractReadable` (the base class of laws, joints, bodies and others), those of the package
-    among the `families` themselves, and the classes in `given` that derive from one of the
-    `families`. Abstract and private classes are left out. A user-defined class has two names, with
-    and without its module.
+    They are the following classes, and those of their static methods that return an object of the
+    class. Abstract and private classes are left out.
 
-    **Arguments:** `families`: base classes of the objects, or none for any object; `given`:
-    user-defined classes that the caller passes.
+    - Classes of this package that derive from one of the `families` and from `AbstractReadable`,
+      the base class of laws, joints, bodies and others.
+    - The `families` themselves, if they belong to this package.
+    - Classes in `given` that derive from one of the `families`. Each has two names, with and
+      without its module; the short one is omitted if a class of this package has it.
+
+    **Arguments:** `families`: base classes of the objects, or an empty tuple for any object;
+    `given`: user-defined classes that the caller passes.
 
     **Raises:** `ValueError` unless `given` is a collection of classes.
     """
@@ -167,7 +171,7 @@ def find_maker(
     """
     known = makers(families, given)
     expected = f"one of {listed(known)}"
-    # The errors below distinguish the mistakes, since each has another remedy.
+    # The errors below distinguish the mistakes, since each has a different remedy.
     if not isinstance(name, str):
         location.refuse(name, "the name of a class", f"write {expected}")
     module, _, short = name.rpartition(":")
@@ -186,7 +190,7 @@ def find_maker(
 
 @cache
 def arguments(make: Maker) -> dict[str, Expectation]:
-    """Return the values that each argument of a maker may have, by the argument's name."""
+    """Return the expectation of each argument of a maker, by the argument's name."""
     make = CHECKED.get(make, make)
     kind = make if isinstance(make, type) else _hints(make)["return"]
     # For a field and an argument of the same name, the annotation of the field counts.
@@ -203,8 +207,10 @@ def arguments(make: Maker) -> dict[str, Expectation]:
 
 
 def _with_unit(expected: Expectation, metadata: Mapping) -> Expectation:
-    """Return the expectation with the unit and shape of a field that `quantity`, the package's
-    function for fields of numbers with units, declares.
+    """Return an expectation with the unit and shape that a field declares.
+
+    Fields that are made by `quantity`, the package's function for numbers with units, declare them
+    in their metadata.
 
     **Arguments:** `metadata`: metadata of the field; without a unit, the expectation is unchanged.
     """
@@ -254,8 +260,9 @@ def expectation(annotation: object) -> Expectation:
     if origin in (Union, UnionType):
         parts = [expectation(kind) for kind in inner if kind is not NoneType]
         # None is no part: unless texts are allowed, the reader takes the text "none" for it. The
-        # shapes and classes of all parts are allowed. Of every other property, the first value is
-        # taken that is not a default, so that a flag is true if it is for any part.
+        # shapes and classes of all parts are allowed. Of every other property, the first value
+        # that is neither None nor False is taken, so that a flag is true if it is true for any
+        # part.
         merged: dict[str, Any] = {}
         for entry in fields(Expectation):
             given = [value for part in parts if (value := getattr(part, entry.name))]
@@ -276,7 +283,8 @@ def expectation(annotation: object) -> Expectation:
     if annotation is Any or isinstance(annotation, str | TypeVar):  # a text that was not resolved
         return ANYTHING
     # The rest are numbers, texts, flags, and arrays of jaxtyping, which have `dims`. The shape is
-    # known for a number, and for an array whose annotation fixes all sizes.
+    # known for a number, and for an array whose annotation fixes all sizes. Without `dims`, the
+    # size None stands for an unknown shape.
     sizes = [getattr(size, "size", None) for size in getattr(annotation, "dims", (None,))]
     known = tuple(size for size in sizes if isinstance(size, int))
     has_shape = annotation in (int, float) or len(known) == len(sizes)

@@ -26,9 +26,9 @@ from ..fields.checks import require
 Keys: TypeAlias = tuple[str | int, ...]
 """Keys of tables and indices of lists that lead to a location."""
 NAME = r"""'[^']*'|"[^"]*"|[^.\[\]'"]+"""
-"""One key or index, with or without quotation marks."""
+"""Pattern of one key or index, with or without quotation marks."""
 KEY = re.compile(rf"\[({NAME})\]|(?:^|(?!^)\.)({NAME})")
-"""One key or index of a written path, in brackets, or behind a dot unless it is the first one."""
+"""Pattern of one key or index of a written path: in brackets, after a dot, or at the beginning."""
 SHORT = reprlib.Repr()
 """Makes the texts of values in error messages, without the middle of long texts and the end of long
 lists."""
@@ -77,7 +77,8 @@ def written(keys: Keys) -> str:
 
 
 def existing(content: object, keys: Sequence[str | int]) -> Keys:
-    """Return the beginning of a path, up to the first key or index that the tables and lists lack.
+    """Return the beginning of a path that exists: the keys and indices before the first one that
+    the tables and lists lack.
 
     Indices of lists may be given as texts; they are returned as integers.
 
@@ -206,7 +207,8 @@ def listed(names: Iterable[str]) -> str:
 
 
 Document: TypeAlias = dict[str, object]
-"""Content of a file, as parsed: nested dictionaries (tables), lists, numbers and texts."""
+"""Content of a file, as parsed: nested dictionaries (tables), lists, numbers, texts, true and
+false, None for JSON's null, and dates and times of TOML."""
 Units: TypeAlias = Mapping[Keys, str]
 """Units of all values in a file, by the keys that lead to them; "1" for values without unit."""
 SUFFIXES = ".toml", ".json"
@@ -214,14 +216,15 @@ SUFFIXES = ".toml", ".json"
 SCHEMA = "$schema"
 """The key under which a JSON file names its JSON Schema."""
 DEEPEST = 32
-"""Largest number of nested tables and lists in a file."""
+"""Largest depth of nested tables and lists; the file itself, which is a table, is not counted."""
 DEEP_KEY = re.compile(rf"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){{{DEEPEST}}}""")
-"""A dotted key with at least `DEEPEST` dots. It is refused before tomllib reads the text, since
-tomllib's time grows with the square of the key's length."""
+"""Pattern of a dotted key with at least `DEEPEST` dots. A text with such a key is refused before
+tomllib reads it, since tomllib's time grows with the square of the key's length."""
 
 
 JSON_END = re.compile(r'"(?:[^"\\]|\\.)*"|\}')
-"""The end of an object in a JSON text, or a string, whose braces do not end an object."""
+"""Pattern of the brace at the end of an object in a JSON text. It also matches whole strings, so
+that braces inside strings are passed over."""
 
 
 def suffix_of(path: Path) -> str:
@@ -264,9 +267,10 @@ def read_bytes(path: Path, most: int) -> bytes:
 
 
 def parse(text: str, suffix: str, file: str) -> Document:
-    """Return the tables of the text of a file, without the reference of a JSON file to its schema.
+    """Parse the text of a file and return its tables, without the key `SCHEMA`.
 
-    **Arguments:** `suffix`: ".toml" or ".json"; `file`: path of the file, for messages.
+    **Arguments:** `text`: the text; `suffix`: ".toml" or ".json"; `file`: path of the file, for
+    messages.
 
     **Raises:** `ValueError` with line and column for text that is not valid; also for more than
     `DEEPEST` nested tables and lists, for JSON that is not an object, and for a whole number of
@@ -305,8 +309,9 @@ def _depth(content: object) -> int:
 def _parsed_json(text: str) -> object:
     """Return the content of a JSON text.
 
-    **Raises:** `ValueError` with line and column for text that is not valid, and for a key that
-    occurs twice in an object, of which `json` would silently take the last value; TOML forbids it.
+    **Raises:** `ValueError` with line and column for text that is not valid, and for an object with
+    a repeated key. The module `json` would silently take the last value of the key; `tomllib`
+    refuses repeated keys.
     """
     numbers = count()
 
@@ -326,8 +331,9 @@ def _parsed_json(text: str) -> object:
 def format_document(document: Document, suffix: str, units: Units, schema: str | None) -> str:
     """Return the text of a file with the given tables; TOML has the units in comments.
 
-    **Arguments:** `suffix`: ".toml" or ".json"; `units`: units of the values, by the keys that lead
-    to them; `schema`: name of the JSON Schema file to which the text refers for editors, or None.
+    **Arguments:** `document`: the tables; `suffix`: ".toml" or ".json"; `units`: units of the
+    values, by the keys that lead to them; `schema`: name of the JSON Schema file to which the text
+    refers for editors, or None.
 
     **Raises:** `ValueError` for JSON with a number that is infinite or NaN, which JSON lacks.
     """
@@ -340,8 +346,8 @@ def format_document(document: Document, suffix: str, units: Units, schema: str |
     tables: PyTree = tomlkit.item(document)
     for (*parents, last), unit in units.items():
         # Only entries of tables can have comments, because entries of lists and of inline tables
-        # share a line with others. For the latter, `item` is an empty text, so that they are
-        # skipped with the texts and tables, which have no unit.
+        # share a line with other entries. For entries without comment, `item` is an empty text, so
+        # that they are skipped in the same way as texts and tables, which have no unit.
         parent = reduce(getitem, parents, tables) if isinstance(last, str) else None
         item: PyTree = parent[str(last)] if isinstance(parent, Table) else ""
         if isinstance(item, str | Mapping):

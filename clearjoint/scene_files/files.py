@@ -229,10 +229,12 @@ def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
     Keys and defaults are those of the Python classes' arguments. `kind` names the class, or a
     static method that makes an object: ``kind = "Body.rod"``, ``kind = "Spline.through"``.
     ``{axis = [0, 0, 1], angle = "30 deg"}`` may replace the Euler parameters of an orientation.
-    Numbers are in SI units, or texts with another unit that pint reads. "none" is ``None``. Bodies
-    without a state are placed at rest by following the joints from the ground. Then `assemble`
-    closes loops, and corrects velocities that contradict the joints and drivers. It may also change
-    the states that the file has. In a scene of more than 50 bodies, each body needs a state.
+    Numbers are in SI units, or texts with a unit that pint reads. "none" is ``None``.
+
+    Bodies without a state are placed at rest by following the joints from the ground. If there are
+    such bodies, `assemble` then closes loops, and corrects velocities that contradict the joints
+    and drivers; it may also change the states that the file has. If the file has the states of all
+    bodies, they are returned unchanged. In a scene of more than 50 bodies, each body needs a state.
 
     User-defined classes are passed in `classes`: a file never imports or runs code. `quantity`
     declares the units of their fields. The file above needs
@@ -281,7 +283,7 @@ def first_difference(one: object, other: object, location: FileLocation) -> File
 
     **Arguments:** `location`: location of both objects in the file.
     """
-    # Arrays of both libraries, and all kinds of dictionaries, may have the same content. All other
+    # Arrays of NumPy and JAX may be equal, and so may dictionaries of different types. All other
     # objects differ if their types do.
     are_arrays = isinstance(one, ARRAYS) and isinstance(other, ARRAYS)
     are_tables = isinstance(one, Mapping) and isinstance(other, Mapping)
@@ -299,8 +301,8 @@ def first_difference(one: object, other: object, location: FileLocation) -> File
 
 
 def _entries(node: object) -> dict:
-    """Return the parts of an object by key: the entries of a dictionary or a list, or the fields of
-    a dataclass; empty for a value without parts, such as a number."""
+    """Return the parts of an object by key: the entries of a dictionary, list or tuple, or the
+    fields of a dataclass. The result is empty for a value without parts, such as a number."""
     if isinstance(node, Mapping):
         return dict(node)
     if isinstance(node, tuple | list):

@@ -40,7 +40,7 @@ EULER_PARAMETERS = (4,)
 ABSENT = "none"
 """Text that stands for ``None``, which TOML does not have."""
 NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf)(?:\s+|(?=\D)|$)(.*)")
-"""A number and the unit behind it, which may be empty."""
+"""Pattern of a number and the unit after it, which may be empty."""
 
 
 def axis_and_angle(
@@ -84,7 +84,7 @@ class Reader:
             return as_number(value)
 
     def _item(self, content: object, expected: Expectation, location: FileLocation) -> object:
-        """Convert a value as `value` does, but return arrays as numbers or tuples of numbers.
+        """Convert a value as `value` does, but return a number or nested tuples for an array.
 
         **Raises:** `ValueError` if the content is not as expected.
         """
@@ -122,12 +122,13 @@ class Reader:
         """Convert a table to an object, to Euler parameters, or to a dictionary.
 
         If `expected.by_name` is set, the keys are names that the user has chosen, such as those of
-        bodies, and the table becomes a dictionary. Otherwise its class is the one that it names, or
-        the only one that is allowed; an axis and an angle become Euler parameters. Where anything
-        is allowed, a table without class becomes a dictionary, too.
+        bodies, and the table becomes a dictionary. In all other cases, the table becomes an object
+        of the class that it names, or of the only class that is allowed. Without a class, an axis
+        and an angle become Euler parameters, and where anything is allowed, a table becomes a
+        dictionary.
 
-        **Raises:** `ValueError` for a table that needs a class and names none, or an unknown one,
-        and where no table is expected.
+        **Raises:** `ValueError` for a table that must name a class and does not, or names an
+        unknown one, for a table where none is expected, and as `instance`.
         """
         if expected.by_name is None:
             families = expected.classes
@@ -239,8 +240,8 @@ def number_of_text(text: str, unit: str | None, location: FileLocation) -> float
     text, for messages.
 
     **Raises:** `ValueError` for a text without a number or of more than 200 characters, for a
-    finite number that is too large for a float, also after the conversion, for a unit that is not a
-    multiple of `unit`, and for a unit where none is declared.
+    finite number that is too large for a float, also after the conversion, for a unit that is
+    unknown or not a multiple of `unit`, such as degC for K, and for a unit where none is declared.
     """
     expected = "a number" if unit is None else f"a number in {unit}"
     # Longer texts are no numbers that a user means, and exact computation with them may be slow.
@@ -268,7 +269,7 @@ def number_of_text(text: str, unit: str | None, location: FileLocation) -> float
     try:
         # Decimal numbers have 28 digits in products, a float 17: only float() rounds noticeably.
         converted = float(Decimal(digits) * Decimal(repr(factor)))
-    except ArithmeticError:  # Decimal lacks exponents beyond 1e18; the float is zero with them
+    except ArithmeticError:  # an exponent too low for Decimal, below -1e18: the float is zero
         return number
     if math.isinf(converted):
         location.refuse(text, f"{largest} {unit}", "write a smaller one")

@@ -47,17 +47,20 @@ OF_JOINTS = {
     "safety_controller": "safety controllers",
 }
 OF_LINKS = {"visuals": "visual shapes", "collisions": "collision shapes"}
-"""Contents of joints and of links that a scene lacks: names in messages, by yourdfpy's names."""
+"""Contents of URDF joints (`OF_JOINTS`) and links (`OF_LINKS`) that a scene lacks. Keys are the
+names of attributes in yourdfpy, values the names in messages."""
 HINGES = "revolute", "continuous"
 """Types of URDF joints that rotate about one axis. Only these may have play."""
 BACKLASH = "backlash"
-"""Name, in `play`, of the angle of a backlash, rad. The class `Backlash` calls it `play`."""
+"""Key of the angle of a backlash, rad, in the arguments of a joint's play. The class `Backlash` has
+the name `play` for this angle."""
 GIVEN_BY_THE_FILE = {
     *("bearing_body", "bearing_point", "bearing_axis"),
     *("journal_body", "journal_point", "journal_axis"),
     *("first", "second", "axis_first", "axis_second", "play", "play_length"),
 }
-"""Arguments of `ClearanceJoint` and `Backlash` that `play` may not contain."""
+"""Arguments of `ClearanceJoint` and `Backlash` that the user can't pass, since they follow from the
+file or, for the angle of a backlash, have the name `BACKLASH`."""
 
 
 @dataclass(frozen=True)
@@ -125,10 +128,10 @@ def load_urdf(
     scene, state = cj.load_urdf("arm.urdf", play={"elbow": elbow, "wrist": wrist})
     ```
 
-    The root link is the ground. Links with mass become bodies, whose frames are parallel to the
-    links' and lie in the centres of mass; a link without mass must be fixed to its parent and is
-    part of it. Revolute, continuous, prismatic and fixed joints keep their names; the child of a
-    floating joint is free.
+    The root link is the ground. Other links with mass become bodies, whose frames are parallel to
+    the frames of the links, with the origin at the centre of mass. Other links without mass must be
+    fixed to their parents and are parts of them. Revolute, continuous, prismatic and fixed joints
+    keep their names; the child of a floating joint is free.
 
     **Arguments:**
 
@@ -202,7 +205,7 @@ def _not_carried_over(
     """Return a text that lists the contents of the file that the scene lacks, which may be empty.
 
     **Arguments:** `frames`: frames of the links, by name; `tags`: tags of the XML elements of the
-    robot, those inside of links and joints not included.
+    robot, except of those inside of links and joints.
     """
     omitted = {
         title: [element.name for element in elements if getattr(element, attribute)]
@@ -218,8 +221,8 @@ def _not_carried_over(
 
 
 def _robot(path: Path) -> tuple["yourdfpy.Robot", list[str]]:
-    """Return the parsed robot, without meshes, and the tags of its XML elements, those inside of
-    links and joints not included.
+    """Return the parsed robot, without meshes, and the tags of its XML elements, except of those
+    inside of links and joints.
 
     **Raises:** `ImportError` without yourdfpy; `ValueError` for a file that can't be parsed, or of
     more than 50 MB; `OSError` for a file that does not exist.
@@ -240,11 +243,11 @@ def _robot(path: Path) -> tuple["yourdfpy.Robot", list[str]]:
 
 
 def _checked(name: str, given: Play, hinges: list[str], location: FileLocation) -> Play:
-    """Return the arguments of a joint's play, as `load_urdf` gets them, with texts with units
-    converted to SI numbers.
+    """Return the arguments of a joint's play, with texts such as "0.1 deg" converted to numbers in
+    SI units.
 
-    **Arguments:** `name`: name of the joint; `given`: its play; `hinges`: names of the joints that
-    can have play; `location`: the file.
+    **Arguments:** `name`: name of the joint; `given`: its play, as the user passes it to
+    `load_urdf`; `hinges`: names of the joints that can have play; `location`: the file.
 
     **Raises:** `ValueError` for a joint that can't have play, for arguments that are no dictionary,
     for an unknown argument, and for a text that is no number with a suitable unit.

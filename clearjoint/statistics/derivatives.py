@@ -36,7 +36,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 LEAST_RUNS = 10
-"""Number of runs for each coefficient of the regression below which its errors are unreliable."""
+"""Smallest number of runs for each coefficient of the regression. With fewer, the standard errors
+are unreliable."""
 
 
 def statistics_derivatives(
@@ -53,7 +54,8 @@ def statistics_derivatives(
     confidence: float = 0.95,
     **options: Unpack[SweepOptions],
 ) -> "xr.Dataset":
-    """Estimate the derivatives of the outputs' means by nominal values, with confidence intervals.
+    """Estimate the derivatives of the outputs' means by the parameters' nominal values, with
+    confidence intervals.
 
     The means are over the tolerances of manufacture and over starts that differ by less than a
     measurement can resolve. The method holds for chaotic motions, whose own derivatives grow
@@ -74,12 +76,13 @@ def statistics_derivatives(
     - `confidence`: level of the intervals, between 0 and 1.
 
     **Returns:** an `xarray.Dataset`. For each output "force" with one number in each run (others
-    are left out), ``force_mean`` and ``force_standard_error`` are scalars; ``force_derivative``,
-    ``force_derivative_standard_error``, ``force_derivative_low`` and ``force_derivative_high`` (the
-    interval) are along "parameter". Derivatives are with respect to the nominal coordinates on the
-    parameters' scales, named by the labels ``coordinate``: for `Log`, to the logarithm of the
-    nominal value. Their unit is that of the output, per unit of the coordinate. ``failed`` counts
-    the failed runs, which are left out, as are values that are not finite.
+    are left out), ``force_mean`` and ``force_standard_error`` (of the mean) are scalars;
+    ``force_derivative``, ``force_derivative_standard_error``, ``force_derivative_low`` and
+    ``force_derivative_high`` (the confidence interval) are along "parameter". Derivatives are with
+    respect to the nominal coordinates on the parameters' scales, named by the labels
+    ``coordinate``: for `Log`, the logarithm of the nominal value. Their unit is that of the output,
+    per unit of the coordinate. ``failed`` counts the failed runs, which are left out, as are values
+    that are not finite.
 
     **Raises:** `ValueError` for unsupported arguments, and if too few runs succeed.
 
@@ -196,15 +199,15 @@ def estimate(
 
     Both are in the unit of the output, per standard deviation or half width of the parameter.
 
-    A derivative is by regression for a normal parameter, and by pairs of runs for a uniform one;
-    see the module's docstring.
+    They are computed by regression for a normal parameter, and from pairs of runs for a uniform
+    one; see the module's docstring.
 
     **Arguments:** `draws`: (runs, p) standardised coordinates, in the order of the rows of
     `_draws`; `values`: (runs,) the output, NaN where a run failed; `members`: number of independent
     draws, which come first; `normal`: (p,), whether the distribution of each parameter is normal.
 
-    **Raises:** `ValueError` if too few independent runs succeed for the regression, or fewer than
-    two pairs of runs.
+    **Raises:** `ValueError` if too few independent runs succeed for the regression, or if fewer
+    than two pairs of runs of a uniform parameter succeed.
     """
     count = draws.shape[1]
     derivatives, errors = np.zeros(count), np.zeros(count)

@@ -33,11 +33,11 @@ from ..sweeps.sweep import SweepOptions, sweep
 PARTS = ("velocity", "spin")
 """Fields of a body's initial state that are disturbed; positions are not."""
 RANK_TOLERANCE = 1e-8
-"""Singular values of the constraints' Jacobian below this share of the largest count as zero, for
-example those that redundant constraints cause."""
+"""Share of the largest singular value of the constraints' Jacobian. Smaller singular values, such
+as those that redundant constraints cause, count as zero."""
 NEGLIGIBLE = 1e-9
-"""Components of a disturbance below this share of its stated size are rounding errors and are set
-to zero, so that velocities which the constraints fix get no axis."""
+"""Share of the size that was asked for a disturbance. Components below it are rounding errors and
+are set to zero, so that velocities which the constraints fix get no axis."""
 
 
 def directions(scene: Scene, members: int, seed: int) -> Float[np.ndarray, "members v"]:
@@ -78,8 +78,9 @@ def disturbed_velocities(
     free = rows[rank:] if jacobian.size else np.eye(len(lengths))
     given, remedy = "no free velocity", "remove a joint or driver"
     require(len(free) > 0, "scene", given, "one that can move", remedy)
-    # The rows of `free` are orthonormal, so that the expected square of a projected direction is
-    # their number. With this factor, the mean over the bodies is the square of `size`.
+    # The rows of `free` are orthonormal, so that the expected squared length of a projected
+    # direction is their number. With the factor before it, the expected squared speed, averaged
+    # over the bodies, is the square of `size`.
     added = size * np.sqrt(len(radii) / len(free)) * (along @ free.T) @ free
     added[np.abs(added) < NEGLIGIBLE * size] = 0.0
     return velocities_of(scene, state) + added / lengths
@@ -107,13 +108,16 @@ def disturbed_axes(
     **Returns:** the given axes, and an axis, named such as "disturbed velocity x of arm", for each
     component of a velocity or spin that differs in any lane from that of the undisturbed state.
 
-    The disturbances satisfy the constraints of the scene with the values of `axes`, whose Jacobian
-    is computed once for each block of `members` lanes. If `members` is 1 and `axes` change only
-    numbers of the scene, one Jacobian, of the given scene, serves all lanes instead, because a
-    Jacobian and its singular value decomposition for each lane would be slow. The caller must then
-    ensure that the values of `axes` differ little from the numbers in `scene`, as within tolerances
-    of manufacture: where a number differs by 1 %, the disturbance violates the constraints by about
-    1 % of its size.
+    The disturbances satisfy the constraints of the scene with the values of `axes`. The Jacobian of
+    the constraints is computed once for each block of `members` lanes. If `members` is 1 and `axes`
+    change only numbers of the scene, one Jacobian, of the given scene, serves all lanes instead,
+    because a Jacobian and its singular value decomposition for each lane would be slow. The caller
+    must then ensure that the values of `axes` differ little from the numbers in `scene`, as within
+    tolerances of manufacture: where a number differs by 1 %, the disturbance violates the
+    constraints by about 1 % of its size.
+
+    **Raises:** `ValueError` if the constraints leave no velocity free, and for a name in `axes`
+    that is also that of a disturbed velocity.
     """
     # Axes that change only numbers of the scene leave the initial state as it is. With one member
     # for each value, every lane has its own numbers and would need its own Jacobian and singular
@@ -345,8 +349,8 @@ def number_failed(results: "xr.Dataset") -> Labelled:
 
 
 def scalar_outputs(results: "xr.Dataset") -> dict[str, tuple[np.ndarray, str]]:
-    """Return the outputs with one number in each lane by name, each as a pair of its values,
-    (lanes,), NaN for failed lanes, and its unit.
+    """Return the outputs with one number in each lane, by name, as pairs of values and unit. The
+    values, (lanes,), are NaN for failed lanes.
 
     Other outputs, such as tables of impacts, are left out.
 
@@ -434,7 +438,8 @@ def _lyapunov_exponent(
     start_time: float,
     progress: bool,
 ) -> tuple[float, float]:
-    """Return the largest Lyapunov exponent, 1/s, and its standard error over several starts.
+    """Return the largest Lyapunov exponent, 1/s, averaged over several starts, and the standard
+    error of this average.
 
     Each start takes one run with a tangent: the derivative of the motion by a perturbation of the
     initial velocity. The size of a tangent is the root mean square displacement of points of the

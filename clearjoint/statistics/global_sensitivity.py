@@ -46,8 +46,9 @@ def sobol_indices(
     The first-order index of a parameter is the share of the variance that it causes alone, and its
     total index is the share that it causes alone and together with others. The estimator is that of
     `scipy.stats.sobol_indices` (Saltelli et al., Computer Physics Communications 181, 2010). It
-    takes groups of p + 2 runs: at two random points, and at the first point with one parameter at a
-    time from the second. Intervals are percentiles of a bootstrap over these groups.
+    takes groups of p + 2 runs: two at random points, and one for each parameter, at the first point
+    with this parameter's value from the second. Intervals are percentiles of a bootstrap over these
+    groups.
 
     **Arguments:**
 
@@ -110,8 +111,8 @@ def _groups(p: int, count: int, seed: int) -> np.ndarray:
     """Return the points of all runs in the unit cube, (count (p + 2), p), in groups of p + 2.
 
     A group has two independent points A and B, and for each parameter the point A with this
-    parameter from B. Groups come one after the other, so that a larger `count` appends to the runs
-    of a stored sweep.
+    parameter's coordinate from B. Groups come one after the other, so that a larger `count` appends
+    to the runs of a stored sweep.
     """
     first, second = np.split(unit_cube(2 * p, count, "sobol", seed), 2, axis=1)
     groups = np.repeat(first[:, None], p + 2, axis=1)

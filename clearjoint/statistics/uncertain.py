@@ -116,8 +116,8 @@ class Uncertain:
     def axis(self, scene: Scene, state: State, standardised: Float[np.ndarray, " n"]) -> Axis:
         """Return the axis of a sweep whose n values have the given standardised coordinates.
 
-        **Arguments:** `scene`, `state`: with the nominal value; `standardised`: (n,), from
-        `standardised`.
+        **Arguments:** `scene`, `state`: with the nominal value; `standardised`: (n,), as the method
+        of this name returns them.
         """
         centre, size = self.centre_and_size(scene, state)
         scale = self.parameter.scale
@@ -145,7 +145,7 @@ def check_confidence(confidence: float) -> None:
 
 
 def unit_cube(dimensions: int, count: int, method: str, seed: int) -> Float[np.ndarray, "n d"]:
-    """Return points (count, dimensions) that fill the unit cube, by `scipy.stats.qmc`.
+    """Return points (count, dimensions) in the unit cube, by `scipy.stats.qmc` unless "random".
 
     **Arguments:** `method`: one of `METHODS`, of which "random" draws independent points; `seed`:
     of the random numbers, which scramble the points or, for "random", are their coordinates.
@@ -188,7 +188,8 @@ def design(
 
     Pass the result to ``sweep(..., axes, zipped=True)``. With "sobol", "halton" and "random", the
     points of a larger `count` begin with those of a smaller one, so that a stored sweep can be
-    extended. The points are those of `scipy.stats.qmc`, scrambled by the seed.
+    extended. Except for "random", the points are those of `scipy.stats.qmc`, randomised by the
+    seed.
 
     **Arguments:**
 

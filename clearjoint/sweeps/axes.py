@@ -124,8 +124,8 @@ class Axis:
 
         The function takes scenes and states of the same structure as `scene` and `state`.
 
-        **Raises:** `ValueError` for a path that selects no number, or an array, and for the delay
-        of a measured series, which only a fit can vary.
+        **Raises:** `ValueError` for a path that selects no number or a whole array, and for a
+        variation that only a fit can use, the delay of a measured series.
         """
         return self.variation.setter(scene, state, self.values[0])
 
@@ -190,8 +190,8 @@ def lanes_of(
 ) -> Lanes:
     """Return the scenes and initial states of all lanes.
 
-    Values that a constructor of a part of the scene, such as a body or a joint, or a function of
-    `Axis.change` refuses don't raise an error. Their lanes are added to `Lanes.bad`.
+    Values may be refused by the constructor of a part of the scene, such as a body or a joint, or
+    by a function of `Axis.change`. That raises no error: their lanes are added to `Lanes.bad`.
 
     **Arguments:**
 

@@ -95,8 +95,8 @@ def _by_executor(
 ) -> None:
     """Compute chunks on an executor and write them to the store.
 
-    **Arguments:** `chunks`: function that computes a chunk, with the lanes that are missing; `bar`:
-    progress bar of lanes.
+    **Arguments:** `chunks`: function that computes the missing lanes of a chunk; its attribute
+    `lanes` has their numbers, by number of the chunk; `bar`: progress bar of lanes.
     """
     missing = chunks.lanes
 

@@ -75,15 +75,16 @@ def _with_fields(
     statics: Mapping[str, bool],
     initialises: bool,
 ) -> type:
-    """Make an equinox class that has its fields from the start, when a worker unpickles the class.
+    """Make an equinox class that has its fields from the start. A worker calls this function when
+    it unpickles the class.
 
     **Arguments:** `make`, `arguments`: cloudpickle's function that makes the class, and its
     arguments; `statics`: by name of a field, whether it is static; `initialises`: whether the class
     defines `__init__`.
     """
-    # These definitions are provisional: cloudpickle sets the class's own attributes afterwards. The
-    # defaults allow the fields to follow inherited ones that have defaults. With the placeholder,
-    # equinox does not generate an `__init__`.
+    # The fields defined here are provisional: cloudpickle sets the class's own attributes
+    # afterwards. The defaults allow the fields to follow inherited ones that have defaults. With
+    # the placeholder, equinox does not generate an `__init__`.
     constructor, name, bases, namespace, *rest = arguments
     assert isinstance(namespace, dict)
     declared = {name: eqx.field(static=static, default=None) for name, static in statics.items()}
@@ -157,8 +158,9 @@ def run_chunks(
       seconds since `run_chunks` was called.
 
     **Raises:** `ValueError` if `executor` has another type, or forks its processes. `ChunkError` if
-    a chunk raises an error, its worker dies (with Dask: repeatedly), or the executor cancels it,
-    after the chunks already submitted have ended and `on_done` has received their results.
+    a chunk raises an error, its worker dies (with Dask: repeatedly), or the executor cancels it.
+    This error is raised after the chunks already submitted have ended, and `on_done` has received
+    the results of those that succeeded.
     """
     pool, waiting = _Pool(executor, task), deque(chunks)
     running: dict[Future, int] = {}
@@ -289,7 +291,8 @@ def _end_with_parent() -> None:
 def _call(payload: bytes, chunk: int) -> LaneArrays:
     """Compute a chunk in a worker, from the bytes of `_payload`.
 
-    **Raises:** the error of the function; a `RuntimeError` with its text if it can't be pickled.
+    **Raises:** the error of the function or, if that error can't be pickled and unpickled, a
+    `RuntimeError` with its type and text.
     """
     with _decoding:  # One thread decodes the task, and the others take it from the cache.
         task = _decoded(payload)

@@ -3,8 +3,9 @@
 A lane is one run of a sweep. Lanes are numbered from 0. They are all combinations of the axes'
 values, those of the last axis varying fastest. In a zipped sweep the i-th lane has the i-th value
 of each axis.
+
 Lanes are computed and stored in chunks of equal size; the last chunk may be shorter. The results of
-some lanes are a dictionary of arrays whose first dimension is the lanes.
+any group of lanes are a dictionary of arrays, whose first dimension is that of the lanes.
 """
 
 from collections.abc import Callable, Mapping
@@ -37,7 +38,7 @@ RESULT = "result"
 BY_LANE = "by_lane"
 """Folder of a store with the results by lane; variables and axes can't have this name."""
 PENDING = -1
-"""Result code of a lane that has not been computed, which is then called pending."""
+"""Result code of a lane that has not been computed yet; such a lane is called pending."""
 LaneArrays = dict[str, np.ndarray]
 """Results by name of the variable, of one lane (...) or of several lanes (lanes, ...)."""
 
@@ -98,7 +99,7 @@ class Variable(NamedTuple):
 class Layout:
     """The shape, the labels and the settings of a sweep's results.
 
-    It is known before the sweep runs, and serves to make its store and its dataset.
+    The layout is known before the sweep runs. The sweep's store and dataset are made from it.
 
     **Arguments:**
 
@@ -106,7 +107,7 @@ class Layout:
     - `chunk`: number of lanes in a chunk.
     - `variables`: results by name. The variable ``"result"``, an integer for each lane, is
       `PENDING` until the lane has been computed.
-    - `coordinates`: labels of the variables' other dimensions.
+    - `coordinates`: labels along those dimensions of the variables (`Variable.dims`) that have any.
     - `settings`: texts by name, for settings on which the numbers depend.
     - `zipped`: whether the i-th lane has the i-th value of every axis; otherwise the lanes are all
       combinations.
@@ -215,8 +216,8 @@ def dataset(layout: Layout, arrays: Mapping[str, np.ndarray]) -> "xr.Dataset":
 
 
 def _with_array(coordinate: Coordinate) -> Coordinate:
-    """Return a coordinate whose values are an array of numbers or truth values. If they are
-    anything else, it is an array of texts, and the unit is dropped."""
+    """Return a coordinate with its values as an array. Values other than numbers and truth values
+    become texts, without a unit."""
     values = np.asarray(coordinate.values)
     if values.dtype.kind in "biuf":
         return coordinate._replace(values=values)
@@ -225,7 +226,7 @@ def _with_array(coordinate: Coordinate) -> Coordinate:
 
 def _netcdf_named(attributes: Mapping[str, str]) -> dict[str, str]:
     """Return attributes by names that netCDF allows: with "_" in place of slashes and apostrophes,
-    without spaces at the end, and with a number behind a name that has occurred."""
+    without spaces at the end, and with a number appended to a name that is already taken."""
     named: dict[str, str] = {}
     for name, text in attributes.items():
         allowed = unique = name.translate({ord(c): "_" for c in "/'"}).rstrip()
@@ -317,8 +318,9 @@ class ImpactTable:
     **Arguments:**
 
     - `count`: number of impacts kept for each contact.
-    - `joint`: name of the joint whose contacts are recorded; by default all joints.
-    - `after`, `until`: s, the window of time of the onsets; by default the whole run.
+    - `joint`: name of the joint whose contacts are recorded; by default all joints with contacts.
+    - `after`, `until`: s, start and end of the window in which an impact must begin to be recorded;
+      by default the whole run.
 
     **Raises:** `ValueError` for a count that is not a positive integer, for times that are NaN or
     not single numbers, and for a window that does not end after its start.
@@ -375,8 +377,8 @@ class PartOfStates(eqx.Module):
 
 
 class StatesOfLanes:
-    """Output with the states of all bodies of a scene at given times. A sweep has it if
-    its argument `save`, a `Saving`, has times.
+    """Output with the states of all bodies of a scene at given times. A sweep has this output if
+    the argument `save` of `sweep`, a `Saving`, has times.
 
     **Arguments:** `times`: (K,) s, the same in all lanes; `scene`: scene with these bodies.
     """

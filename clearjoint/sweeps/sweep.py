@@ -267,12 +267,12 @@ def sweep(
 ) -> "xr.Dataset":
     """Simulate a scene for many values of its parameters.
 
-    Each combination of values is a lane. Lanes run side by side, but each has its own time and step
-    size, so its numbers are those of a single run and don't depend on the other lanes. A lane that
-    fails keeps its result code and the time it reached, and the other lanes continue. A lane with a
-    value that a scene can't have, or with constraints that nearly depend on others, is not run: its
-    result code is that of `bad_parameters`, and its outputs, final state and numbers of steps are
-    NaN, or -1 for integers.
+    Each combination of values is a run, called a lane. Lanes run side by side, but each has its own
+    time and step size, so its numbers are those of a single run and don't depend on the other
+    lanes. A lane that fails keeps its result code and the time it reached, and the other lanes
+    continue. A lane with a value that a scene can't have, or with nearly redundant constraints, is
+    not run: its result code is that of `bad_parameters`, and its outputs, final state and numbers
+    of steps are NaN, or -1 for integers.
 
     **Arguments:**
 
@@ -289,20 +289,20 @@ def sweep(
     - `settings`: settings of the integration; by default `clearjoint.presets.default`.
     - `save`: further results of each lane, as in `simulate`: the states at given times, as
       ``saved_position``, ``saved_orientation``, ``saved_velocity`` and ``saved_spin`` along
-      ``saved_time``, and sections, which become outputs of the same names. Sweeps can't save every
-      step, and save impacts only in an `ImpactTable`.
+      ``saved_time``, and sections and reductions, which become outputs of the same names. Sweeps
+      can't save every step, and save impacts only in an `ImpactTable`.
     - `path`: folder of a Zarr store, which is written chunk by chunk. If the folder contains the
-      store of this sweep, only missing or damaged lanes are computed, so that values of axes, axes
-      and outputs can be added later. A store recognises its sweep by the numbers of its lanes and
-      by the programs that JAX traces, not by source texts or names. `open_sweep(path)` and
-      ``xarray.open_zarr(path)`` read the store, also of an unfinished sweep. A process that is
+      store of this sweep, only missing or damaged lanes are computed, so that axes, further values
+      of an axis, and outputs can be added later. A store recognises its sweep by the numbers of its
+      lanes and by the programs that JAX traces, not by source texts or names. `open_sweep(path)`
+      and ``xarray.open_zarr(path)`` read the store, also of an unfinished sweep. A process that is
       killed loses the running lanes and, of the finished ones, at most a chunk or those of the last
       ten seconds; on a slow disk it may lose more.
     - `executor`: a `concurrent.futures.Executor` or a `dask.distributed.Client` that computes the
       chunks; by default threads of this process share the lanes. Processes must be spawned, not
-      forked, and a script must make them below ``if __name__ == "__main__":``. Dask serves for
-      clusters (``pip install 'clearjoint[cluster]'``); it computes the chunks of a worker that dies
-      on another worker.
+      forked, and a script must make the executor below ``if __name__ == "__main__":``. Dask serves
+      for clusters (``pip install 'clearjoint[cluster]'``); if a worker dies, Dask gives its chunks
+      to another worker.
     - `threads`: number of threads that share the lanes in this process; by default the number given
       to `configure`, or one for each core. Results don't depend on it.
     - `chunk`: number of lanes in a chunk of the store and of the executor.

@@ -1,5 +1,4 @@
-"""Computation of the lanes of a sweep, which are its runs, and conversion of their results to
-arrays."""
+"""Compute the lanes (runs) of a sweep, and convert their results to arrays."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -47,8 +46,9 @@ class Work:
     ) -> Batch:
         """Run lanes, and pass on their results as soon as they end.
 
-        Lanes with invalid parameters are not run. Their results, which consist of the result code
-        of `bad_parameters`, the start time and fill values, are passed on first.
+        Lanes with invalid parameters are not run. Their results are passed on first: the result
+        code of `bad_parameters`, the start time as "time_reached", and otherwise the fill values of
+        entries that have not been computed.
 
         **Arguments:**
 
@@ -58,11 +58,13 @@ class Work:
         - `threads`: number of threads that share the lanes; by default the number given to
           `clearjoint.configure`, or one for each core.
         - `on_progress`: function that is called several times a second with the progress of the
-          running lanes. Both functions are called in the thread that calls `run`.
+          running lanes.
 
-        **Returns:** the `Batch` that has run the lanes. Its attribute `turns` is the number of
-        iterations of the compiled loops, in each of which every running lane tries a step, times
-        the number of lanes that a loop can run side by side.
+        `on_ended` and `on_progress` are called in the thread that calls `run`.
+
+        **Returns:** the `Batch`, when all lanes have ended. In each iteration of a compiled loop,
+        every running lane tries one step. The batch's attribute `turns` is the number of iterations
+        of all loops, times the number of lanes that a loop can run side by side.
         """
         # Apart from result code and time, lanes with invalid parameters keep the entries of lanes
         # that have not been computed.
@@ -107,12 +109,12 @@ class Work:
         }
 
     def _recorded(self, ended: Ended) -> dict[str, LaneArrays]:
-        """Return the recorded columns of each output that records rows, such as a section, by name
-        of the output.
+        """Return the recorded rows, by name of the output, of all outputs that record rows, such as
+        sections.
 
-        The columns of an output are arrays (lanes, rows, ...) by name, and "count" are the numbers
-        of recorded rows, (lanes,). In impact tables, a dimension of contacts follows that of the
-        lanes.
+        Each output has a dictionary of its columns, arrays (lanes, rows, ...) by name, and under
+        "count" the numbers of recorded rows, (lanes,). For impact tables, all these arrays have a
+        dimension of contacts after that of the lanes.
         """
         logs = {
             name: {**columns, "count": counts} for name, (columns, counts) in ended.logs.items()
@@ -131,9 +133,9 @@ class Chunks:
 
     - `work`: all lanes of the sweep.
     - `lanes`: numbers of the lanes to run, by number of the chunk.
-    - `trace`: function that returns digests, by name, of the programs that the calling process
-      would run. They must equal those of `work`, or a worker would compute with other code;
-      ``None`` for no check.
+    - `trace`: function that returns digests, by name, of the programs that the process in which it
+      is called would run. Unless they equal those of `work`, the process has other code than the
+      one that made the sweep. ``None`` for no check.
     """
 
     work: Work
@@ -144,8 +146,8 @@ class Chunks:
         """Return the results of the lanes of a chunk, arrays (lanes, ...) by variable, in the order
         of `lanes[chunk]`.
 
-        **Raises:** `RuntimeError` in a process that would run other code than the one that made the
-        sweep.
+        **Raises:** `RuntimeError` if `trace` is given, and this process would run other code than
+        the process that made the sweep.
         """
         self._require_same_code()
         parts: list[tuple[np.ndarray, LaneArrays]] = []

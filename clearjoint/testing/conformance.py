@@ -30,9 +30,9 @@ RATES = (-1.0, -1e-3, 0.0, 1e-6, 1e-3, 1.0)
 ENTRY_SPEEDS = (1e-9, 1e-4, 0.1, 10.0)
 """Entry speeds at which laws are tested, m/s."""
 EDGE = 1e-9
-"""A jump of the force is a jump at the onset if its depth differs from the depth of the onset by at
-most this fraction of the onset offset, or of 1e-9 m if the offset is smaller. The onset offset of a
-law is the width of the gap, m, at which its force begins; it is zero for most laws."""
+"""Tolerance of the depth at which a jump of the force counts as a jump at the onset, relative to
+the onset offset, or to 1e-9 m if this is larger. The onset offset of a law is the width of the gap,
+m, at which its force begins; it is zero for most laws."""
 SMOOTH = (
     (1.3e-6, 2e-3, 0.11),
     (1.3e-6, 0.07, 0.11),
@@ -44,11 +44,12 @@ SMOOTH = (
 """Points at which usual laws are smooth: penetration, m, penetration rate, m/s, and entry speed,
 m/s. There, derivatives are compared with finite differences."""
 STEP = 1e-6
-"""Step of central differences, relative to the number that is changed. Their relative errors, the
-square of the step and rounding errors over the step, are about 1e-10."""
+"""Step of central differences, relative to the number that is changed. The relative error of a
+difference is about 1e-10: the step squared, plus the rounding error divided by the step."""
 TOLERANCE = 1e-5
-"""Largest accepted error of a derivative, relative to its size plus a thousandth of the force, far
-above the errors of finite differences."""
+"""Largest accepted error of a derivative, relative to its size plus a thousandth of the force. It
+is far above the errors of finite differences. Derivatives are in N, since they are by a factor of
+the number that is changed."""
 SINGLE = 9
 """Number of points at which a function is also evaluated singly, without `jax.vmap`. It is small,
 since single evaluations are slow."""
@@ -213,10 +214,10 @@ def _check_differences(forces: Callable[..., Points], law: AbstractContactLaw) -
 
 
 def _check_jumps(forces: Callable[..., Points], law: AbstractContactLaw) -> None:
-    """Check that the force jumps at the onset or at separation only, where the law must declare the
-    jump, and warn of such a jump.
+    """Check that the force jumps only at the onset or at separation, and that the law declares such
+    a jump. Warn of a declared jump.
 
-    `forces` is as in `_check_differences`.
+    **Arguments:** `forces`: as in `_check_differences`.
     """
     # Jumps are searched between successive depths, at all rates and entry speeds.
     left, rate, entry = _grid(DEPTHS[:-1], RATES, ENTRY_SPEEDS)
@@ -231,7 +232,7 @@ def _check_jumps(forces: Callable[..., Points], law: AbstractContactLaw) -> None
         f"The force jumps by {inside[k]:.3g} N inside the contact, at a depth of {depths[k]:.3g} m "
         f"and a rate of {rate[k]:.3g} m/s, where no integration step ends: smooth it.",
     )
-    # The same between successive rates.
+    # Jumps are also searched between successive rates, at all depths and entry speeds.
     depth, slow, entry_of_rate = _grid(DEPTHS, RATES[:-1], ENTRY_SPEEDS)
     fast = _grid(DEPTHS, RATES[1:], ENTRY_SPEEDS)[1]
     by_rate, rates = jumps(lambda rate: forces(law, depth, rate, entry_of_rate), slow, fast)
@@ -302,9 +303,9 @@ def check_bristles(friction: AbstractBristleFriction) -> None:
     one in steady sliding, and slips up to 1 m/s. It demands that
 
     - the full deflection is positive;
-    - the deflection is constant without slip, and shrinks in sliding if it is ten times the full
-      one;
-    - the friction is zero without deflection and slip, and doesn't drive steady sliding;
+    - the deflection is constant without slip, and a deflection of ten times the full deflection
+      shrinks in sliding;
+    - the friction is zero if deflection and slip are zero, and doesn't drive steady sliding;
     - the stored energy is zero without deflection and never negative;
     - the derivatives by the deflection, the slip and the parameters of the law are finite, even
       without slip;
@@ -356,10 +357,11 @@ def check_constraint(
 ) -> None:
     """Check that the constraint rows of an ideal joint agree with central differences in time.
 
-    A row is a scalar equation with a value, which is zero for a satisfied joint, its Jacobian by
-    the velocities of the bodies, its time rate for bodies at rest, and its bias. The rate of the
-    value must be the Jacobian times the velocities plus the time rate, and the bias must be the
-    time derivative of this sum at constant velocities.
+    A row is a scalar equation. It has a value, which is zero if the joint is satisfied; a Jacobian
+    by the velocities and spins (angular velocities) of the bodies; a time rate, which is the rate
+    of the value with all bodies at rest; and a bias. The check demands that the rate of the value
+    is the Jacobian times the velocities and spins plus the time rate, and that the bias is the time
+    derivative of this sum at constant velocities and spins.
 
     **Arguments:**
 

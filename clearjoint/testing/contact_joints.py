@@ -26,11 +26,11 @@ TOLERANCE = 1e-9
 """Largest accepted error of a relation that holds exactly, relative to one plus the size of its
 terms."""
 STEP = 1e-6
-"""Step of finite differences, relative to the largest number in the field of the changed parameter,
-or absolute if these numbers are zero."""
+"""Step of finite differences, relative to the largest magnitude of the numbers in the field of the
+changed parameter, or absolute if these numbers are zero."""
 TOLERANCE_OF_DIFFERENCES = 1e-5
-"""Largest accepted relative error of derivatives that are compared with finite differences, far
-above the errors of these."""
+"""Largest accepted relative error of derivatives that are compared with finite differences. It is
+far above the errors of finite differences."""
 PENETRATION, ENTRY_SPEED = 1e-6, 0.1
 """Depth beyond the onset, m, and entry speed, m/s, of a tested contact."""
 ROTATIONS = 4
@@ -51,11 +51,12 @@ def check_contact_joint(
     The check demands that
 
     - the joint's methods `laws` and `contacts` name the same contacts;
-    - normals are unit vectors, or zero without contact, and the rate of each gap is the time
-      derivative of its penetration;
-    - the forces on both bodies are equal and opposite on one line, or equal and opposite couples;
-    - the power of the normal force agrees with the penetration rate, and the power of the elastic
-      force with the rate of the stored energy;
+    - normals are unit vectors, or zero without contact, and the `rate` of each contact's gap is the
+      time derivative of its penetration;
+    - the forces on the two bodies are equal and opposite, with a common line of action, or the
+      couples on them are equal and opposite;
+    - the power of the normal force, or of the couples, agrees with the penetration rate, and the
+      power of the elastic force with the rate of the stored energy;
     - contacts with friction have a slip, which is the tangential velocity of the surfaces;
     - friction is perpendicular to the normal and, without bristles, opposes sliding;
     - derivatives by motions and parameters are finite, and the derivative of the penetration by
@@ -65,7 +66,8 @@ def check_contact_joint(
     The joint is tested at the given motions; at the onset of each contact's force, and a micrometre
     deeper; with the joint's attachment points on both bodies (those of its method `attachments`)
     coincident; and at all these positions at rest. The second body is shifted to these positions,
-    or rotated to the onset of a contact that transmits a couple.
+    or rotated to those of a contact that transmits a couple; if it is the ground, the first body is
+    moved instead.
 
     **Arguments:**
 
@@ -161,9 +163,9 @@ def _check_slopes(
     exact, numeric = exact[:, 0], (larger - smaller)[:, 0] / (2.0 * STEP)
     paths = jax.tree_util.tree_leaves_with_path(parameters)
     names = [jax.tree_util.keystr(path).lstrip(".") for path, leaf in paths for _ in leaf.ravel()]
-    # They are derivatives by the change relative to the magnitude of the parameter's field, and
-    # therefore in m. The term of 1e-3 m allows for the rounding errors of lengths where a
-    # derivative is zero.
+    # Both `exact` and `numeric` are derivatives by the change of the parameter, relative to the
+    # magnitude of its field, and therefore in m. The term of 1e-3 m allows for the rounding errors
+    # of lengths where a derivative is zero.
     allowed = TOLERANCE_OF_DIFFERENCES * (1e-3 + jnp.abs(exact))
     for name, wrong in zip(names, _differ(exact, numeric, allowed), strict=True):
         message = f"the derivative of its penetration by `{name}` does not agree with differences"
@@ -179,8 +181,8 @@ def _positions(joint: AbstractContactJoint, motions: Motions, together: bool) ->
     """Return the motions of the bodies at which the joint is tested.
 
     These are the given motions; motions in which the second body is moved to the onset of the force
-    of each contact, 1 µm deeper, and, if `together` is true, to coincident attachment points; and
-    all of these with bodies at rest.
+    of each contact, and `PENETRATION` deeper; if `together` is true and both bodies have attachment
+    points, a motion with these points coincident; and all of these with bodies at rest.
     """
     moving, scalar = [motions], unpack(joint)
     # A shift of the second body along the normal increases the penetration by its length.
@@ -272,8 +274,8 @@ def _failures(
         if contact.turning is None:
             failed |= _force_failures(loaded, first, second)
         else:
-            # These vectors, m in body axes, are the derivatives of the penetration rate by the
-            # spins, and the couples are minus the normal force times these vectors.
+            # The vectors in `turning`, m in body axes, are the derivatives of the penetration rate
+            # by the spins, and the couples are minus the normal force times these vectors.
             on_first, on_second = contact.turning
             remainder = first.direction(on_first) + second.direction(on_second)
             power = on_first.dot(first.spin) + on_second.dot(second.spin)
@@ -308,8 +310,8 @@ def _force_failures(loaded: LoadedContact, first: Motion, second: Motion) -> dic
     **Arguments:** `first`, `second`: motions of the joint's bodies.
     """
     contact, friction, force = loaded.contact, loaded.friction, loaded.normal_force
-    # Friction acts at the contact points. Without it, the joint may give other points on the normal
-    # force's line of action.
+    # Friction acts at the contact points. For a contact without friction, the joint may give other
+    # points on the normal force's line of action.
     on_first, on_second = contact.points_of_force(friction is not None)
     # The line of action is common to both bodies if the points of the force are on a line along the
     # force. The relative velocity along the normal is the rate of the penetration.
@@ -340,9 +342,11 @@ def _force_failures(loaded: LoadedContact, first: Motion, second: Motion) -> dic
 def _changes_of_parameters(parameters: AbstractContactJoint, point: jax.Array) -> jax.Array:
     """Return one direction of change for each parameter of the joint, as rows, (p, n).
 
-    In its row, the parameter has the largest magnitude of the numbers in its field, or 1 if these
-    are zero; all other elements are zero. `point` is a vector (n,) of all parameters and motions,
-    of which the parameters are the first p elements.
+    In a parameter's row, the element of this parameter is the largest magnitude of the numbers in
+    its field, or 1 if these are zero. All other elements are zero.
+
+    **Arguments:** `parameters`: the joint with its p parameters as arrays; `point`: a vector (n,)
+    of all parameters and motions, with the parameters as the first p elements.
     """
     leaves = jax.tree.leaves(parameters)
     sizes = jnp.concatenate([jnp.full(leaf.size, jnp.max(jnp.abs(leaf))) for leaf in leaves])

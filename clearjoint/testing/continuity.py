@@ -15,8 +15,8 @@ from ..model.bodies import Motion
 PIECES = 64
 """Number of pieces into which each interval is divided."""
 HALVINGS = 100
-"""Number of bisections of each piece. Its ends are then adjacent floats, except near zero, where
-they are closer together than 1e-30 times the piece."""
+"""Number of bisections of each piece. The ends of what is left are adjacent floats, except near
+zero, where they are closer together than 1e-30 times the width of the piece."""
 ROUNDING = 1e-9
 """A change of the function below this fraction of its values counts as rounding error."""
 STAYS = 0.5
@@ -52,12 +52,12 @@ def jumps(
 ) -> Jumps:
     """Return the largest jump of a function in each of N intervals, and its position.
 
-    Each interval is divided into pieces, and each piece is bisected: the half with the larger
-    change of the function is kept, until its ends are practically adjacent floats. The remaining
-    change is a jump if it is about as large as the change after half of the bisections; for a
-    continuous function with an infinite slope, such as a square root, it would have decreased in
-    between. A jump that is smaller than the continuous change of the function within a piece may be
-    missed.
+    Each interval is divided into pieces. Each piece is bisected until its ends are practically
+    adjacent floats; of its two halves, the one with the larger change of the function is kept. The
+    change that remains is a jump if it is about as large as the change after half of the
+    bisections. For a continuous function, even one with an infinite slope, such as a square root,
+    the change decreases in the second half. A jump that is smaller than the continuous change of
+    the function within a piece may be missed.
 
     **Arguments:** `function`: returns values (N,) for arguments (N,), of which the k-th lies in the
     k-th interval; `left`, `right`: ends of the intervals, (N,).
@@ -140,8 +140,8 @@ def at_rest(motions: Mapping[str, Motion]) -> dict[str, Motion]:
 
 
 def _exponential(angle: Vector) -> EulerParameters:
-    """Return the Euler parameters of a rotation given by its rotation vector `angle`, rad: its
-    direction is the axis, its length the angle."""
+    """Return the Euler parameters of a rotation given by its rotation vector `angle`, rad, whose
+    direction is the axis and whose length is the angle of the rotation."""
     size = jnp.sqrt(angle.dot(angle)) + 1e-300  # no division by zero without rotation
     scale = jnp.sin(0.5 * size) / size
     return EulerParameters(jnp.cos(0.5 * size), angle.x * scale, angle.y * scale, angle.z * scale)

@@ -47,13 +47,13 @@ def check_film(
     The check evaluates the film for offsets of the journal from the bearing's axis, from zero to
     0.99 clearances, and various rates of the offset. It demands that
 
-    - the film supplies no energy, and exerts no force without motion;
+    - the film supplies no energy, and exerts no force if the rate of the offset is zero;
     - the force and its derivatives by offset, rate and parameters of the film are finite, even at
       zero offset and zero rate; at two states where films are smooth, the derivatives by offset and
       rate agree with finite differences;
-    - the force turns with offset and rate if these are turned about the axis, and doesn't jump when
-      only the direction of the rate changes;
-    - the drag torque is finite and doesn't drive the journal's spin;
+    - the force turns with offset and rate if these are turned about the axis, and its component
+      along the offset doesn't jump when only the direction of the rate changes;
+    - the drag torque is finite and doesn't drive the journal's spin relative to the bearing;
     - `jax.vmap` gives the same result as a single evaluation.
 
     **Arguments:** `film`: the law; `bearing_radius`, `clearance` (radial), `length`: of the
@@ -102,7 +102,7 @@ def _complaints_of_force(force: Force, film: AbstractFilm) -> Iterator[str]:
     forces, rates = forces_at(film, states), states[:, 2:]
     if not jnp.isfinite(forces).all():
         yield "The force is not finite everywhere."
-    power = (forces * rates).sum(axis=1)  # over the clearance, since rates are in 1/s
+    power = (forces * rates).sum(axis=1)  # divided by the clearance: rates are in 1/s, not in m/s
     size = jnp.linalg.norm(forces, axis=1)
     # The factor 1e-9, here and below, is for rounding errors.
     if (power > 1e-9 * size * jnp.linalg.norm(rates, axis=1)).any():
@@ -140,8 +140,8 @@ def _rotated(rows: jax.Array, angle: float = 1.1) -> jax.Array:
 
 
 def _complaints_of_drag(film: AbstractFilm, *sizes: float) -> Iterator[str]:
-    """Yield a message if the drag torque on the journal is not finite, and one if it drives the
-    journal's spin.
+    """Yield a message if the drag torque on the journal is not finite, and another message if the
+    torque drives the journal's spin relative to the bearing.
 
     **Arguments:** `sizes`: the bearing's radius, radial clearance and length, m.
     """
@@ -178,8 +178,8 @@ def _complaints_of_slopes(force: Force, film: AbstractFilm) -> Iterator[str]:
 
 
 def _complaints_of_jumps(force: Force, film: AbstractFilm) -> Iterator[str]:
-    """Yield a message if the force along the offset jumps while the rate of the offset, of constant
-    size, makes a full turn."""
+    """Yield a message if the component of the force along the offset jumps while the rate of the
+    offset makes a full turn at constant length."""
     # The offset is along x, and the rate has the length 1 1/s: `along` returns the x component of
     # the force, one for each ratio, when the rate is at an angle from x.
     ratios, forces_at = jnp.asarray([0.0, 1e-4, 0.1, 0.5, 0.9]), _at_all(force)

@@ -14,8 +14,8 @@ from .conformance import ensure
 from .continuity import at_rest, moved
 
 STEP = 1e-5
-"""Step of the central differences of the stored energy, s, at which their errors are well below the
-default tolerance."""
+"""Step, s, of the central differences of the stored energy. With this step, their errors are well
+below the default tolerance of `check_force`."""
 Wrenches = dict[str, Wrench]
 """Force, N in global axes, and moment, N m in body axes, on each body, by the body's name."""
 
@@ -29,8 +29,9 @@ def check_force(
 
     - the wrenches are finite and act on bodies named by `body_names` only;
     - forces and moments on the bodies add up to zero, if the element has several bodies and returns
-      a wrench for each. An element with one body, such as a load from outside, and one that leaves
-      out the wrench on the ground, which runs ignore, are exempt: their reactions aren't known;
+      a wrench for each. This is not checked where a reaction is unknown: for an element with one
+      body, such as a load from outside, and for one that leaves out the wrench on a body, such as
+      the ground, whose wrench runs ignore;
     - the power by which the element changes the scene's total energy (`supplied_power`) is the
       power of its forces on the bodies plus the rate of its stored energy;
     - derivatives by motions and parameters are finite, even at rest;
@@ -41,7 +42,8 @@ def check_force(
     - `force`: the element.
     - `motions`: motion of each body of the element, from `moving`, by the body's name; include
       "ground" if the element has it. Translating and rotating bodies make the strictest test.
-    - `time`: time of evaluation, s, which must not be a breakpoint of the element.
+    - `time`: time of evaluation, s. It must not be a breakpoint of the element, at which the force
+      jumps or has a kink.
     - `tolerance`: largest accepted relative error of the balances. The error of the force balance
       is relative to the largest force; that of the moment balance to the largest moment or, if
       larger, the largest force times the largest distance of a body from the global origin; and
@@ -78,8 +80,9 @@ def _wrenches(force: AbstractForce, motions: Mapping[str, Motion], time: Scalar)
 
 def _check_balance(wrenches: Wrenches, motions: Mapping[str, Motion], tolerance: float) -> None:
     """Check that the forces on all bodies, and their moments about the global origin, add up to
-    zero. The error may be `tolerance` times the largest force, and for moments `tolerance` times
-    the largest moment or the largest force times the largest distance from the origin."""
+    zero. The sum of the forces may be up to `tolerance` times the largest force. The sum of the
+    moments may be up to `tolerance` times the largest moment or, if larger, the largest force times
+    the largest distance of a body from the origin."""
     forces = [wrench.force for wrench in wrenches.values()]
     moments = [
         motions[name].direction(wrench.moment) + motions[name].position.cross(wrench.force)
@@ -113,7 +116,8 @@ def _check_power(
     rate = (stored(STEP) - stored(-STEP)) / (2.0 * STEP)
     wrenches = _wrenches(force, motions, time)
     power = sum(float(motions[name].power(wrench)) for name, wrench in wrenches.items())
-    # It changes the total energy of the scene: positive for a driver, negative for a damper.
+    # The supplied power is the rate at which the element changes the total energy of the scene:
+    # positive for a motor, negative for a damper.
     supplied = float(element.supplied_power(motions, on_device(time)))
     left = supplied - power - rate
     ensure(
@@ -142,7 +146,7 @@ def _check_derivatives(force: AbstractForce, motions: Mapping[str, Motion], time
 def _check_lanes(force: AbstractForce, motions: Mapping[str, Motion], time: float) -> None:
     """Check that `jax.vmap` over two motions gives the same wrenches as single evaluations."""
     # A lane is one element of the axis over which `jax.vmap` maps. The second lane differs from the
-    # first: the same bodies 0.1 s later.
+    # first: it has the motions of the same bodies 0.1 s later.
     lanes = [motions, moved(motions, 0.1)]
     stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *lanes)
     together = jax.vmap(lambda lane: _wrenches(force, lane, time))(stacked)

@@ -11,9 +11,10 @@ from ..native.machine_code import Code
 def native_seconds() -> dict[str, float]:
     """Return the processor time, s, that compiling the native programs of this process has taken.
 
-    Programs that have been deleted do not count. A program that was loaded from disk counts with
-    the time it took when it was made. If only its machine code was loaded, "compiling" is the time
-    that loading took.
+    Programs that have been deleted do not count. A program that was loaded as a whole from disk
+    counts with the times of all stages when it was made. If the process has traced, lowered and
+    written a program and only its machine code was read from disk, "compiling" is the time that
+    reading took.
 
     **Returns:** seconds by stage: "tracing" by JAX, "lowering" of the jaxpr to operations on
     numbers, "writing" of these as LLVM code, and "compiling" of this code.

@@ -40,8 +40,8 @@ class Film:
     are omitted.
 
     **Arguments:** `parts`: solids with a pose for each frame; `camera`: positions of the viewer and
-    of the picture's middle; `legend`: texts on the left of the picture; `times`: times of the
-    frames, (N,) s, None for a single state.
+    of the picture's middle; `legend`: texts and colours on the left of the picture; `times`: times
+    of the frames, (N,) s, None for a single state.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class Film:
     ):
         self._times = times
         # Large triangles can't be painted in a correct order, since one may be partly before and
-        # partly behind another. The reach is half the height of the picture.
+        # partly behind another: they are divided. The reach is half the height of the picture.
         self._parts = [_divided(part, 0.3 * camera.reach) for part in parts]
         self._view, self._target = camera.axes(), camera.target
         self._distance = float(np.linalg.norm(camera.eye - camera.target))
@@ -85,7 +85,8 @@ class Film:
         self.show(0)
 
     def show(self, k: int) -> None:
-        """Draw the parts in frame `k`, and write its time."""
+        """Draw the parts in frame `k` and, unless the view is of a single state, the frame's time
+        as text."""
         corners, colours = [], []
         for part in self._parts:
             moved = part.mesh.moved(part.pose(k)).vertices
@@ -114,9 +115,10 @@ class Film:
             self._time_text.set_text(_time_text(self._times[k], self._times[-1] - self._times[0]))
 
     def save(self, file: Path, frames: Sequence[int]) -> None:
-        """Write an animation of the frames with the indices `frames` to a GIF or an MP4.
+        """Write an animation of the frames with the indices `frames` to a file: a GIF or an MP4,
+        depending on whether its name ends in ".gif" or ".mp4".
 
-        **Raises:** `ValueError` for an MP4 without ffmpeg.
+        **Raises:** `ValueError` for an MP4 if ffmpeg is not installed.
         """
         writer = PillowWriter(FRAMES_PER_SECOND)
         if file.suffix.lower() == ".mp4":
@@ -131,9 +133,9 @@ class Film:
 
 
 def _divided(part: DrawnPart, longest: float) -> DrawnPart:
-    """Return a part whose triangles have edges of at most `longest`, m, so that they can be sorted
-    by their distance. A part that its pose stretches, such as an arrow, is returned unchanged,
-    since its edges have other lengths in each frame."""
+    """Return a part with its triangles divided until no edge is longer than `longest`, m, so that
+    they can be sorted by their distance. A part that its pose stretches, such as an arrow, is
+    returned unchanged, since its edges have other lengths in each frame."""
     is_rigid = np.allclose(np.linalg.norm(part.poses[0, :3, :3], axis=0), 1.0)
     edges = part.mesh.vertices[part.mesh.faces] - part.mesh.vertices[part.mesh.faces[:, [1, 2, 0]]]
     if not is_rigid or np.linalg.norm(edges, axis=2).max() <= longest:
@@ -146,7 +148,7 @@ def _divided(part: DrawnPart, longest: float) -> DrawnPart:
 def _time_text(time: float, whole: float) -> str:
     """Return the text of a time, s, with the unit and the digits that suit a run of duration
     `whole`, s: one unit of the last digit is at most a hundredth of the duration. If the duration
-    is zero, as for a single frame, the time itself takes its place."""
+    is zero, as for a single frame, unit and digits suit the time itself."""
     whole = whole or abs(time) or 1.0
     factor, unit = (1e6, "µs") if whole < 1e-3 else (1e3, "ms") if whole < 1.0 else (1.0, "s")
     digits = max(0, 2 - int(np.floor(np.log10(whole * factor))))

@@ -3,6 +3,8 @@
 A solid has its own axes x, y and z; a pose, a homogeneous matrix (4, 4), places it in space.
 
 A view has N frames, each of which shows the mechanism at one instant; a single state is one frame.
+
+Functions that make solids by the package trimesh raise `ImportError` if it is not installed.
 """
 
 import importlib
@@ -40,8 +42,8 @@ class Mesh(NamedTuple):
 
 @runtime_checkable
 class HasTriangles(Protocol):
-    """A mesh object, such as one of trimesh, with `vertices`, (V, 3) m, and the indices of the
-    three vertices of each triangle, `faces`, (F, 3)."""
+    """An object, such as a mesh of trimesh, with `vertices`, (V, 3) m, and `faces`, (F, 3) indices
+    of the three vertices of each triangle."""
 
     vertices: ArrayLike
     faces: ArrayLike
@@ -49,13 +51,13 @@ class HasTriangles(Protocol):
 
 MeshLike: TypeAlias = str | Path | HasTriangles | tuple[ArrayLike, ArrayLike]
 """A file that trimesh reads (STL, OBJ, PLY, GLB, ...), an object with `vertices` and `faces`, or
-the two as arrays (V, 3) in m and (F, 3)."""
+a tuple of two arrays: vertices, (V, 3) m, and faces, (F, 3)."""
 
 
 def needed(package: str) -> ModuleType:
     """Import and return a package of the extra `view`, such as "trimesh".
 
-    **Raises:** `ImportError` that names the extra.
+    **Raises:** `ImportError` that names the extra, if the package can't be imported.
     """
     try:
         return importlib.import_module(package)
@@ -87,8 +89,8 @@ def box(sides: Sequence[float]) -> Mesh:
 
 
 def pyramid(height: float, width: float, depth: float) -> Mesh:
-    """Return a pyramid with its tip at the origin and its base at z = height, with `width` along x
-    and `depth` along y."""
+    """Return a pyramid with its tip at the origin and its base, of `width` along x and `depth`
+    along y, at z = `height`; all in m."""
     signs = ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0))
     base = [(0.5 * width * x, 0.5 * depth * y, height) for x, y in signs]
     sides = [(0, 1 + (k + 1) % 4, 1 + k) for k in range(4)]
@@ -105,9 +107,9 @@ def arrow() -> Mesh:
 def coil(radius: float, wire: float, length: float, turns: int = 7) -> Mesh:
     """Return a helical spring about z with straight ends that reaches from z = 0 to z = 1.
 
-    **Arguments:** `radius`: radius of the helix, m; `wire`: radius of the wire, m; `length`:
-    length, m, to which the pose of the part will stretch the mesh along z, so that the wire becomes
-    round; `turns`: number of turns of the helix.
+    **Arguments:** `radius`: radius of the helix, m; `wire`: radius of the wire, m; `length`: the
+    wire is round after a pose has stretched the mesh along z to this length, m; `turns`: number of
+    turns of the helix.
     """
     # The middle of the wire: a helix of 14 points in each turn, between straight ends that have 12
     # per cent of the length each.
@@ -119,7 +121,8 @@ def coil(radius: float, wire: float, length: float, turns: int = 7) -> Mesh:
     # The wire has a hexagonal ring of vertices around each point, perpendicular to the path.
     corners = 2.0 * np.pi * np.arange(6) / 6
     rings = []
-    # Tangents are central differences; a repeated point at each end makes those there one-sided.
+    # Tangents are central differences. With the first and last points repeated, the tangents at
+    # the two ends are one-sided differences.
     padded = np.vstack([path[:1], path, path[-1:]])
     for point, tangent in zip(path, padded[2:] - padded[:-2], strict=True):
         frame = frame_about(tangent)
@@ -129,16 +132,16 @@ def coil(radius: float, wire: float, length: float, turns: int = 7) -> Mesh:
 
 
 def gear(radius: float, teeth: int, width: float) -> Mesh:
-    """Return a spur gear about z, with the middle of a tooth on the x axis.
+    """Return a spur gear about z, centred at the origin, with the middle of a tooth on the x axis.
 
     **Arguments:** `radius`: pitch radius, m, negative for an internal gear; `teeth`: number of
     teeth; `width`: of the gear along z, m.
     """
     module = 2.0 * abs(radius) / teeth  # m
     pitch = 2.0 * np.pi / teeth  # rad
-    # Corners of a tooth: root, tip, tip, root. Their angles from its middle, in pitches, make it
-    # about half a pitch wide on the pitch circle. Their heights over that circle, in modules, are
-    # those of ISO 53.
+    # Each tooth has four corners: root, tip, tip, root. Their angles are measured in pitches from
+    # the middle of the tooth, and make the tooth about half a pitch wide on the pitch circle. Their
+    # heights above the pitch circle, in modules, are those of ISO 53.
     angle = (np.arange(teeth)[:, None] + np.array([-0.36, -0.16, 0.16, 0.36])) * pitch
     height = np.tile(np.sign(radius) * module * np.array([-1.25, 1.0, 1.0, -1.25]), teeth)
     size = abs(radius) + height
@@ -151,10 +154,12 @@ def gear(radius: float, teeth: int, width: float) -> Mesh:
 
 
 def plate(rim: Float[np.ndarray, "N 2"], width: float) -> Mesh:
-    """Return a plate around z, centred at the origin.
+    """Return a plate perpendicular to z, centred at the origin.
 
-    **Arguments:** `rim`: (N, 2) m, corners of its outline, counter-clockwise around the origin,
-    from which all of them must be visible; `width`: of the plate along z, m.
+    Straight lines from the origin to the corners of the outline must lie inside the outline.
+
+    **Arguments:** `rim`: (N, 2) m, corners of the outline, counter-clockwise around the origin;
+    `width`: of the plate along z, m.
     """
     # Triangles from the rim to the centre.
     count = len(rim)
@@ -166,8 +171,9 @@ def plate(rim: Float[np.ndarray, "N 2"], width: float) -> Mesh:
 def ring(inner: Float[np.ndarray, "N 2"], outer: Float[np.ndarray, "N 2"], width: float) -> Mesh:
     """Return a ring about z, centred at the origin.
 
-    **Arguments:** `inner`, `outer`: (N, 2) m, corners of its edges, counter-clockwise around the
-    origin, at the same angles; `width`: of the ring along z, m.
+    **Arguments:** `inner`, `outer`: (N, 2) m, corners of the inner and of the outer edge,
+    counter-clockwise around the origin, row by row at the same angle; `width`: of the ring along z,
+    m.
     """
     return _extruded(np.vstack([inner, outer]), _skin(2, len(inner)), width)
 
@@ -175,8 +181,11 @@ def ring(inner: Float[np.ndarray, "N 2"], outer: Float[np.ndarray, "N 2"], width
 def _extruded(
     corners: Float[np.ndarray, "N 2"], faces: Int[np.ndarray, "F 3"], width: float
 ) -> Mesh:
-    """Return the solid of a `width` along z, m, from -width/2 to width/2, whose cross-section is
-    made of triangles: `corners`, (N, 2) m, and indices of the three corners of each, `faces`."""
+    """Return the solid from z = -width/2 to z = width/2 with a given cross-section.
+
+    **Arguments:** `corners`: (N, 2) m, of the triangles that form the cross-section; `faces`:
+    (F, 3), indices of the three corners of each triangle; `width`: of the solid along z, m.
+    """
     solid = _creation().extrude_triangulation(corners, faces, width)
     return _of(solid).moved(pose_at((0.0, 0.0, -0.5 * width)))
 
@@ -185,19 +194,21 @@ def outline(distances: Float[np.ndarray, " N"]) -> Float[np.ndarray, "N 2"]:
     """Return the outline of the region that is enclosed by tangents at given distances from the
     origin.
 
-    The support function of a shape is the distance of its tangent perpendicular to a direction, as
-    a function of this direction. A shape is inside the outline if its support function nowhere
-    exceeds the distances. If the distances are the support function of a convex shape, the outline
-    is that of the shape.
+    The support function of a shape is the distance from the origin to the tangent of the shape that
+    is perpendicular to a direction, as a function of this direction. If the distances are the
+    support function of a convex shape, the outline is that of the shape. If the support function of
+    a shape nowhere exceeds the distances, the shape is inside the outline. Both hold up to the
+    error of replacing the outline by straight lines between N corners.
 
-    **Arguments:** `distances`: (N,) m, positive, of the tangents perpendicular to the directions at
-    the angles 0, 2 pi/N, ...
+    **Arguments:** `distances`: (N,) m, positive, from the origin to the tangents that are
+    perpendicular to the directions at the angles 0, 2 pi/N, ...
 
     **Returns:** (N, 2) m, corners of the outline at the same angles.
     """
     angles = np.arange(len(distances)) * 2.0 * np.pi / len(distances)
-    # In the direction `k`, the tangent `j` is at its distance over the cosine of the angle between
-    # them; tangents that the direction doesn't meet count as infinitely far away.
+    # A ray from the origin in the direction `k` meets the tangent `j` at the distance of the
+    # tangent over the cosine of the angle between the directions `k` and `j`. Tangents that the ray
+    # doesn't meet count as infinitely far away.
     cosines = np.cos(angles[:, None] - angles)
     reached = np.where(cosines > 1e-6, distances / np.maximum(cosines, 1e-6), np.inf)
     radii = reached.min(axis=1)[:, None]
@@ -219,15 +230,17 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
 
 
 def given_mesh(argument: str, value: MeshLike) -> Mesh:
-    """Convert a mesh that a user passes to a `Mesh`, and check it.
+    """Check a mesh that a user passes, and return it as a `Mesh`.
 
-    **Raises:** `ValueError`, with `argument` as the name of the argument, for a missing file, for
-    an object of another type, and for arrays with wrong shapes, with faces that are not indices of
-    vertices, or with vertices that are not finite; `ImportError` for a file without the package
-    trimesh.
+    **Arguments:** `argument`: name of the user's argument, for messages; `value`: the mesh.
+
+    **Raises:** `ValueError` for a missing file, for an object that is not a `MeshLike`, and for
+    arrays with wrong shapes, with faces that are not indices of vertices, or with vertices that are
+    not finite; `ImportError` for a file if the package trimesh is not installed; the errors of
+    trimesh for a file that it can't read.
     """
     remedy = "give a file that trimesh reads, a trimesh object, or (vertices in m, faces)"
-    # A file becomes an object with triangles, and this a pair of arrays.
+    # A file becomes an object with triangles, and such an object becomes a pair of arrays.
     if isinstance(value, str | Path):
         require(Path(value).is_file(), argument, str(value), "an existing file", remedy)
         value = needed("trimesh").load(value, force="mesh")
@@ -253,8 +266,8 @@ def frames(
     translation.
 
     **Arguments:** `axes`: (N, 3) unit vectors, the third columns of the rotations; `start`: (N, 3)
-    directions that are not parallel to the axes, whose parts perpendicular to the axes are along
-    the first columns; by default arbitrary ones.
+    directions, not parallel to the axes, which determine the first columns: each is along the
+    component of `start` perpendicular to the axis. By default, directions are chosen.
     """
     if start is None:  # the coordinate axis that is farthest from parallel
         start = np.eye(3)[np.argmin(np.abs(axes), axis=1)]
@@ -266,10 +279,11 @@ def frames(
 
 
 def frame_about(axis: ArrayLike, start: ArrayLike | None = None) -> Float[np.ndarray, "3 3"]:
-    """Return a rotation matrix whose third column is along `axis`, (3,) of any length except zero.
+    """Return a rotation matrix (3, 3) whose third column is along a given axis.
 
-    **Arguments:** `start`: (3,), direction that is not parallel to the axis, whose part
-    perpendicular to the axis is along the first column; by default an arbitrary one.
+    **Arguments:** `axis`: (3,), of any length except zero; `start`: (3,), a direction not parallel
+    to the axis, which determines the first column: it is along the component of `start`
+    perpendicular to the axis. By default, a direction is chosen.
     """
     rows = np.asarray(axis, dtype=float)[None]
     near = None if start is None else np.asarray(start, dtype=float)[None]
@@ -317,7 +331,7 @@ BODIES = (
 )
 """Colours of bodies, which colour-blind people can distinguish (after M. Okabe and K. Ito)."""
 GROUND_COLOUR, METAL = "#8C8C8C", "#4D4D4D"
-"""Colours of the ground, and of pins, balls and springs."""
+"""Colours of the ground, and of symbols such as pins, balls, springs and journals."""
 FORCE, LOAD = "#D55E00", "#7A1F8C"
 """Colours of the arrows of contact forces and of loads."""
 MODES = {0: "#FFF3D6", 1: "#E69F00", 2: "#8A3B00", 3: "#000000"}
@@ -334,8 +348,8 @@ class DrawnPart:
     - `name`: name of its body, joint or force; for the arrow of a contact force, that of the joint
       and the label of the contact.
     - `mesh`: triangles in the solid's own axes, m.
-    - `poses`: homogeneous matrices from the solid's to global axes, which may also stretch it:
-      (N, 4, 4), one for each frame, or (1, 4, 4) for a solid at rest.
+    - `poses`: homogeneous matrices from the solid's axes to global axes: (N, 4, 4), one for each
+      frame, or (1, 4, 4) for a solid at rest. The matrices may also stretch the solid.
     - `colour`: "#rrggbb".
     - `opacity`: from 0.0, invisible, to 1.0, opaque.
     - `modes`: (N,) keys of `MODES`, whose colours replace `colour` in each frame; ``None`` for a
@@ -383,18 +397,20 @@ def between(
 
 
 def corners(parts: Sequence[DrawnPart], instants: Sequence[int]) -> Float[np.ndarray, "N 3"]:
-    """Return the corners, (M, 3) m in global axes, of the boxes around all parts.
+    """Return the corners, (M, 3) m in global axes, of boxes around all parts.
 
-    The camera must show these points. Each box is in the axes of its part, around the vertices.
+    Each box contains the vertices of a part, and its edges are parallel to the part's own axes. The
+    camera must show the corners.
 
-    **Arguments:** `instants`: indices of the frames in which moving parts are evaluated; parts at
-    rest are evaluated once.
+    **Arguments:** `parts`: the solids; `instants`: indices of the frames. A moving part has a box
+    in each of these frames, a part at rest has one box.
     """
     result = []
     for part in parts:
         ends = part.mesh.vertices.min(axis=0), part.mesh.vertices.max(axis=0)
         grid = np.stack(np.meshgrid(*zip(*ends, strict=True)), -1).reshape(-1, 3)
         for k in instants if len(part.poses) > 1 else (0,):
+            # `moved` transforms the corners of the box; the faces are not used.
             result.append(Mesh(grid, part.mesh.faces).moved(part.pose(k)).vertices)
     return np.vstack(result)
 

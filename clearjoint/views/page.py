@@ -65,16 +65,17 @@ def page(
         for part in parts:
             plot += _drawable(part, k3d)
         plot.camera = [*camera.eye.tolist(), *camera.target.tolist(), *camera.up.tolist()]
-        # Seven digits of a time suffice for the page to show, and keep the file small.
+        # Seven digits of a time are enough for the display, and keep the file small.
         content = vars(legend) | {
             "times": None if times is None else [float(f"{time:.7g}") for time in times],
             "duration": 8.0,  # s, in which the page plays the whole motion by default
         }
-        # The legend and the time slider. With "<" escaped, no text can end the script element.
+        # `page.js`, which makes the legend and the time slider, has CONTENT in place of `content`.
+        # With "<" escaped, no text of the legend can end the script element.
         embedded = json.dumps(content).replace("<", "\\u003c")
         text = plot.get_snapshot(additional_js_code=_script("page").replace("CONTENT", embedded))
-    # This script tells the reader if the browser has no WebGL, without which k3d shows nothing and
-    # does not run the script above.
+    # `without_webgl.js` tells the reader if the browser has no WebGL. In that case, k3d shows
+    # nothing and does not run `page.js`.
     before, end, after = text.rpartition("</body>")
     return f"{before}<script>{_script('without_webgl')}</script>{end}{after}"
 
@@ -84,8 +85,10 @@ def _script(name: str) -> str:
 
 
 def _drawable(part: DrawnPart, k3d):
-    """Return the mesh of a part for the package `k3d`, with the poses and colours of all frames by
-    frame number."""
+    """Return a part as a mesh of k3d, with its poses and colours in all frames.
+
+    **Arguments:** `part`: the solid; `k3d`: the package.
+    """
     mesh = k3d.mesh(
         part.mesh.vertices.astype(np.float32),
         part.mesh.faces.astype(np.uint32),
@@ -95,7 +98,8 @@ def _drawable(part: DrawnPart, k3d):
         side="double",
         name=part.name,
     )
-    # k3d animates a property that is a dictionary by frame number; other properties are constant.
+    # k3d animates a property that is a dictionary, with frame numbers as keys, and keeps any other
+    # property constant.
     matrices = part.poses.astype(np.float32)
     mesh.model_matrix = matrices[0]
     if len(matrices) > 1:

@@ -38,8 +38,8 @@ class BodyPoses:
 def body_poses(states: State, times: np.ndarray | None = None) -> BodyPoses:
     """Return the poses of the bodies and of the ground.
 
-    **Arguments:** `states`: states at N times, with an additional first axis, or a single state;
-    `times`: (N,) s, ``None`` for a single state.
+    **Arguments:** `states`: a single state, or states at N times, whose arrays have the times as
+    first axis; `times`: (N,) s, or ``None`` for a single state.
     """
     from scipy.spatial.transform import Rotation
 
@@ -59,7 +59,7 @@ def initial_state(scene: Scene) -> tuple[State, bool]:
     state satisfies all joints.
 
     The bodies are placed by following the joints from the ground. If loops stay open, `assemble`
-    closes them; if it can't, the state with open loops is returned.
+    closes them. If it can't, the result is the state with open loops, and false.
     """
     from ..model.arrangement import arranged_state, satisfies_joints  # imports SciPy
 
@@ -99,9 +99,16 @@ def instants_to_show(times: np.ndarray, most: int) -> Int[np.ndarray, " M"]:
 def require_bodies(
     states: State, bodies: Mapping[str, object], times: np.ndarray | None = None
 ) -> None:
-    """Raise `ValueError` unless a state has exactly the bodies of a scene. States at `times` (N,),
-    which users may have made, must also have a position of each body for each time, and N must not
-    be zero."""
+    """Check that a state has exactly the bodies of a scene and, given times, a position for each.
+
+    **Arguments:** `states`: a single state, or states at N times, whose arrays have the times as
+    first axis; `bodies`: bodies of the scene by name; `times`: (N,) s, or ``None`` for a single
+    state, of which only the names of the bodies are checked.
+
+    **Raises:** `ValueError` for missing or unknown bodies and, with `times`, if N is zero or the
+    positions of a body have another shape than (N, 3), as they may in a trajectory that a user
+    made.
+    """
     found, known = sorted(states.bodies), sorted(bodies)
     remedy = "pass a state or a solution of this scene"
     require(found == known, "motion", found, f"of the scene's bodies {known}", remedy)

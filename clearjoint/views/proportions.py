@@ -19,8 +19,9 @@ from .meshes import FORCE, LOAD, DrawnPart, corners, frame_about
 from .poses import BodyPoses
 
 BORE = 2.4
-"""Approximate smallest drawn radius of a bearing by default, and that of a bearing of unknown
-radius, in radii of the bar by which a body is drawn."""
+"""Drawn radius of a bearing whose true radius is unknown, in radii of the bar by which a body is
+drawn. By default, bearings of known radius are enlarged until the smallest has about this drawn
+radius, unless it is larger already."""
 
 
 @dataclass(frozen=True)
@@ -29,10 +30,11 @@ class Proportions:
 
     - `size`: diagonal of the box around the mechanism, m.
     - `bar`: radius of the bar by which a body is drawn, m.
-    - `bearing_scale`: drawn size divided by true size of bearings, journals and balls.
+    - `bearing_scale`: drawn size divided by true size of bearings and sockets. The drawn radius of
+      a journal or a ball is that of its bearing or socket less the drawn clearance.
     - `clearance_scale`: drawn size divided by true size of clearances and eccentricities.
-    - `front`: (3,) unit vector in global axes, the main direction of the joint axes. It points to
-      the viewer before the view is tilted.
+    - `front`: (3,) unit vector in global axes, the main direction of the joint axes. The viewer is
+      in this direction, before the camera is tilted.
     - `up`: (3,) unit vector in global axes, the upward direction.
     - `planar`: whether nearly all joint axes are parallel.
     """
@@ -46,7 +48,8 @@ class Proportions:
     planar: bool
 
     def bore(self, radius: float | None) -> float:
-        """Return the drawn radius, m, of a bearing with a true `radius`, m, None if unknown."""
+        """Return the drawn radius, m, of a bearing with the true `radius`, m, or None if this is
+        unknown."""
         return BORE * self.bar if radius is None else radius * self.bearing_scale
 
 
@@ -61,11 +64,12 @@ def proportions(
 
     **Arguments:** `poses`: poses of the bodies, of which the first frame is used; `noted`: points
     and axes of the scene's joints and forces (markers), and radii and clearances of its bearings
-    (bores), from `survey`; `bearing_scale`, `clearance_scale`: drawn size divided by true size,
-    None to choose scales by which bearings and the widest clearance are visible.
+    and sockets (bores), from `survey`; `bearing_scale`, `clearance_scale`: drawn size divided by
+    true size. With None, scales of at least 1 are chosen so that all bearings, and the clearance
+    that is largest relative to its drawn bearing, are visible.
 
-    **Raises:** `ValueError` for scales that are not positive, or for a clearance scale by which a
-    clearance would be nearly as large as its bearing.
+    **Raises:** `ValueError` for scales that are not positive, or if a drawn clearance, with a given
+    or a chosen scale, would exceed 0.9 times the drawn radius of its bearing.
     """
     size = _size(scene, poses, noted)
     # Bars are thick enough to be seen in a view of the whole mechanism, and thin beside its links.
@@ -77,7 +81,7 @@ def proportions(
     drawn = [BORE * bar if b.radius is None else b.radius * bearing_scale for b in noted.bores]
     # The scale of each clearance at which it is as large as the drawn radius of its bearing.
     limits = [bore / b.clearance for bore, b in zip(drawn, noted.bores, strict=True)]
-    if clearance_scale is None:  # the clearance is well visible, and the journal still thick
+    if clearance_scale is None:  # makes the largest clearance visible, and keeps journals thick
         clearance_scale = max(1.0, _rounded(0.3 * min(limits))) if limits else 1.0
     require_positive("clearance_scale", clearance_scale, "give the scale of the drawn clearances")
     most = 0.9 * min(limits, default=np.inf)
@@ -92,7 +96,7 @@ def proportions(
 class BodySolid(NamedTuple):
     """A homogeneous box or cylinder with the mass and moments of inertia of a body.
 
-    - `axes`: (3, 3), whose columns are the axes of the solid, in body axes.
+    - `axes`: (3, 3), with the unit vectors along the axes of the solid as columns, in body axes.
     - `sides`: (3,) m, lengths of the solid along these axes.
     - `round`: whether the solid is a cylinder about the third axis instead of a box; the first two
       sides are then its diameter.
@@ -106,15 +110,16 @@ class BodySolid(NamedTuple):
 def equivalent_solid(body: Body) -> BodySolid:
     """Return the homogeneous solid with a body's mass and moments of inertia.
 
-    It is a cylinder if exactly two principal moments are equal, up to a thousandth, else a box. It
-    represents a body whose shape is unknown. For moments that no real solid has, sides whose square
-    would be negative are zero.
+    The solid is a cylinder if exactly one pair of principal moments is equal, and a box otherwise.
+    Moments count as equal if they differ by at most a thousandth. The solid represents a body whose
+    shape is unknown. For moments that no real solid has, sides whose square would be negative are
+    zero.
     """
     # `inertia` has either the moments (3,) about the body axes, or is a matrix (3, 3).
     inertia, mass = np.asarray(body.inertia), float(np.asarray(body.mass))
     moments, axes = (inertia, np.eye(3)) if inertia.ndim == 1 else np.linalg.eigh(inertia)
-    # Axes for which the moments about the two other axes are equal. There is one for a cylinder,
-    # and there are three, for example, for a cube.
+    # Numbers of the axes for which the moments about the two other axes are equal: one axis for a
+    # cylinder, all three for a cube.
     equal = [k for k in range(3) if np.isclose(moments[k - 1], moments[k - 2], rtol=1e-3, atol=0.0)]
     # A cylinder of mass m, radius r and length L has the moments m r² / 2 along its axis, and
     # m (3 r² + L²) / 12 across. Moments of no real solid could give a negative L².
@@ -125,16 +130,19 @@ def equivalent_solid(body: Body) -> BodySolid:
         third = frame_about(axes[:, equal[0]])
         return BodySolid(third, np.array([2.0 * radius, 2.0 * radius, length]), True)
     # A box with the sides a, b, c has the moment m (b² + c²) / 12 about the axis along a. The sum
-    # of its moments less twice this one is m a² / 6. The sign makes the axes of `eigh` a
-    # right-handed frame.
+    # of all three moments less twice this moment is m a² / 6. The sign of the determinant makes the
+    # axes from `eigh` right-handed.
     sides = np.sqrt(np.maximum(6.0 * (moments.sum() - 2.0 * moments), 0.0) / mass)
     return BodySolid(axes * np.sign(np.linalg.det(axes)), sides, False)
 
 
 def _size(scene: Scene, poses: BodyPoses, noted: SurveyingPen) -> float:
-    """Return the diagonal of the box around the points of joints and forces, and around the bodies
-    with at most one such point, in the first frame, m; 1 m if the box is a point. The arguments are
-    those of `proportions`."""
+    """Return the size of the mechanism in the first frame: the diagonal, m, of a box around it.
+
+    The edges of the box are parallel to the global axes. It contains all points of joints and
+    forces and, of bodies with at most one such point, the middles of the faces of their equivalent
+    solids. If all these points coincide, the size is 1 m. The arguments are those of `proportions`.
+    """
     points = [poses.point(marker.body, marker.point)[0] for marker in noted.markers]
     for name, body in scene.bodies.items():
         # Points that differ by rounding errors are one.
@@ -149,28 +157,33 @@ def _size(scene: Scene, poses: BodyPoses, noted: SurveyingPen) -> float:
 
 def _front(poses: BodyPoses, noted: SurveyingPen) -> tuple[np.ndarray, bool]:
     """Return the main direction of the joint axes in the first frame, (3,) unit vector in global
-    axes, and whether the mechanism is planar. Without joint axes these are the global Z axis and
-    False. The arguments are those of `proportions`."""
+    axes, and whether the mechanism is planar: whether nearly all joint axes are parallel.
+
+    Without joint axes, the result is the global Z axis and false. The arguments are those of
+    `proportions`.
+    """
     turning = [marker for marker in noted.markers if marker.axis is not None]
     axes = [poses.direction(marker.body, marker.along())[0] for marker in turning]
     if not axes:
         return np.array([0.0, 0.0, 1.0]), False
-    # The eigenvector of the largest eigenvalue has the largest sum of squared components of all
-    # axes, whatever their senses; that sum is the eigenvalue. With at least 95 % of the sum of all
-    # squared components, the axes are nearly parallel and the mechanism is planar.
+    # The main direction is the one for which the sum of the squared components of all axes along it
+    # is largest: the eigenvector of the largest eigenvalue, which equals this sum. The senses of
+    # the axes don't matter. If the largest eigenvalue exceeds 95 % of the sum of all eigenvalues,
+    # the axes are nearly parallel and the mechanism is planar.
     shares, directions = np.linalg.eigh(np.array(axes).T @ np.array(axes))
     main = directions[:, -1]
-    # The sense of an eigenvector is arbitrary: its largest component shall be positive.
+    # The sense of an eigenvector is arbitrary: make the component of largest magnitude positive.
     main = main * np.sign(main[np.argmax(np.abs(main))])
     return main, bool(shares[-1] > 0.95 * shares.sum())
 
 
 def _up(scene: Scene, front: np.ndarray, planar: bool) -> np.ndarray:
-    """Return the upward unit vector, (3,) in global axes: against gravity, or Y, or Z, or X.
+    """Return the upward unit vector, (3,) in global axes: the first suitable one of the direction
+    against gravity, Y and Z, or X if none of them is suitable.
 
-    The first of these is taken, but without gravity Y comes first. For a planar mechanism,
-    directions within 60 degrees of the line of sight `front` are passed over, because the viewer
-    could not see them as upward.
+    The direction against gravity is not suitable without gravity. For a planar mechanism,
+    directions within 60 degrees of the line of sight, which is along `front`, are not suitable
+    either, because they would not point upwards in the picture.
     """
     against = np.zeros(3) if scene.gravity is None else -np.asarray(scene.gravity, dtype=float)
     x, y, z = np.eye(3)
@@ -184,14 +197,16 @@ def _up(scene: Scene, front: np.ndarray, planar: bool) -> np.ndarray:
 def _rounded(number: float) -> float:
     """Return a positive number rounded down to two significant digits."""
     unit = 10.0 ** (np.floor(np.log10(number)) - 1.0)
-    # Both corrections are for rounding errors: 1e-9 keeps numbers that have two digits already.
+    # Against rounding errors, 1e-9 keeps numbers that have two digits already, and `round` removes
+    # digits such as the last one of 0.30000000000000004.
     return float(np.round(np.floor(number / unit + 1e-9) * unit, 12))
 
 
 FIELD_OF_VIEW = 30.0
 """Vertical field of view, degrees."""
 WIDE = 1.25
-"""Smallest ratio of width to height of a picture."""
+"""Ratio of width to height of the picture into which `camera` fits the mechanism; wider pictures
+show more at the sides."""
 
 
 class Camera(NamedTuple):
@@ -236,10 +251,10 @@ def camera(parts: Sequence[DrawnPart], proportions: Proportions) -> Camera:
     high = np.abs(everything - target).max()
     distance = high / slope + high  # from which everything is visible
     for _ in range(12):
-        # Move the target to the middle of the mechanism's picture, and the camera to the distance
-        # from which everything nearly fills the picture, but in front of the nearest point. Extents
-        # in perspective depend on the distance. Each repetition at least halves the error of the
-        # distance, so that twelve leave less than a thousandth.
+        # Move the target to the middle of the mechanism's picture. Move the camera to the distance
+        # from which everything nearly fills the picture, but keep it in front of the nearest point.
+        # Extents in perspective depend on the distance, hence the repetitions. Each at least halves
+        # the error of the distance, so that twelve leave less than a thousandth.
         projected = in_perspective(mechanism - target, distance)
         target[:2] += 0.5 * (projected.min(axis=0) + projected.max(axis=0))
         extent = np.abs(in_perspective(everything - target, distance)).max(axis=0)
@@ -252,7 +267,7 @@ def camera(parts: Sequence[DrawnPart], proportions: Proportions) -> Camera:
 def in_perspective(
     corners: Float[np.ndarray, "*N 3"], distance: float
 ) -> Float[np.ndarray, "*N 2"]:
-    """Return the perspective projection of points to the plane through the target, which is
+    """Return the perspective projection of points to the plane that contains the target and is
     perpendicular to the line of sight.
 
     **Arguments:** `corners`: (..., N, 3) m, coordinates of the points relative to the target: to
@@ -266,15 +281,15 @@ def in_perspective(
 def _direction(proportions: Proportions) -> np.ndarray:
     """Return the direction from the mechanism to the viewer, (3,) in global axes, of any length.
 
-    It is a direction perpendicular to `up`, near `front` where possible, tilted to the right and
-    upwards.
+    The direction is perpendicular to `proportions.up` and near `proportions.front` where possible,
+    and is then tilted to the right and upwards.
     """
     up = proportions.up
     front = proportions.front - up * (proportions.front @ up)
     # Components of the direction to the right and upwards; the component along `front` is 1.
     rightwards, upwards = (0.3, 0.2) if proportions.planar else (0.75, 0.42)
-    # With joint axes within 17° of the vertical, any horizontal direction is in front, and the
-    # mechanism is seen from above.
+    # If the joint axes are within 17° of the vertical, `front` is replaced by a horizontal
+    # direction, and the mechanism is seen more from above.
     if np.linalg.norm(front) < 0.3:
         front = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
         rightwards, upwards = 0.5, 1.2

@@ -67,16 +67,17 @@ class DrawnJournal:
     def touching_point(
         self, position: float, normal: Float[np.ndarray, "N 3"]
     ) -> Float[np.ndarray, "N 3"]:
-        """Return the points at which the journal touches the bearing in the drawing, (N, 3) m in
-        global axes.
+        """Return the point at which the drawn journal touches the drawn bearing in each frame,
+        (N, 3) m in global axes.
 
-        **Arguments:** `position`: on the journal's axis, -1 at base V and 1 at base W; `normal`:
-        (N, 3) unit vectors from the axis to the contact points.
+        **Arguments:** `position`: of the contact on the journal's axis, from -1 at base V to 1 at
+        base W; `normal`: (N, 3) unit vectors in global axes, from the axis to the contact points.
         """
         centre = 0.5 * ((1.0 - position) * self.ends[0] + (1.0 + position) * self.ends[1])
         if self.profile is None:
             return centre + self.radius * normal
-        # The point is the gradient of the journal's support function by the normal.
+        # Relative to the centre, the point is the gradient of the journal's support function p with
+        # respect to the normal: p along the normal, and the derivative of p by the angle beside it.
         x, y, axis = (self.poses[:, :3, k] for k in range(3))
         angles = np.arctan2(np.sum(y * normal, axis=1), np.sum(x * normal, axis=1))
         deviation = self.profile.at(angles)
@@ -93,16 +94,16 @@ mechanism, to find equal points."""
 class SketchingPen(AbstractPen):
     """Pen with which joints and forces draw themselves, and which makes the parts of a view.
 
-    Joints and forces call the methods from `mark` to `gear`. Each method adds solids (`load` notes
-    a load), and adds the markers to the points of their bodies. The method `body` draws a body as a
-    bar: the convex hull of balls around these points, which is a rounded rod for two points and a
-    rounded plate for three. The radius of the balls is that of the bar, `proportions.bar`; symbols
-    have sizes in proportion to it.
+    Joints and forces call the methods from `mark` to `gear`. Each of these methods adds solids, or
+    for `load` a load without a solid, and notes the points of the markers for the bodies on which
+    they are. The method `body` then draws a body as a bar: the convex hull of balls around the
+    noted points, which is a rounded rod for two points and a rounded plate for three. The radius of
+    the balls is that of the bar, `proportions.bar`, to which the sizes of symbols are proportional.
 
     - `element`: name of the joint or force that is being drawn; the caller sets it.
     - `journals`: drawn journals, by the joint's name; the last one of a joint with several.
-    - `loads`: for each load, the name of its element, and points (N, 3), m, and forces (N, 3), N,
-      in global axes.
+    - `loads`: for each load, the name of its element, and a pair of arrays in global axes: points,
+      (N, 3) in metres, and forces, (N, 3) in newtons, for the N frames.
     - `drawn`: names of the joints and forces that have been drawn.
 
     **Arguments:** `poses`: of the bodies in each frame; `proportions`: sizes of the symbols;
@@ -117,7 +118,8 @@ class SketchingPen(AbstractPen):
         self._poses, self._sizes, self._colours = poses, proportions, colours
         self._bar = proportions.bar
         """Radius of the bars by which bodies are drawn, m."""
-        # Solids that are fixed to bodies, by body, colour and opacity, become one part each.
+        # Solids that are fixed to bodies. All those with the same body, colour and opacity become
+        # one part.
         self._fixed: dict[tuple[str, str, float], list[Mesh]] = {}
         self._moving: list[DrawnPart] = []
         # Points, (3,) m in body axes, that the hull of each body contains.
@@ -165,8 +167,11 @@ class SketchingPen(AbstractPen):
         self._hold(first, second)
 
     def slide(self, rail: Marker, block: Marker, *, turning: bool) -> None:
-        """Draw a thin rail, somewhat longer than the motion of the marker `block` along it, and at
-        this marker a block, or with `turning` a sleeve, which can also turn about the rail."""
+        """Draw a thin rail along the axis of the marker `rail`, and a block at the marker `block`.
+
+        The rail is somewhat longer than the motion of the block along it. If `turning` is true, a
+        sleeve, which can also turn about the rail, replaces the block.
+        """
         bar, axis = self._bar, rail.along()
         low, high = self._range(rail, block, axis)
         middle = np.asarray(rail.point) + axis * (0.5 * (low + high))
@@ -204,9 +209,13 @@ class SketchingPen(AbstractPen):
         self._span(meshes.coil(1.2 * self._bar, 0.25 * self._bar, length), start, end)
 
     def load(self, marker: Marker, force: Triple | Callable[[jax.Array], Triple]) -> None:
-        """Add a load, (3,) N in global axes or a function of the time in s, to `loads`; for a
-        single state, the load at time zero. Its arrow is made later, when the scale of forces is
-        known."""
+        """Add a load to `loads`, with its force in each frame; in a single state, at time zero.
+
+        The arrow is made later, when the scale of forces is known.
+
+        **Arguments:** `marker`: the point of application; `force`: (3,) N in global axes, or a
+        function that returns it from the time in s.
+        """
         points = self._poses.point(marker.body, marker.point)
         if callable(force):
             times = np.zeros(1) if self._poses.times is None else self._poses.times
@@ -228,14 +237,15 @@ class SketchingPen(AbstractPen):
     ) -> None:
         """Draw the bearing as an open cylinder, and the journal in it with enlarged eccentricity.
 
-        Clearance and eccentricity are multiplied by `Proportions.clearance_scale`, a known radius
-        and the length by `Proportions.bearing_scale`. The drawn journal is longer than the bearing.
-        Deviations from circles are enlarged like the eccentricity, so that the drawn journal
-        touches the drawn wall where the true one does.
+        Clearance and eccentricity are multiplied by `Proportions.clearance_scale`. The radius of
+        the bearing, if known, and the length are multiplied by `Proportions.bearing_scale`. The
+        drawn bearing has this length, and the drawn journal is longer. Deviations from circles are
+        enlarged like the eccentricity, so that the drawn journal touches the drawn wall where the
+        true journal touches the true wall.
 
-        **Arguments:** `bearing`, `journal`: their centres and axes; `radius`: radius of the
+        **Arguments:** `bearing`, `journal`: centres and axes of the two; `radius`: radius of the
         bearing, m, None if unknown; `clearance`: radial clearance, m; `length`: of the journal, m;
-        `profiles`: of the bearing and of the journal, None for a circle.
+        `profiles`: deviations of the bearing and of the journal from circles, None for a circle.
         """
         wide, scale = float(length) * self._sizes.bearing_scale, self._sizes.clearance_scale
         bore = self._sizes.bore(None if radius is None else float(radius))
@@ -252,8 +262,9 @@ class SketchingPen(AbstractPen):
             frame = _transverse_frame(bearing.along())
             tube = meshes.ring(edge, around, wide).moved(pose_at(bearing.point, frame))
             self._add(bearing.body, tube)
-        # The positions of the journal's ends across the bearing's axis are the true ones times the
-        # scale of clearances. Along the axis, their distance is the drawn length.
+        # Across the bearing's axis, the drawn offset of each end of the journal is the true offset
+        # times the scale of clearances. Along the axis, the middle of the journal keeps its true
+        # position, and the distance of its ends is the drawn length.
         axis = self._poses.direction(bearing.body, bearing.along())
         journal_axis = self._poses.direction(journal.body, journal.along())
         centre = self._poses.point(bearing.body, bearing.point)
@@ -298,15 +309,17 @@ class SketchingPen(AbstractPen):
         self._hold(ball)
 
     def walls(self, middle: Marker, runner: Marker, normal: Triple, *, distance: Single) -> None:
-        """Draw two parallel plates, which are somewhat longer than the path of the runner, a part
-        of another body, between them.
+        """Draw two parallel plates that guide the marker `runner` of another body between them.
 
-        **Arguments:** `middle`: a point midway between the plates; `runner`: centre of the part;
-        `normal`: of the plates, (3,) in the axes of the body of `middle`, any length; `distance`:
-        between the inner faces of the plates, m.
+        The plates are somewhat longer than the path of the runner.
+
+        **Arguments:** `middle`: a point midway between the plates; `runner`: centre of the guided
+        part; `normal`: of the plates, (3,) in the axes of the body of `middle`, any length;
+        `distance`: between the inner faces of the plates, m.
         """
-        # Columns in body axes: along the walls, their normal, and near the direction of view. If
-        # the viewer looks along the normal, the direction along the walls is arbitrary.
+        # The columns of `frame`, in body axes, are the direction along the walls, their normal, and
+        # a direction as near as possible to the line of sight. If the viewer looks along the
+        # normal, the direction along the walls is arbitrary.
         across, front = _unit(normal), self._components(middle.body, self._sizes.front)
         faces_viewer = np.linalg.norm(np.cross(across, front)) < 1e-6
         along = frame_about(across, None if faces_viewer else front)[:, 1]
@@ -325,8 +338,9 @@ class SketchingPen(AbstractPen):
     def block(self, centre: Marker, normal: Triple, *, length: Single, height: Single) -> None:
         """Draw a box, such as one that slides between walls.
 
-        **Arguments:** `centre`: its centre, with the axis along its `length`, m; `normal`: (3,) in
-        body axes, perpendicular to this axis, any length, along its `height`, m.
+        **Arguments:** `centre`: of the box, with an axis; `normal`: (3,) in body axes,
+        perpendicular to this axis, any length; `length`: of the box along the axis, m; `height`: of
+        the box along the normal, m.
         """
         along, across = centre.along(), _unit(normal)
         frame = np.stack([along, across, np.cross(along, across)], axis=1)
@@ -336,8 +350,8 @@ class SketchingPen(AbstractPen):
         self._hold(centre)
 
     def roller(self, centre: Marker, *, radius: Single) -> None:
-        """Draw a cylinder of a `radius`, m, with its axis along the line of sight, perpendicular to
-        the plane of motion of a planar mechanism."""
+        """Draw a cylinder with a `radius`, m, about the direction `Proportions.front` in the first
+        frame. For a planar mechanism, this is perpendicular to the plane of motion."""
         axis = self._components(centre.body, self._sizes.front)
         pin = meshes.cylinder(float(radius), 9.0 * self._bar)
         self._fix(centre._replace(axis=axis), pin, METAL)
@@ -357,13 +371,14 @@ class SketchingPen(AbstractPen):
         self._hold(centre)
 
     def body(self, name: str, body: Body) -> None:
-        """Draw a body as a bar around the points of its joints and forces, and also its equivalent
-        solid if it has at most one such point, or if the points extend less than half as far as the
-        solid's longest side.
+        """Draw a body as a bar around the points of its joints and forces, and in two cases also
+        its equivalent solid.
 
         The equivalent solid is the homogeneous cylinder or box with the body's mass and moments of
-        inertia, around the centre of mass, to which the bar then extends. A body with a block, a
-        gear or walls and at most one point of joints and forces gets no further shape.
+        inertia, around the centre of mass. It is drawn if the body has at most one point of a joint
+        or force, or if these points are close together: along every body axis they span less than
+        half the solid's longest side. The bar then also reaches the centre of mass. A body with a
+        block, a gear or walls, and at most one point, gets neither bar nor solid.
         """
         points = self._distinct(name)
         # Blocks, gears and walls need no further shape.
@@ -380,8 +395,8 @@ class SketchingPen(AbstractPen):
         """Draw the homogeneous cylinder or box with a body's mass and moments of inertia.
 
         Sides that are shorter than the diameter of a bar, 2 `_bar`, are drawn with this length. The
-        solid is transparent, unless its two shorter sides are at most as long as this diameter. It
-        is drawn once, also if this is called again.
+        solid is transparent, unless its two shorter sides are at most as long as this diameter. A
+        second call for the same body draws nothing.
         """
         if name in self._solid:
             return
@@ -409,6 +424,7 @@ class SketchingPen(AbstractPen):
 
         **Arguments:** `down`: unit vector from the tip to the base of a stand, (3,) in global axes.
         """
+        # The columns are the axes of the pyramid: to the side, near the line of sight, and down.
         # The small number prevents a division by zero if `front` is parallel to `down`.
         frame = frame_about(down, self._sizes.front + 1e-6)
         frame = np.stack([-frame[:, 1], frame[:, 0], down], axis=1)
@@ -417,8 +433,13 @@ class SketchingPen(AbstractPen):
             self._add(GROUND, stand.moved(pose_at(point, frame)))
 
     def _edge(self, radius: float, profile: AbstractProfile) -> np.ndarray:
-        """Return the corners of the drawn cross-section of a bearing or a journal, (`CORNERS`, 2),
-        m, in its own frame; `radius`: of the drawn circle from which it deviates, m."""
+        """Return the corners, (`CORNERS`, 2) m, of the drawn cross-section of a bearing or journal.
+
+        The x axis is in the direction of the profile's angle zero.
+
+        **Arguments:** `radius`: of the drawn circle from which the cross-section deviates, m;
+        `profile`: the true deviation.
+        """
         angles = np.arange(CORNERS) * 2.0 * np.pi / CORNERS
         deviation = np.asarray(profile.at(angles).value, float)
         return meshes.outline(radius + self._sizes.clearance_scale * deviation)
@@ -441,8 +462,10 @@ class SketchingPen(AbstractPen):
         self._fixed.setdefault(key, []).append(mesh)
 
     def _fix(self, marker: Marker, mesh: Mesh, colour: str = "", opacity: float = 1.0) -> None:
-        """Fix a solid to the marker's body: the solid's origin at the marker's point, and its z
-        axis along the marker's axis if the marker has one, otherwise its axes along the body's.
+        """Fix a solid to the marker's body, with the solid's origin at the marker's point.
+
+        The solid's z axis is along the marker's axis. If the marker has no axis, the solid's axes
+        are parallel to those of the body.
 
         **Arguments:** `mesh`: in the solid's own axes, m; `colour`, `opacity`: see `_add`.
         """
@@ -450,8 +473,8 @@ class SketchingPen(AbstractPen):
         self._add(marker.body, mesh.moved(pose_at(marker.point, rotation)), colour, opacity)
 
     def _ends(self, first: Marker, second: Marker) -> tuple[np.ndarray, np.ndarray]:
-        """Return the positions of both markers, (N, 3) m each in global axes, after the hulls of
-        their bodies are extended to them."""
+        """Extend the hulls of the bodies to both markers, and return the positions of the markers
+        in each frame, (N, 3) m each in global axes."""
         self._hold(first, second)
         start, end = (self._poses.point(marker.body, marker.point) for marker in (first, second))
         return start, end
@@ -462,8 +485,8 @@ class SketchingPen(AbstractPen):
         self._moving.append(DrawnPart(self.element, mesh, between(starts, ends, 1.0), METAL))
 
     def _hold(self, *markers: Marker, around: float = 0.0) -> None:
-        """Extend the hulls of the markers' bodies to the markers' points, and note the element in
-        `drawn`.
+        """Extend the hulls of the markers' bodies to the markers' points, and add the current
+        `element` to `drawn`.
 
         **Arguments:** `around`: distance, m, at which the hull ends before a point, such as the
         outer radius of a bearing; zero to reach the point.
@@ -479,8 +502,10 @@ class SketchingPen(AbstractPen):
                 axis = marker.along()
                 inwards = inwards - axis * (inwards @ axis)
             size = np.linalg.norm(inwards)
-            # The hull reaches the point if the centre of mass lies inside the bearing. The ground
-            # has no centre of mass: there, only a vertical axis leaves no direction.
+            # On a body, the hull reaches the point if the centre of mass is within the distance
+            # `around` of the axis or, without an axis, of the point. The ground has no centre of
+            # mass: its hull reaches the point only if the axis is vertical, because then no
+            # direction is left.
             if around and size > (1e-6 if on_ground else around):
                 point = point + inwards * (around / size)
             self._corners[marker.body].append(point)
@@ -498,11 +523,11 @@ class SketchingPen(AbstractPen):
         return self._poses.poses[body][0, :3, :3].T @ direction
 
     def _range(self, base: Marker, runner: Marker, axis: np.ndarray) -> tuple[float, float]:
-        """Return the smallest and the largest position, m, of the marker `runner` relative to the
-        marker `base` in all frames, along a direction. A rail or walls must reach from one to the
-        other.
+        """Return the smallest and the largest coordinate, m, of the marker `runner` along an axis
+        through the marker `base`, among all frames. A rail or walls must reach from the smallest to
+        the largest.
 
-        **Arguments:** `axis`: the direction, (3,) unit vector in the axes of the body of `base`.
+        **Arguments:** `axis`: (3,) unit vector in the axes of the body of `base`.
         """
         offset = self._poses.point(runner.body, runner.point)
         offset = offset - self._poses.point(base.body, base.point)
@@ -519,7 +544,7 @@ def sketch(
     centres: bool,
     solids: bool,
 ) -> SketchingPen:
-    """Draw all parts of a scene except arrows, and return the pen, which has the parts.
+    """Draw all parts of a scene except arrows, and return the pen with which they are drawn.
 
     **Arguments:** `poses`: poses of the bodies in each frame; `proportions`: sizes of the symbols;
     `given`: meshes that replace the drawn bodies, by the body's name; `centres`: whether to add a
@@ -558,9 +583,10 @@ def _unit(vector: ArrayLike) -> np.ndarray:
 def _transverse_frame(along: np.ndarray, phase: float = 0.0) -> np.ndarray:
     """Return a matrix (3, 3) whose columns are the axes of a gear, a bearing or a journal.
 
-    The third is its axis `along`, (3,), a unit vector. The first is turned about this axis by
-    `phase`, rad, from the first of the two vectors that `transverse_axes` returns for it. Joints
-    measure angles of profiles and teeth from the same vector.
+    The third column is the axis of rotation or symmetry, `along`, (3,), a unit vector. The first
+    column is turned about this axis by `phase`, rad, from the first of the two vectors that
+    `transverse_axes` returns for the axis. Joints measure angles of profiles and teeth from the
+    same vector.
     """
     first = np.array([*map(float, transverse_axes(Vector(*map(float, along)))[0])])
     return frame_about(along, first * np.cos(phase) + np.cross(along, first) * np.sin(phase))

@@ -142,12 +142,13 @@ def view(
     A notebook displays the result; `View.save` writes it as a page that works offline, an animation
     or a picture.
 
-    A body is a bar or a plate around the points of its joints; a body with a single joint is the
-    homogeneous cylinder or box with its mass and moments of inertia. Pins, balls, rails, springs
-    and gears are symbols. Bearings are open cylinders; the eccentricities of the journals are
-    scaled by `clearance_scale`. Along a run, the colour of a journal shows its `MotionMode` (free
-    flight, contact at one end, along a line, or at opposite sides), and arrows are the forces on
-    the second body of each contact, with their tips at the contact points. The page has a slider
+    A body is drawn as a bar or a plate around the points of its joints. A body with a single joint
+    is drawn as the homogeneous cylinder or box with its mass and moments of inertia. Pins, balls,
+    rails, springs and gears are symbols. Bearings are open cylinders; the eccentricities of the
+    journals are scaled by `clearance_scale`. Along a run, the colour of a journal shows its
+    `MotionMode` (free flight, contact at one end, along a line, or at opposite sides). Arrows show
+    the contact forces on the second body of each joint, with their tips at the contact points, and
+    the loads, which start at the points of application. The page has a slider
     for the time (`view.html#t=0.25` starts at 0.25 s), a playback with variable speed, and a legend
     with all scales. Joints of the class `Backlash`, whose contacts transmit a couple, are not
     drawn.
@@ -163,35 +164,38 @@ def view(
 
     - `scene`: the mechanism.
     - `motion`: a `State`; a solution with saved states or steps; or a `Trajectory`. By default,
-      bodies are arranged by following the joints from the ground, and `assemble` closes loops,
-      which compiles. Loops that it can't close are shown open, and the legend says so.
-    - `observation`: result of `observe` at the instants of the motion; ``None`` for a `State`. By
-      default, `view` observes a solution, which compiles once for all scenes with the same
-      structure; a `Trajectory` is shown without contact forces.
+      bodies are arranged by following the joints from the ground. If loops stay open, `assemble`,
+      which compiles a program, closes them. Loops that it can't close are shown open, and the
+      legend says so.
+    - `observation`: result of `observe` at the instants of the motion; ``None`` for a `State` or
+      without a motion. By default, `view` observes a solution by a program that is compiled once
+      for all scenes with the same structure; a `Trajectory` is shown without contact forces.
     - `forces`: whether to draw arrows of contact forces, and journals in the colours of their
       motion modes. A `NonsmoothSolution` is shown without arrows of contact forces, since its
       contacts have impulses instead. Arrows of loads are always drawn; for a single state they
       show the loads at time zero.
     - `frames`: largest number of frames, at about equal distances in time.
     - `meshes`: meshes of bodies by name, in m in body axes, instead of bars: a file that trimesh
-      reads, an object with `vertices` and `faces`, or a pair of such arrays.
+      reads, an object with `vertices` and `faces`, or a tuple of these two arrays.
     - `clearance_scale`, `bearing_scale`: drawn size divided by true size of clearances and of
       bearings. By default both are chosen so that clearances and bearings are visible.
-    - `force_scale`: length of an arrow divided by its force, m/N; longer arrows are cut to 0.3
-      times the size of the mechanism. By default the arrow of the largest force has this length,
-      and if this force is more than five times the median, as in an impact, lengths are
-      proportional to the square root of forces. The legend says so in both cases.
-    - `centres_of_mass`, `inertias`: whether to add a black ball at each centre of mass, and the
-      homogeneous solid with each body's mass and moments of inertia.
+    - `force_scale`: length of an arrow divided by its force, m/N. Arrows longer than 0.3 times the
+      size of the mechanism are cut to this length. By default, the arrow of the largest force has
+      this length. If the largest force is then more than five times the median of all forces that
+      are not zero, as in an impact, lengths are proportional to the square root of forces. The
+      legend says whether arrows are cut or lengths are not proportional to forces.
+    - `centres_of_mass`: whether to add a black ball at each centre of mass.
+    - `inertias`: whether to add the homogeneous solid with each body's mass and moments of inertia.
     - `title`: title of the legend.
     - `height`: height of the view in a notebook, pixels.
 
     **Returns:** a `View`.
 
-    **Raises:** `ValueError` for a solution without states, for bodies that are not exactly those of
-    the scene, for an observation with another number of instants or with a `State`, a number of
-    frames below 1, and meshes or scales that can't be drawn; `ImportError` without the package
-    trimesh of the extra `view`.
+    **Raises:** `ValueError` for a motion of another type, without states, with positions of a wrong
+    shape or with bodies that are not exactly those of the scene; for an observation at other
+    instants than those of the motion, with a `State` or without a motion; for a number of frames
+    below 1; and for meshes or scales that can't be drawn. `ImportError` without the package trimesh
+    of the extra `view`.
     """
     require_count("frames", frames, "give a number of frames")
     if force_scale is not None:
@@ -201,7 +205,7 @@ def view(
     sizes = proportions(scene, poses, noted, bearing_scale, clearance_scale)
     given = _given(scene, meshes, sizes)
     pen = sketch(scene, poses, sizes, given, centres=centres_of_mass, solids=inertias)
-    # The contact forces in an observation of rigid contacts, which have impulses, are meaningless.
+    # Rigid contacts have impulses, so the contact forces in their observation are meaningless.
     pushing = None if isinstance(motion, NonsmoothSolution) else observed
     force_arrows = arrows(pen, pushing, sizes, force_scale)
     parts, modes = pen.parts(), []
@@ -251,8 +255,8 @@ def _poses(
         require_bodies(motion, scene.bodies)
         return body_poses(motion), None, []
     trajectory = _trajectory(motion)
-    # Accepted steps are long in free flight: frames at equal distances in time are interpolated. A
-    # given observation belongs to the ends of the steps, which are then shown.
+    # Steps are long in free flight. Frames are therefore interpolated at equal distances in time,
+    # unless an observation is given: it belongs to the ends of the steps, so these are shown.
     if observation is None and trajectory is getattr(motion, "steps", None) and len(trajectory) > 1:
         ends = np.asarray(trajectory.times)
         trajectory = trajectory.between(np.linspace(ends[0], ends[-1], frames))
@@ -279,10 +283,11 @@ def _at(recorded: T, chosen: np.ndarray) -> T:
 
 
 def _trajectory(motion: Solution | NonsmoothSolution | Trajectory) -> Trajectory:
-    """Return the saved states of a run, or the states at its steps if there are no others; a
+    """Return the saved states of a run, or the states at its steps if no states were saved; a
     trajectory is returned as it is.
 
-    **Raises:** `ValueError` for a run with neither, and for an object of another type.
+    **Raises:** `ValueError` for a run with neither saved states nor steps, and for an object of
+    another type.
     """
     if isinstance(motion, Trajectory):
         return motion
@@ -323,8 +328,11 @@ def _given(scene: Scene, meshes: Mapping[str, MeshLike], sizes: Proportions) -> 
 
 
 def _missed(motion: Viewable | None, observed: Observation | None) -> list[str]:
-    """Return a note on the largest force of all impacts if it exceeds the normal forces in all
-    frames by more than a tenth, so that it acts between two frames; else no note.
+    """Return a list with a note on the largest force of all impacts, if it acts between two frames;
+    otherwise an empty list.
+
+    The force acts between two frames if it exceeds the largest normal force of all frames by more
+    than a tenth.
 
     **Arguments:** `motion`: as in `view`; `observed`: its observation in all frames, or ``None``.
     """

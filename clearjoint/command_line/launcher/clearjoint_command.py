@@ -1,7 +1,7 @@
 """Entry point of the program `clearjoint`.
 
-It is installed as a module outside the package, whose import takes a second or more, so that Ctrl-C
-during that import ends the program without a traceback.
+This module is installed outside the package `clearjoint`, so that it can handle Ctrl-C while the
+package is imported, which takes a second or more: the program then ends without a traceback.
 """
 
 import os
@@ -11,6 +11,7 @@ from types import FrameType
 
 def main() -> None:
     """Run the program with the arguments of the command line."""
+    # If the process was started with Ctrl-C ignored, it stays ignored.
     previous = signal.getsignal(signal.SIGINT)
     if previous is signal.default_int_handler:
         signal.signal(signal.SIGINT, _end)
@@ -21,6 +22,7 @@ def main() -> None:
 
 
 def _end(number: int, frame: FrameType | None) -> None:
+    # End at once: an exception could be caught by the code of a module that is being imported.
     del number, frame
     os.write(2, b"interrupted\n")
     os._exit(130)

@@ -25,12 +25,14 @@ last impacts of a run. If the joints' axes are coordinate axes, the entries of t
 which this inertia has disappeared are exact zeros, which the compiled program omits.
 
 A branch is a body of a tree with its carrier and the joint between them, if there is one. A link is
-the body with its kinematics, in the axes of the tree's root body. Its columns are the twists that a
-unit of each speed of its joint causes; a twist is the angular velocity of the body and the velocity
-of its point at the tree's origin: the joint's point on the ground or, if no joint carries the root,
-the root's centre of mass. Arguments and results of the type `Speeds` have one entry for each speed:
-those of the first tree from its root to its leaves, then those of the second, and so on. Where they
-are rates or changes of speeds, they have the form of r.
+the body with its kinematics, in the axes of the tree's root body. The tree's origin is the point on
+the ground of the root's joint or, if no joint carries the root, the root's centre of mass. A twist
+consists of the angular velocity of a body and the velocity of the body's point at the tree's
+origin. The columns of a link are the twists that a unit of each speed of its joint causes.
+
+Arguments and results of the type `Speeds` have one entry for each speed: those of the first tree
+from its root to its leaves, then those of the second, and so on. Rates, changes of speeds and
+displacements of this type have the form of r.
 """
 
 from collections.abc import Iterator
@@ -181,7 +183,8 @@ class JointMechanics(AbstractMechanics):
         return [rate for (i, j), tree in trees for rate in tree.solve(forces[i:j])]
 
     def free_rates(self, wrenches: Wrenches) -> Speeds:
-        """Return the rates r under wrenches, by name of body, and gravity, without constraints."""
+        """Return the rates r that gravity and wrenches, by name of body, cause, without the
+        reactions of constraints."""
         loads = []
         for k, (force, moment) in enumerate(self._loads(wrenches)):
             link, body = self._links[k], self._scene.bodies[self._branches[k].body]
@@ -222,12 +225,12 @@ class JointMechanics(AbstractMechanics):
         return forces
 
     def bias(self, row: Row) -> Scalar:
-        """Return the second time derivative that a constraint row's value has if all rates r are
-        zero, without the row's own `bias`, the part at constant velocities and spins of the bodies.
+        """Return the row's Jacobian times the bodies' accelerations at constant speeds, where all
+        rates r are zero.
 
-        The speeds themselves need not be zero. The result is the row's Jacobian times the bodies'
-        accelerations at constant speeds. In a free tree, whose rates are relative to free fall,
-        these include gravity.
+        It is a part of the second time derivative of the constraint row's value. The part that
+        remains without accelerations of the bodies is the row's own `bias`, and is not included. In
+        a free tree, whose rates are relative to free fall, the accelerations include gravity.
         """
         # The terms of each tree are added up first, so that rounding errors of a tree's sum do not
         # depend on other trees.
@@ -244,9 +247,10 @@ class JointMechanics(AbstractMechanics):
     def _per_link(self, rates: Speeds) -> Iterator[tuple[Twist, Speeds]]:
         """Yield for each link, from the root to the leaves, its acceleration and its rates u'.
 
-        The acceleration (rad/s^2, m/s^2) is that of the point of the link at the tree's origin, as
-        far as the rates cause it; the parts at constant speeds are left out. The rates u' are
-        relative to the carrier: u' = r - axis . (angular acceleration of the carrier).
+        The acceleration is a twist: the angular acceleration of the link, rad/s^2, and the
+        acceleration of its point at the tree's origin, m/s^2, as far as the rates cause them; the
+        parts at constant speeds are left out. The rates u' are relative to the carrier: u' = r -
+        axis . (angular acceleration of the carrier).
         """
         twists: list[Twist] = []
         for k, link in enumerate(self._links):
@@ -320,10 +324,10 @@ def _transmitted(columns: tuple[Twist, ...], load: Twist, along: Speeds) -> Twis
 
     It has no moments about the free axes of the joint, but all forces. (About the axis of a screw
     it has the moment -pitch times the force along the axis, with the pitch in m/rad.) The reason is
-    the choice of unknowns. At constant r, the carried bodies do not follow an angular acceleration
-    of the carrier about a free axis, so a moment about this axis does no work with it. Along a free
-    translation, r is relative to the carrier, whose acceleration the carried bodies do follow at
-    constant r.
+    the choice of unknowns. Suppose that the carrier's acceleration changes, but the r of the joint
+    does not. The carried bodies do not follow an angular acceleration of the carrier about a free
+    axis, so a moment on them about this axis does not act on the carrier. They do follow an
+    acceleration of the carrier along a free translation, where r is relative to the carrier.
 
     **Arguments:** `columns`: twists of the joint's free directions, whose angular part is zero for
     a translation; `load`: its `angular` part is the moment, N m, or angular momentum about the
@@ -344,8 +348,8 @@ class JointCoordinates(AbstractCoordinates):
     fixed point near it), the vector from the fixed point to the body's point, m.
 
     These coordinates are the default, because they are faster on every mechanism measured. The
-    table shows the time in µs of one evaluation of the equations of motion in native code, for a
-    single run unless a batch of runs is named, and then per run:
+    table shows the time in µs of one evaluation of the equations of motion in native code. It is
+    that of a single run, and in a batch the time per run:
 
     | mechanism | joint coordinates | absolute coordinates |
     |---|---|---|

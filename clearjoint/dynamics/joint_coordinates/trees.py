@@ -1,17 +1,17 @@
 """Trees of bodies: their branches, and the kinematics and inertia of their bodies.
 
 A scene's bodies, and those ideal joints that close no loop, form trees. A branch is one body with
-its parent, the next body towards the root of the tree, or the ground. Each kind of branch has its
-own variables, and converts them to the body's motion and rates. The spin of a body is its angular
-velocity in body axes, rad/s.
+its parent: the next body towards the root of the tree or, for the root, the ground. Each kind of
+branch has its own variables, and converts them to the body's motion and rates. The spin of a body
+is its angular velocity, rad/s: in body axes in states and motions, in the tree's axes in a `Link`.
 
 Kinematics and inertia are computed in one frame for each tree. Its axes are those of the root body.
 Its origin is the point on the ground of the root's joint or, for a free root, the root's centre of
-mass. So the inertia of a root that is free, or that its joint only lets rotate, is constant.
+mass. So the inertia of the root is constant if the root is free or its joint only lets it rotate.
 Constant vectors keep their exact zeros, and for a free root the mass matrix contains the total mass
-times the identity. A twist is the angular velocity of a body with the velocity of its point at the
-origin. "At constant speeds" means: the part of an acceleration that remains if the time derivatives
-of all joint speeds are zero.
+times the identity. A twist is the angular velocity of a body with the velocity of the body's point
+at the tree's origin. "At constant speeds" means: the part of an acceleration that remains if the
+time derivatives of all joint speeds are zero.
 """
 
 from collections.abc import Callable
@@ -92,8 +92,8 @@ class Inertia:
     """Spatial inertia of one body or of several connected bodies, about the tree's origin and in
     its axes.
 
-    It maps spin w and velocity v to the angular momentum I w + C v and the momentum C^T w + m v,
-    with I = `angular` (kg m^2), C = `coupling` (kg m) and m = `mass` (kg).
+    It maps a twist of angular velocity w and velocity v to the angular momentum I w + C v and the
+    momentum C^T w + m v, with I = `angular` (kg m^2), C = `coupling` (kg m) and m = `mass` (kg).
     """
 
     mass: Scalar
@@ -113,8 +113,9 @@ class Inertia:
         )
 
     def without(self, axis: Vector, whole: Twist, rest: Twist) -> "Inertia":
-        """Return the inertia of carried bodies that a joint transmits to its carrier, if these
-        bodies do not follow the carrier's rotation about the joint's axis.
+        """Return the part of this inertia, that of carried bodies, that acts on the carrier of a
+        joint (the parent) if the bodies do not follow the carrier's rotation about the joint's
+        axis.
 
         They do not follow it because the unknown rate of the joint's speed is relative to a carrier
         that does not rotate about the axis (see `.coordinates`).
@@ -128,7 +129,7 @@ class Inertia:
         **Arguments:**
 
         - `axis`: unit vector of the rotation, or zero for a translation.
-        - `whole`: momentum of these bodies for a unit of the joint's speed.
+        - `whole`: momentum of the carried bodies for a unit of the joint's speed.
         - `rest`: P^T whole, the part of `whole` that the joint transmits to its carrier. For a
           joint of several axes, this P takes the rotations about all of them from a twist.
         """
@@ -225,7 +226,7 @@ class FreeBranch:
         return free_motion(state, self.anchor)
 
     def link(self, parent: Link | None, state: BodyState) -> Link:
-        """Return the body as the root link of its tree. A root has no `parent`."""
+        """Return the body as the root link of its tree. The argument `parent` is ignored."""
         axes = UNIT_X, UNIT_Y, UNIT_Z
         columns = [Twist(ZERO, axis) for axis in axes] + [Twist(axis, ZERO) for axis in axes]
         gradient = _gradient(state.spin, ZERO)
@@ -247,9 +248,9 @@ class FreeBranch:
     def _shift(self, axes: Matrix, velocity: Vector, spin: Vector) -> Vector:
         """Return the velocity of the point that the position variable describes, m/s, global.
 
-        **Arguments:** `velocity`: of the centre of mass, global; `spin`: in body axes. For a
-        displacement in m and a rotation in rad in their place, the result is the displacement of
-        the point, m.
+        **Arguments:** `velocity`: of the centre of mass, global; `spin`: in body axes. If a
+        displacement, m, and a rotation vector, rad, are given in place of velocity and spin, the
+        result is the displacement of the point, m.
         """
         if self.anchor is None:
             return velocity
@@ -338,8 +339,9 @@ class JointedBranch:
         """
         subspace = self.motion_subspace
         # Rotation from the body's axes to the tree's, position of the joint's point on the parent,
-        # m, and acceleration of this point at constant speeds, m/s^2. The tree's axes are those of
-        # its root, and on the ground its origin is the joint's point.
+        # m, and acceleration of this point at constant speeds, m/s^2. For a root on the ground they
+        # are the identity and zeros, since the tree's axes are those of the root, and its origin is
+        # the joint's point on the ground.
         rotation, point, bias = IDENTITY, ZERO, ZERO
         if parent is None:
             parent = GROUND_LINK
@@ -356,15 +358,17 @@ class JointedBranch:
             parent.angular_bias + parent.spin.cross(angular) + rotation @ joint_bias.angular
         )
         gradient = _gradient(spin, angular_bias)
-        # From the joint's point on the parent to the body's centre of mass: over the joint's point
-        # on the body. The displacement is fixed in the axes of the carried body, so that the
-        # Coriolis acceleration has the spin of this body, and `gradient` acts on the whole arm.
+        # From the joint's point on the parent, via the joint's point on the body, to the body's
+        # centre of mass. The displacement has its components, and their rates `linear`, in the axes
+        # of the carried body. So the Coriolis acceleration has the spin of this body, and
+        # `gradient` acts on the whole arm.
         displacement = subspace.displacement(state.position)
         arm = rotation @ (displacement - subspace.point_child)
         coriolis = (spin * 2.0).cross(linear) + rotation @ joint_bias.linear
         columns = []
         for column in subspace.columns(state.position):
-            # The velocity of the joint's point becomes that of the body's point at the origin.
+            # The column has the velocity of the body's point that coincides with the joint's point
+            # on the parent. It is converted to that of the body's point at the tree's origin.
             axis, velocity = rotation @ column.angular, rotation @ column.linear
             columns.append(Twist(axis, velocity + point.cross(axis)))
         bias = bias + coriolis + gradient @ arm

@@ -30,11 +30,11 @@ RISE = 3.84
 """Smallest rise of chi squared between two minima that count as separate: the rise at the ends of a
 95 % interval of one parameter."""
 NEAREST = 10
-"""Smallest number of nearest points that are the neighbours of a point. With fewer, chance gaps
-between the points would divide a mode."""
+"""Smallest number of neighbours of a point, which are the points nearest to it. With fewer, chance
+gaps between the points would divide a mode."""
 SMALLEST = 0.01
-"""Share of the points below which a mode joins the nearest larger one: so few may be stray points
-of that one."""
+"""Share of all points below which a mode is joined to the nearest larger mode, because so few
+points may be stray points of the larger one."""
 
 
 def modes(
@@ -43,14 +43,14 @@ def modes(
     """Return for each point the number of its mode, (n,), from 0 for that with the most points.
 
     A mode is a group of points around one minimum of chi squared. Two points are neighbours if one
-    of them is among the ten points nearest to the other, or among the four for each parameter if
-    these are more. The points are taken from the lowest chi squared upwards. If neighbours of a
-    point are in groups already, it joins the one of these groups with the lowest minimum; otherwise
-    it begins a new group. Other groups of its neighbours are united with the group that it joins if
-    chi squared rises by less than 3.84 from their minimum to this point (F. Chazal et al.,
-    *Persistence-based clustering in Riemannian manifolds*, 2013). At the end, a group with less
-    than 1 % of the points joins the nearest larger one. A minimum with fewer points than the
-    number of nearest points may not be found.
+    of them is among the k points nearest to the other, where k is 10, or 4 p for p coordinates if
+    that is larger. The points are taken from the lowest chi squared upwards. If some neighbours of
+    a point are in groups already, the point joins the group with the lowest minimum among these.
+    If none is, the point begins a new group. Other groups of its neighbours are united with the
+    group that it joins if chi squared rises by less than 3.84 from their minimum to this point
+    (F. Chazal et al., *Persistence-based clustering in Riemannian manifolds*, 2013). At the end, a
+    group with less than 1 % of the points joins the nearest larger one. A minimum with fewer than k
+    points may not be found.
 
     **Arguments:** `points`: (n, p) coordinates, some of which may be equal; `chi_squared`: (n,) at
     the points.
@@ -305,7 +305,7 @@ class _Lanes:
     def curves(self, points: Float[np.ndarray, "n p"], count: int) -> Float[np.ndarray, "n T"]:
         """Return chi squared at points (n, p) over the first 0 to `count` times, (n, count + 1).
 
-        It is infinite from the first sample that a run misses, or from which its prediction is 1e6
+        It is infinite from the first sample on that a run misses, or at which its prediction is 1e6
         standard deviations off.
 
         **Raises:** `TooManyRunsError`, before any run, if the n runs would exceed `most_runs`.
@@ -327,9 +327,9 @@ def _prior(
 ) -> Callable[[np.ndarray], np.ndarray]:
     """Return a function of points (n, p) that returns the logarithms of their prior density, (n,).
 
-    Points are coordinates; the user's function `log_prior` receives values by name instead. Without
-    it, the prior is uniform. The function raises a `ValueError` if the user's function returns
-    another shape, NaN or +infinity; -infinity is a density of zero.
+    Points are coordinates; the user's function `log_prior` receives values by name instead. If
+    `log_prior` is ``None``, the prior is uniform. The returned function raises a `ValueError` if
+    `log_prior` returns another shape, NaN or +infinity; -infinity is a density of zero.
     """
 
     def logarithms(points: np.ndarray) -> np.ndarray:

@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     import xarray as xr
 
 EDGE, EDGE_SHARE = 0.01, 0.02
-"""Distance from an end of the box, relative to its width, within which a point is at this end; and
-share of the points at an end from which on the report mentions them, twice that of a uniform
-distribution."""
+"""`EDGE`: a point is at an end of the box if its distance from the end is less than this share of
+the box's width. `EDGE_SHARE`: the report warns if more than this share of the points is at one end,
+twice that of a uniform distribution."""
 EVEN = 0.1
-"""Largest difference between the points' cumulative distribution and that of a uniform distribution
-over the box, up to which the report mentions that a parameter's points fill the box evenly."""
+"""The report warns that a parameter's points fill the box evenly if their cumulative distribution
+differs everywhere by less than this from that of a uniform distribution over the box."""
 FEWEST_EFFECTIVE = 150.0
 """Effective number of runs below which the ends of intervals are inaccurate, so that there is a
 warning. Half the number of points takes its place if that is less."""
@@ -42,7 +42,7 @@ class Posterior(AbstractTabular):
       prior; `log_evidence_error`: its standard error.
     - `effective_sample_size`: effective number of the weighted runs from which the points were
       drawn: the square of the sum of the weights over the sum of their squares.
-    - `box`: lower and upper ends (p,) of the coordinates where the prior is not zero.
+    - `box`: lower and upper ends (p,) of the coordinates, outside which the prior is zero.
     - `runs`: number of runs; `failed`: number of runs that failed, or whose prediction was 1e6
       standard deviations off a sample; the likelihood of both is zero.
     - `steps`: number of steps of the calculation, each of which includes more of the record in the
@@ -175,8 +175,8 @@ class Posterior(AbstractTabular):
         ArviZ must be installed (``pip install 'clearjoint[arviz]'``). The group `posterior` has the
         values of the parameters; `log_likelihood` has the logarithm of the likelihood of the whole
         record, by the name "record"; and `sample_stats` has the number of each point's `mode`. The
-        attributes of `to_xarray`, and the `weights` of the modes, are attributes of the group
-        `posterior`.
+        group `posterior` has the attributes of the dataset from `to_xarray`, and the `weights` of
+        the modes.
         """
         import arviz
 

@@ -1,14 +1,14 @@
 """Sequential Monte Carlo over a growing record, and importance sampling at its end.
 
 A cloud of points, coordinates of p parameters, is drawn from the prior. Then the record enters the
-likelihood in steps of many samples, or of a fraction of one sample where it changes the likelihood
-much. After each step the points are weighted, resampled and moved, so that they are distributed as
+likelihood in steps of many samples, or of a fraction of a sample that changes the likelihood much.
+After each step the points are weighted, resampled and moved, so that they are distributed as
 the posterior of the record so far (N. Chopin, *A sequential particle filter method for static
 models*, 2002; adaptive steps as by A. Jasra et al., *Inference for Lévy-driven stochastic
 volatility models via adaptive sequential Monte Carlo*, 2011). Over few impacts chi squared is
 smooth, so that the cloud finds the region of the truth before the later impacts make chi squared
-rough. The usual way, by growing powers of the likelihood of the whole record, would have to find it
-in the rough chi squared.
+rough. The usual way, by growing powers of the likelihood of the whole record, would have to find
+this region in the rough chi squared.
 
 A length of the record is given as a number of its T sample times: chi squared over the first k
 times is that of all samples up to the k-th time.
@@ -18,10 +18,10 @@ The points of the result and the evidence come from rounds of importance samplin
 mixture of normal distributions around the weighted points of the round before (O. Cappé et al.,
 *Population Monte Carlo*, 2004).
 
-This module runs no scene: likelihoods are an argument. They come from native code, which computes
-many runs side by side and which no function that JAX traces can call; and the samplers of libraries
-such as BlackJAX trace the likelihood and know only powers of the likelihood. Hence this
-implementation.
+This module runs no scene: the likelihood is an argument. Samplers of libraries such as BlackJAX
+don't serve here. They trace the likelihood with JAX, but it comes from native code, which computes
+many runs side by side and can't be called in a traced function; and they know only powers of the
+likelihood.
 """
 
 import math
@@ -35,8 +35,8 @@ KEPT = 0.5
 """Effective number of points, 1 / (sum of their squared weights), to which a step along the record
 may reduce the cloud, relative to the number of points. It determines the length of the step."""
 AHEAD = 1.5
-"""Number of times over which points are run, relative to the number in the likelihood. Runs beyond
-the likelihood serve the next steps."""
+"""Number of sample times over which points are run, relative to the number in the likelihood. The
+further times serve the next steps."""
 ACCEPTED, SWEEPS = 1.5, 10
 """Mean number of accepted moves of a point after which a step ends, and largest number of moves
 tried for each point in a step."""
@@ -67,8 +67,9 @@ TOGETHER = 256
 """Number of points whose densities are computed at once."""
 
 Curves = Callable[[Float[np.ndarray, "n p"], int], Float[np.ndarray, "n T"]]
-"""Function of points (n, p) and a number T of times that runs the points and returns chi squared
-over the first 0 to T times, (n, T + 1), infinite from the first sample that a run misses."""
+"""Function that takes points (n, p) and a number T of sample times. It runs the points and returns
+chi squared over the first 0 to T times, (n, T + 1), infinite from the first sample on that a run
+misses."""
 
 
 @dataclass(frozen=True)
@@ -98,8 +99,8 @@ class Cloud:
     """Points in the box, with their chi squared and prior.
 
     - `points`: (n, p) coordinates.
-    - `curves`: (n, T + 1) chi squared over the first 0 to T times, for the part of the record over
-      which the points have been run.
+    - `curves`: (n, T + 1) chi squared over the first 0 to T times. Here T is the number of times
+      over which the points have been run, in general less than the whole record.
     - `log_priors`: (n,) logarithms of the prior density.
     """
 
@@ -112,8 +113,8 @@ class Cloud:
         return Cloud(self.points[indices], self.curves[indices], self.log_priors[indices])
 
     def where(self, mask: np.ndarray, others: "Cloud") -> "Cloud":
-        """Return a cloud of n points: point i is that of `others`, a cloud of n points too, if
-        ``mask[i]`` is true, and that of this cloud otherwise; likewise chi squared and prior."""
+        """Return a cloud of n points, with their chi squared and prior: point i is taken from
+        `others`, also of n points, if ``mask[i]`` is true, and from this cloud if it is false."""
         wide = mask[:, None]
         return Cloud(
             np.where(wide, others.points, self.points),
@@ -154,16 +155,17 @@ def draw(
     sampling therefore makes many runs at points drawn from wide normal distributions around the
     cloud, and weights them by the posterior. The next round draws around these weighted points,
     until the effective number of runs is at least `number`; after five rounds it may remain
-    smaller. Only the last round enters the result: the mean of its weights is an estimate of the
-    evidence without bias, because its mixture does not depend on its own runs.
+    smaller. Only the last round enters the result: the mean of its weights is an almost
+    unbiased estimate of the evidence, because its mixture does not depend on its own runs; only the
+    decision to stop does.
 
     **Arguments:** `target`: the posterior; `number`: number of points to draw; `generator`: source
     of random numbers; `on_step`: function that is called after each step and round with the number
     of times in the likelihood, which may be a fraction.
 
-    **Raises:** `FloatingPointError` if, in a step or round, all points have a prior or likelihood
-    of zero, as that of a failed run; `numpy.linalg.LinAlgError` if the covariance of the points
-    with a positive weight is singular.
+    **Raises:** `FloatingPointError` if, in a step or round, the prior or the likelihood is zero at
+    each point (the likelihood of a failed run is zero); `numpy.linalg.LinAlgError` if the
+    covariance of the points with a positive weight is singular.
     """
     from scipy.stats import qmc
 
@@ -191,7 +193,8 @@ def draw(
         next_runs = int(number * len(drawn) / effective)
         runs = min(next_runs, GROWTH * len(drawn), MOST * number)
     # The prior is given up to a constant, so the result is divided by its integral over the box.
-    # `log_mean` is for points inside the box only; the weights of all others are zero.
+    # `log_mean` is the logarithm of the mean weight of the draws inside the box. The weights of all
+    # others are zero, so the mean over all draws is this mean times the share of those inside.
     widths = target.high - target.low
     box = qmc.LatinHypercube(len(widths), rng=generator)
     prior = normalised(target.log_prior(target.low + widths * box.random(PRIOR_POINTS)))[1]
@@ -308,7 +311,7 @@ def normalised(logarithms: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, "
 
     The sum of the weights is 1. Logarithms that are NaN count as -inf.
 
-    **Raises:** `FloatingPointError` if all logarithms are -inf, or one is +inf.
+    **Raises:** `FloatingPointError` if all logarithms are -inf or NaN, or one is +inf.
     """
     finite = np.where(np.isnan(logarithms), -np.inf, logarithms)
     largest = finite.max(initial=-np.inf)
@@ -356,8 +359,9 @@ def mutated(
     accepted, number = 0, len(weights)
     for sweep in range(SWEEPS):
         if sweep % 2 == 0:
-            # Draws that do not depend on the present point need the ratio of their densities.
-            # Ratios are logarithms here, because densities may underflow.
+            # These draws do not depend on the present point, so the acceptance ratio has the ratio
+            # of the mixture's densities at the present and the new point as a factor. Logarithms
+            # are used, because densities may underflow.
             points = mixture.drawn(number, generator)
             log_ratios = mixture.log_density(moved.points) - mixture.log_density(points)
         else:  # A symmetric step, whose ratio is 1, with logarithm 0.
@@ -435,8 +439,8 @@ class Mixture:
         scaled = np.linalg.solve(np.linalg.cholesky(whole), points.T).T
         order = np.argpartition(((scaled[:, None] - scaled) ** 2).sum(axis=2), near - 1, axis=1)
         close = order[:, :near]
-        # All points near another one may have weight zero, such as those of failed runs. The small
-        # constant then avoids a division by zero.
+        # A point and all points near it may have weight zero, such as those of failed runs. The
+        # small constant then avoids a division by zero.
         shares = weights[close] + 1e-12 / count
         shares = shares / shares.sum(axis=1, keepdims=True)
         offsets = points[close] - (shares[..., None] * points[close]).sum(axis=1, keepdims=True)

@@ -19,8 +19,8 @@ A smaller one is raised to it, because distances are divided by its root."""
 def reached(curves: np.ndarray, keep: int, excess: float) -> float:
     """Return the number of sample times up to which the level set has at least `keep` points.
 
-    The number, from 0 to T, may be a fraction, see `finite_level`. Over a longer part of the
-    record, fewer points fit about as well as the best.
+    The number, from 0 to T, may be a fraction, see `finite_level`. Just beyond it, fewer than
+    `keep` points fit about as well as the best; it is T if this happens nowhere.
 
     **Arguments:** `curves`: (n, T + 1) chi squared of n points, cumulated over the first 0 to T
     sample times; `keep`: a number of points, at most n; `excess`: largest difference between chi
@@ -55,9 +55,9 @@ def finite_level(curves: Float[np.ndarray, "n T"], count: float) -> Float[np.nda
 def _gap(values: np.ndarray, keep: int) -> np.ndarray:
     """Return the `keep`-th smallest value over n points less the smallest value, (...).
 
-    At least `keep` points are in the level set if this is at most its excess.
+    If this difference is at most the excess of a level set, at least `keep` points are in the set.
 
-    **Arguments:** `values`: (n, ...) chi squared.
+    **Arguments:** `values`: (n, ...) chi squared of n points.
     """
     return np.partition(values, keep - 1, axis=0)[keep - 1] - values.min(axis=0)
 

@@ -32,9 +32,9 @@ TOGETHER = 64
 class SideBySide:
     """Runs of an experiment as lanes, and the samples with which they are compared.
 
-    Screenings, posteriors and the test of a fit's covariance compute chi squared at many points by
-    it, without derivatives. A point is the coordinates of the p parameters: their values on their
-    scales.
+    Screenings, posteriors and the test of a fit's covariance use it to compute chi squared at many
+    points, without derivatives. A point is the coordinates of the p parameters: their values on
+    their scales.
 
     - `runs`: scene with its parameters, and the measured outputs.
     - `data`: the samples of S series, in the order of `runs.names`, at the times of `runs`: T times
@@ -85,7 +85,7 @@ class SideBySide:
         waiting: dict[int, np.ndarray] = {}
 
         def take() -> None:
-            """Compare the waiting predictions with the data."""
+            """Compare the waiting predictions with the data, and store their curves."""
             lanes = list(waiting)
             rows = np.stack([waiting.pop(lane) for lane in lanes])
             # Always the same number of rows, so that one compiled program serves all calls.
@@ -108,7 +108,7 @@ class SideBySide:
                 if len(waiting) == TOGETHER:
                     take()
 
-        # A batch with the tasks of another keeps its compiled programs.
+        # A batch made by `with_tasks` reuses the compiled programs of the latest batch.
         tasks = self._tasks(coordinates, instants)
         batch = self._batches[0].with_tasks(tasks) if self._batches else Batch(self._common, tasks)
         self._batches[:] = [batch]
@@ -199,11 +199,12 @@ class SideBySide:
 def _scenes_and_states(
     runs: Experiment, varied: PyTree[bool], coordinates: Float[np.ndarray | jax.Array, "n p"]
 ) -> tuple[PyTree, State]:
-    """Return the leaves of n scenes that differ, and n initial states, at coordinates (n, p).
+    """Return n scenes, of which only the leaves that depend on the parameters are kept, and n
+    initial states, at coordinates (n, p).
 
-    Each leaf is an array (n, ...).
+    Each leaf is an array (n, ...). The other leaves of the scenes are ``None``.
 
-    **Arguments:** `varied`: PyTree like the scene, true for leaves to return; others are ``None``.
+    **Arguments:** `varied`: PyTree like the scene, true for the leaves to return.
     """
     scenes, states = jax.vmap(runs.family.scene_and_state)(coordinates)
     return eqx.filter(scenes, varied), states

@@ -29,12 +29,12 @@ LEVEL = 0.99
 """Points fit about as well as the best if their chi squared exceeds the smallest by at most the
 quantile of the chi squared distribution with p degrees of freedom at this level."""
 LOOSER = 1000.0
-"""Tolerance of the integration in screening runs, relative to that of the fit. With
-the default settings it becomes 1e-6, that of `simulate`. Screening only ranks points, and the fit
-from the best of them is accurate."""
+"""Tolerance of the integration in screening runs, relative to that of the fit. With the default
+settings it is 1e-6, as in `simulate`. Screening only ranks points, and the fit from the best of
+them is accurate."""
 STILL_FITTING = 4
-"""Number of present points that must still fit the part of the record over which the next round
-runs. Hardly any new point would fit more of the record."""
+"""The next round runs over the part of the record that at least this many of the present points
+still fit. Hardly any new point would fit a longer part."""
 FIRST = 4
 """Number of points in the first round, which fills the whole box, relative to the number of new
 points in other rounds."""
@@ -43,7 +43,7 @@ NEIGHBOURS = 2
 around it. A covariance of p parameters needs at least p + 1 points."""
 FIRST_SHARE = 1 / 8
 """Share of the record over which the first round runs: most points of the box fit only an early
-part. The runs are repeated over more of the record if it is too short."""
+part. If this share is too short, the runs are repeated over more of the record."""
 
 
 @dataclass(frozen=True)
@@ -182,13 +182,13 @@ def screen(
             if complete or len(times) == screening.rounds:
                 starts = kept[far_apart(kept, screening.finish)]
                 return Screened(kept, misfits[best], starts, tuple(times), runs, complete)
-            # If enough points fit all of these runs, the runs were too short to choose among them:
-            # the same points run half as far again.
+            # If `keep` points fit up to the end of these runs, the runs were too short to choose
+            # among the points: the same points run over a part about 1.5 times as long.
             if count >= ahead:
                 ahead = min(lanes.count, ahead + ahead // 2 + 1)
                 continue
-            # Hardly any new point will fit more of the record than the best present ones. A
-            # fraction of a time is rounded up, and one time more shows where their fit ends.
+            # Hardly any new point will fit more of the record than the best present ones. The
+            # number of times that these fit is rounded up, and one more shows where their fit ends.
             ahead = min(lanes.count, int(reached(curves, STILL_FITTING, excess)) + 2)
             bounds = centre - spread, centre + spread
             new = drawn_among(

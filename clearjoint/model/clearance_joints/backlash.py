@@ -24,8 +24,8 @@ WIDE_BACKLASH = 0.5
 LARGEST_RADIUS = 10.0
 """Flank radius above which a warning is issued, m, since it may have been given in mm."""
 DEFAULT_RADIUS = 0.01
-"""Flank radius with a torsional stiffness and a play as an angle, m. The motion is independent of
-it."""
+"""Radius of the flanks, m, if only a torsional stiffness and an angle `play` are given. It then has
+no influence on the motion."""
 
 
 class Backlash(AbstractPair, AbstractFlankJoint):
@@ -49,14 +49,15 @@ class Backlash(AbstractPair, AbstractFlankJoint):
     **Arguments:**
 
     - `first`, `second`: names of the bodies; one may be the ground.
-    - `axis_first`, `axis_second`: axis of rotation, (3,) in each body's axes, as for the revolute
-      joint.
+    - `axis_first`, `axis_second`: direction of the axis of rotation in the axes of the first and of
+      the second body, (3,), any length; z by default.
     - `play`: rad, total angle from flank to flank. Alternatively `play_length`: m, the arc length
       at `radius`, as specified for gears. The joint stores the angle.
     - `radius`: m, of the flanks. Optional with a `torsional_stiffness` and an angle `play`: 0.01 m
       by default.
-    - `middle`: rad, the joint's angle (`quantities.JointAngle`) in the middle of the play. The
-      angle is zero for parallel frames of the bodies if both axes have the same components.
+    - `middle`: rad, the joint's angle (`quantities.JointAngle`) in the middle of the play, zero by
+      default. If `axis_first` and `axis_second` have the same components, the joint's angle is zero
+      when the body axes of both bodies are parallel.
     - `law`: normal law of each flank, whose stiffness is given as a number. Alternatively
       `torsional_stiffness`: N m/rad, of a pressed flank as in gearbox catalogues, with
       `restitution`, 0.5 by default; the law is then a linear `ExactRestitution`.
@@ -126,7 +127,8 @@ class Backlash(AbstractPair, AbstractFlankJoint):
             expected, remedy = "given with a `play_length`", "pass the flanks' radius in m"
             require(play_length is None, "radius", None, expected, remedy)
             radius = DEFAULT_RADIUS
-        # Quotients by the radius would give errors that name other arguments.
+        # The radius is checked before it divides other values, which later checks would name in
+        # its place.
         self.radius, self.middle = as_number(radius, "radius", "m"), middle
         require_positive("radius", self.radius, "give the flanks' radius in m")
         if law is None:
@@ -157,7 +159,7 @@ class Backlash(AbstractPair, AbstractFlankJoint):
         require_numbers(lambda play: play < TURN, "play", (self.play,), expected, remedy)
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return the penetration of each flank at which a run ends, m, by label.
+        """Return the penetration that ends a run, m, for each flank by label.
 
         Opposite the middle of the play the angle jumps by 2 pi, and the contact would change to the
         other flank. The penetration there is radius (pi - play/2), of which half is allowed.
@@ -169,7 +171,7 @@ class Backlash(AbstractPair, AbstractFlankJoint):
         """Return the second body's angle about the axis, rad in [-pi, pi], as a row: the angle
         with its derivatives by the bodies' motion.
 
-        In the middle of the play it equals the argument `middle`.
+        In the middle of the play the angle equals the joint's `middle`.
         """
         return relative_angle_row(*self._between(motions), self.axis_first, self.axis_second)
 
@@ -185,9 +187,10 @@ class Backlash(AbstractPair, AbstractFlankJoint):
             arm = side * self.radius
             gap = Gap(arm * angle - 0.5 * self.radius * self.play, arm * speed)
             # The contact transmits a moment only. `turning` consists of the derivatives of the
-            # penetration by the rotations of both bodies, m/rad in body axes; the moment on a body
-            # is minus its vector times the normal force. The penetration is arm times the angle
-            # plus a constant, so that its derivatives are arm times those of the angle. A couple
+            # penetration by the rotations of both bodies, m/rad in body axes, one vector for each
+            # body; the moment on a body is -F times its vector, with the normal force F. The
+            # penetration is `arm` times the angle plus a constant, so that its derivatives are
+            # `arm` times those of the angle. A couple
             # has no point of action: the contact's points are arbitrary.
             first, second = (row.jacobian[name].moment * arm for name in self.pair())
             contacts[label] = Contact(gap, axis * side, ZERO, ZERO, None, turning=(first, second))
@@ -198,7 +201,7 @@ class Backlash(AbstractPair, AbstractFlankJoint):
         rad.
 
         `assemble`, which corrects initial states, uses it to move a body that starts outside the
-        play into its middle.
+        play to the middle of the play.
         """
         row = self.relative_angle(motions)
         return {"angle": replace(row, value=wrapped(row.value - self.middle, TURN))}

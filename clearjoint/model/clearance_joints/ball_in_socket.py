@@ -24,10 +24,11 @@ CONTACT = "ball"
 class BallInSocket(AbstractCentredJoint):
     """A ball in a slightly larger socket: a spherical joint with clearance.
 
-    The joint has one contact, "ball", along the line of centres. Its penetration is e - c for an
-    eccentricity e and a clearance c (P. Flores et al., Dynamics of multibody systems with spherical
-    clearance joints, 2006). The law receives both radii, so that `RavnStiffness`, Hertz's stiffness
-    of a sphere in a sphere, can depend on them. The ball rotates freely about all axes.
+    The joint has one contact, "ball", along the line of centres. Its penetration is e - c, where
+    the eccentricity e is the distance between the two centres and c the clearance (P. Flores et
+    al., Dynamics of multibody systems with spherical clearance joints, 2006). The law receives both
+    radii, so that `RavnStiffness`, Hertz's stiffness of a sphere in a sphere, can depend on them.
+    The ball rotates freely about all axes.
 
     **Arguments:**
 
@@ -107,8 +108,8 @@ class BallInSocket(AbstractCentredJoint):
         return {CONTACT: Contact(gap, normal, on_socket, on_ball, slip, *centres)}
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return the penetration at which a run ends, m, by label: the ball's radius, at which the
-        ball's centre leaves the socket."""
+        """Return the penetration that ends a run, m, by label: the ball's radius. At this
+        penetration the ball's centre is on the surface of the socket."""
         return {CONTACT: subtract(self.socket_radius, self.clearance)}
 
     def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
@@ -123,6 +124,7 @@ class BallInSocket(AbstractCentredJoint):
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
         """Return the spherical joint that holds the ball where a load presses it to the socket.
 
+        `assemble`, which corrects initial states, uses it for the joints in its argument `resting`.
         It is ``None`` for a zero load.
 
         **Arguments:** `load`: of the ball on the socket, (3,) N in the axes of the socket's body.

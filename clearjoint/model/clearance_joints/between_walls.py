@@ -55,8 +55,9 @@ class PinInSlot(AbstractFrictionJoint):
     - `slot_normal`: normal of the walls, perpendicular to `slot_axis`, (3,), any length.
     - `pin_point`: centre of the pin, (3,) m from its body's centre of mass in its axes.
     - `pin_radius`: m.
-    - `play`: m, total travel of the pin between the walls.
-    - `travel`: m, total travel between the ends; ``None``, the default, for a slot without ends.
+    - `play`: m, total distance that the pin can move between the walls.
+    - `travel`: m, total distance that the pin can move between the ends; ``None``, the default, for
+      a slot without ends.
     - `law`: normal law of walls and ends; its stiffness must be given as a number, because they are
       flat.
     - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``.
@@ -127,7 +128,7 @@ class PinInSlot(AbstractFrictionJoint):
         return contacts
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return the penetration of each contact at which a run ends, by label, m.
+        """Return the penetration that ends a run, m, for each contact by label.
 
         It is `pin_radius`, at which the pin's centre is at the wall.
         """
@@ -138,8 +139,9 @@ class PinInSlot(AbstractFrictionJoint):
         """Return the ideal joint that keeps the pin's centre in the middle plane of the slot.
 
         `assemble`, which corrects initial states, uses it if the pin penetrates a wall or an end
-        by more than a micrometre. It doesn't move the pin along the slot: a pin slightly in an end
-        stays there, and for a pin deep in an end `assemble` raises an error.
+        by more than a micrometre. The joint doesn't move the pin along the slot. A pin that
+        penetrates an end therefore stays there, and `assemble` raises an error if the penetration
+        exceeds a hundredth of `pin_radius`.
         """
         return self._ideal(self.slot_point)
 
@@ -277,7 +279,7 @@ class SliderInGuide(AbstractFrictionJoint):
         return contacts
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return the penetration of each corner at which a run ends, by label, m.
+        """Return the penetration that ends a run, m, for each corner by label.
 
         It is `half_height`, at which the middle of the slider's end is at the wall.
         """
@@ -287,7 +289,8 @@ class SliderInGuide(AbstractFrictionJoint):
     def centred_joint(self) -> AbstractConstraint:
         """Return the ideal joint that keeps the slider's axis in the middle plane of the guide.
 
-        `assemble` corrects initial states by it if the slider is outside the clearance.
+        `assemble`, which corrects initial states, uses it if a corner penetrates a wall by more
+        than a micrometre.
         """
         return self._ideal(self.guide_point)
 

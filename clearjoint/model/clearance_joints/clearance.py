@@ -65,9 +65,10 @@ class AbstractAxialPolicy(AbstractConverting):
     """Axial behaviour of a `ClearanceJoint`: a free, held or stopped journal.
 
     A subclass sets ``holds_centre = True``, so that an ideal constraint keeps the journal's centre
-    in the bearing's middle plane. Or it defines two shoulders at the ends of the bearing, by
-    `shoulder_law` and the other methods. A subclass that does neither leaves the journal free. This
-    example defines washers at different distances:
+    in the bearing's middle plane. Or it defines two shoulders, which stop the journal at the ends
+    of the bearing: `shoulder_law` returns their law, `shoulder_gap` defines the play and
+    `shoulder_friction` the friction, if there is any. A subclass that does neither leaves the
+    journal free. This example defines washers at different distances:
 
     ```python
     import clearjoint as cj
@@ -109,8 +110,8 @@ class AbstractAxialPolicy(AbstractConverting):
 
         **Arguments:**
 
-        - `side`: -1.0 for the shoulder at the lower end of the bearing's axis, 1.0 for the upper
-          end.
+        - `side`: 1.0 for the shoulder at the end of the bearing to which its axis points (the upper
+          shoulder), -1.0 for the shoulder at the opposite end (the lower shoulder).
         - `offset`: m, displacement of the journal's end towards the shoulder, zero for a centred
           journal.
         - `rate`: rate of `offset`, m/s.
@@ -211,7 +212,8 @@ them is probably wrong."""
 LARGEST_BEARING = 2.0
 """Bearing radius above which a warning is issued, m, since it may have been given in mm."""
 SHOULDERS = ("lower shoulder", "upper shoulder")
-"""Contact labels of the shoulders: at the lower and at the upper end of the bearing's axis."""
+"""Contact labels of the shoulders; the upper one is at the end of the bearing to which its axis
+points."""
 MOST_POINTS = 64
 """Largest number of points along the journal. It is limited because each point is a contact, whose
 force is computed at every evaluation of the equations of motion."""
@@ -236,9 +238,10 @@ class ClearanceJoint(AbstractCentredJoint):
     - `journal_length`: m, distance between the bases.
     - `law`: normal law of the contact of each base, "V" and "W"; with `line_points`, of the contact
       along the journal's whole length.
-    - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``.
+    - `friction`: an `AbstractFriction` or an `AbstractBristleFriction` for the contacts with the
+      wall; ``None``, the default, for no friction. Shoulders have a friction law of their own.
     - `axial`: `FreeAxially()`, the default, if other joints support the journal along the axis;
-      otherwise `EndPlay(...)` or `FixedAxially()`.
+      `EndPlay(...)` or `FixedAxially()` if not.
     - `bearing_profile`, `journal_profile`: deviations of the wall and of the journal from their
       circles, positive outward, such as `clearjoint.profiles.Harmonics`; ``None``, the default, for
       circles. Laws get the radii of the circles. Where the wall is curved more strongly than the
@@ -397,8 +400,8 @@ class ClearanceJoint(AbstractCentredJoint):
     def laws(self) -> dict[str, AbstractContactLaw]:
         """Return the normal law by label: "V" and "W", points between them, and shoulders.
 
-        With `line_points`, that of a point along the journal is `law` times the point's share of
-        the length.
+        With `line_points`, the law of a point along the journal is `law` times the point's share of
+        the length. Shoulders are listed only if the axial policy has them.
         """
         laws, shoulder_law = super().laws(), self.axial.shoulder_law()
         if self.line_points is not None:
@@ -484,9 +487,10 @@ class ClearanceJoint(AbstractCentredJoint):
         # The force acts on both bodies at one point, midway between the surfaces. A profile is
         # given by its support function, the distance from the centre to the tangent that is
         # perpendicular to a normal. The point of the surface with this normal is the gradient of
-        # the support function by the normal. So it is not on the line through the base's centre
-        # along the normal, but beside it by the slope of the journal's deviation times the gradient
-        # of the angle about the journal's axis, (own_axis x normal)/(1 - tilt^2).
+        # the support function by the normal. So this point is not on the line through the base's
+        # centre along the normal. `beside` is its vector from this line: the slope of the journal's
+        # deviation times the gradient, by the normal, of the angle about the journal's axis, which
+        # is (own_axis x normal)/(1 - tilt^2).
         own_axis = journal.direction(unit(self.journal_axis))
         tilt = own_axis.dot(normal)
         beside = own_axis.cross(normal) * (near.journal.slope / (1.0 - tilt * tilt))
@@ -503,9 +507,9 @@ class ClearanceJoint(AbstractCentredJoint):
     def planar_axes(self, bearing: Motion, journal: Motion) -> PlanarAxes:
         """Return the components of the journal's x and y axes along the bearing's x and y axes.
 
-        The x and y axes of each part are those that `transverse_axes` returns for its own axis. The
-        components convert angles around the journal to angles around the bearing. `bearing` and
-        `journal` are the motions of the two bodies.
+        The x and y axes of the bearing are those that `transverse_axes` returns for the bearing's
+        axis, and likewise for the journal. The components convert angles around the journal to
+        angles around the bearing. `bearing` and `journal` are the motions of the two bodies.
         """
         axes = map(bearing.direction, transverse_axes(unit(self.bearing_axis)))
         own = map(journal.direction, transverse_axes(unit(self.journal_axis)))
@@ -526,8 +530,8 @@ class ClearanceJoint(AbstractCentredJoint):
     def _shoulder_contact(self, motions: Motions, side: float, base: JournalBase) -> Contact:
         """Return the contact of a base with the shoulder that it faces.
 
-        **Arguments:** `side`: -1.0 for the shoulder at the lower end of the bearing's axis, 1.0 for
-        that at the upper end. `base`: position and velocity of the base.
+        **Arguments:** `side`: -1.0 for the lower shoulder, 1.0 for the upper one. `base`: position
+        and velocity of the base.
         """
         outward = base.axis * side
         offset = side * base.height - 0.5 * self.journal_length
@@ -559,8 +563,11 @@ class ClearanceJoint(AbstractCentredJoint):
 
     def journal_bases(self, motions: Motions) -> Callable[[Scalar], JournalBase]:
         """Return a function that computes the position and velocity of a point on the journal's
-        axis relative to the bearing. Its argument is -1 for base V, 1 for base W, and a number
-        between for a point between them."""
+        axis relative to the bearing.
+
+        The argument of the returned function is the point: -1 for base V, 1 for base W, and a
+        number in between for a point between the bases.
+        """
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         axis, half = bearing.direction(unit(self.bearing_axis)), self._half()
         centre, half_arm = self._offset(motions), journal.direction(half)
@@ -587,8 +594,8 @@ class ClearanceJoint(AbstractCentredJoint):
         """Return the vector from the bearing's centre to the journal's centre or to a base, m.
 
         Components are in the bearing's frame: z along its axis, x and y across it along the vectors
-        that `transverse_axes` returns. With a `bearing_axis` of (0, 0, 1) its axes are those of the
-        bearing's body.
+        that `transverse_axes` returns. For a `bearing_axis` of (0, 0, 1), the frame's axes are the
+        axes of the bearing's body.
 
         **Arguments:** `base`: "V" or "W", or the label of a point between them, or ``None``, the
         default, for the journal's centre.
@@ -612,7 +619,9 @@ class ClearanceJoint(AbstractCentredJoint):
         angle with its derivatives by the bodies' motion.
 
         The angle is zero if the bodies' frames differ by the shortest rotation that makes the two
-        axes parallel, in the same or in opposite directions.
+        axes parallel. The axes then point in the same direction if the scalar product of the
+        components `bearing_axis` and `journal_axis` is not negative, and in opposite directions if
+        it is.
         """
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         axes = self.bearing_axis, self.journal_axis

@@ -34,13 +34,13 @@ from ..joints.base import (
 FLANKS = {"lower flank": -1.0, "upper flank": 1.0}
 """Labels of two flanks, and the sign of the second body's rotation that each flank stops."""
 RIGHT_ANGLE = 1e-9
-"""Largest cosine of the angle between two directions that count as perpendicular; it allows for the
-rounding of given numbers."""
+"""Absolute value of the cosine of an angle below which the angle counts as a right angle; it allows
+for the rounding of given numbers."""
 
 LEAST_TRANSVERSE_LOAD = 1e-6
-"""Ratio of a load's component to the load up to which the component counts as rounding error. It is
-the component that presses a part to a wall: across a bearing's axis, or along the normal of flat
-walls."""
+"""The component of a load that presses a part to a wall counts as rounding error if it is at most
+this fraction of the load. For a bearing it is the component across the axis, for flat walls the
+component along their normal."""
 
 
 class AbstractOneLawJoint(AbstractContactJoint):
@@ -134,8 +134,8 @@ class CentredInPlay(AbstractConstraint):
 class AbstractFrictionJoint(AbstractOneLawJoint):
     """Base class of clearance joints that may have friction.
 
-    **Raises:** `ValueError` if both bodies are the same, or `law` or `friction` is of another
-    class.
+    **Raises:** `ValueError` if both bodies are the same, `law` is no contact law, or `friction` is
+    neither ``None`` nor a friction law.
     """
 
     def __check_init__(self):
@@ -146,9 +146,11 @@ class AbstractFrictionJoint(AbstractOneLawJoint):
 
 
 def require_smaller_clearance(clearance: Single, radius: Single, radius_name: str) -> None:
-    """Check that a clearance, m, is smaller than a radius, m, with the name `radius_name`.
+    """Check that a clearance, m, is smaller than a radius, m.
 
-    **Raises:** `ValueError` that names both.
+    **Arguments:** `radius_name`: what the message calls the radius.
+
+    **Raises:** `ValueError`, with the clearance and the radius, if this is not so.
     """
     values, expected = (clearance, radius), f"smaller than {radius_name} {{1}} m"
     require_numbers(operator.lt, "clearance", values, expected, "check the units (m)")
@@ -159,7 +161,8 @@ def require_right_angle(argument: str, direction: Triple, other: str, axis: Trip
 
     **Arguments:** `argument`, `other`: names of the direction and of the axis in the message.
 
-    **Raises:** `ValueError` if the cosine of their angle is not below `RIGHT_ANGLE` in amount.
+    **Raises:** `ValueError` if the cosine of the angle between direction and axis is not below
+    `RIGHT_ANGLE` in absolute value.
     """
     if (known := checkable(direction, axis)) is not None:
         numbers, base = known
@@ -182,11 +185,13 @@ class AbstractCentredJoint(AbstractFrictionJoint):
         return first, second
 
     def anchor(self) -> tuple[str, Vector, Vector] | None:
-        """Return the two points of a joint between a moving body and the ground, near which runs
-        reduce rounding errors; ``None`` for two moving bodies.
+        """Return the two points of a joint between a moving body and the ground; ``None`` for two
+        moving bodies.
 
-        The result consists of the moving body's name, the joint's point on this body, m from its
-        centre of mass in its axes, and the joint's point on the ground, m in global axes.
+        Runs may use the small vector between these points as a variable in place of the body's
+        position, since it has smaller rounding errors. The result consists of the moving body's
+        name, the joint's point on this body, m from its centre of mass in its axes, and the joint's
+        point on the ground, m in global axes.
         """
         (_, first, on_first), (_, second, on_second) = self.attachments()
         if first == GROUND:
@@ -198,8 +203,8 @@ class AbstractCentredJoint(AbstractFrictionJoint):
     def _offset(self, motions: Motions) -> Vector:
         """Return the vector from the first body's point to the second body's, m, global axes.
 
-        If one body is the ground, it is computed from the small vector between the two points of
-        `anchor`, since the difference of two large coordinates would lose digits.
+        If one body is the ground, `point_from` avoids the difference of two large coordinates,
+        which would lose digits: it uses the small vector between the two points of `anchor`.
         """
         (_, first, on_first), (_, second, on_second) = self.attachments()
         if second == GROUND:
@@ -248,8 +253,8 @@ class FlatWall:
 
     - `origin`: a point of the first body in front of the wall.
     - `normal`: unit vector in the first body's axes, from the origin to the wall.
-    - `room`: distance along the normal of the part's centre from the origin when the part touches
-      the wall, m.
+    - `room`: distance from the origin to the part's centre, measured along the normal, when the
+      part touches the wall, m.
     """
 
     origin: Vector
@@ -274,8 +279,8 @@ class FlatWall:
         gap = Gap(depth, sliding.dot(normal))
         # With friction, the force acts on both bodies at one point, midway between the surfaces, so
         # that it has no net moment. Without friction, it acts along the normal through the part's
-        # centre, which the last two arguments of the contact give: these points need no penetration
-        # and have fewer operations.
+        # centre. The last two arguments of `Contact` are points on this line that don't depend on
+        # the penetration and take fewer operations.
         to_surface = subtract(radius, 0.5 * depth)
         on_first = centre_in_first + self.normal * to_surface
         on_second = centre + second.components(normal * to_surface)

@@ -84,12 +84,12 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
     \cos \alpha$$
 
     Each flank touches along its line of action, a common tangent of the base circles of radii
-    r = m z cos(alpha)/2, with the module m and the numbers of teeth z. Let theta be the gears'
-    angles from the line of centres, about the first gear's axis, and a the length of this line. The
-    displacement s along the line of action and the penetrations delta of the upper (+) and lower
-    (-) flank are
+    r = m z cos(alpha)/2, with the module m, the numbers of teeth z and the pressure angle alpha.
+    Let theta be the gears' angles from the line of centres, about the first gear's axis, and a the
+    length of this line. The displacement s along the line of action, the penetrations delta of the
+    upper (+) and lower (-) flank and the working pressure angle alpha' follow from
 
-        s = r1 theta1 + r2 theta2, modulo the base pitch pi m cos(alpha),
+        s = r1 (theta1 - phase) + r2 theta2, modulo the base pitch pi m cos(alpha),
         delta = +-s - (r1 + r2)(inv(alpha') - inv(alpha)) - j cos(alpha)/2,
         cos(alpha') = |r1 + r2|/a, inv(x) = tan(x) - x.
 
@@ -107,7 +107,8 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
     - `first`, `second`: names of the gears' bodies.
     - `point_first`, `point_second`: the gears' centres, (3,) m from the body's centre of mass, in
       body axes.
-    - `axis_first`, `axis_second`: their axes, (3,) in body axes, parallel to each other.
+    - `axis_first`, `axis_second`: the gears' axes of rotation, (3,) in body axes. They have to be
+      parallel, in the same or in opposite directions.
     - `teeth_first`, `teeth_second`: z1 and z2, numbers of teeth; `teeth_second` is negative for an
       internal second gear, as in ISO 21771.
     - `module`: the module, m.
@@ -116,13 +117,14 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
     - `law`: normal law of the mesh, whose stiffness is given as a number. ISO 6336 gives about
       20 N/um per mm of tooth width for steel.
     - `pressure_angle`: alpha, rad; 20 degrees by default.
-    - `phase`: rad, rotation of the first gear from its reference position. At phase 0, with the
-      gears in the middle of the play, the line of centres has the direction of the first transverse
-      axis (x for an axis along z) in both bodies.
+    - `phase`: rad, rotation of the first gear from its reference position; zero by default. At
+      phase 0, the gears are in the middle of the play if, in both bodies, the line from the first
+      centre to the second has the direction of the first of the axis's `transverse_axes` (x for an
+      axis along z).
 
-    **Raises:** `ValueError` if a number of teeth is not a whole number, `teeth_first` is not
-    positive, an internal gear is not larger than the first gear, the backlash is not smaller than
-    the pitch (pi times the module), the pressure angle is outside 0.1 to 0.8 rad, the law's
+    **Raises:** `ValueError` if a number of teeth is zero or not a whole number, `teeth_first` is
+    not positive, an internal gear is not larger than the first gear, the backlash is not smaller
+    than the pitch (pi times the module), the pressure angle is outside 0.1 to 0.8 rad, the law's
     stiffness is not given as a number, both bodies are the same, or another value is outside its
     range. **Warns:** `UnusualValueWarning` for a module of more than 0.1 m, or a backlash of more
     than 0.2 times the pitch.
@@ -184,7 +186,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
             caution_above("backlash", self.backlash, "m", widest, remedy)
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return the penetration of each flank at which a run ends, m, by label.
+        """Return the penetration that ends a run, m, for each flank by label.
 
         It is half of a tooth's thickness along the line of action.
         """
@@ -193,7 +195,8 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         return dict.fromkeys(FLANKS, deepest)
 
     def _base_pitch(self) -> Scalar:
-        """Return the distance from tooth to tooth along the line of action, pi m cos(alpha), m."""
+        """Return the distance from tooth to tooth along the line of action, m: pi times the module
+        times cos(alpha)."""
         return math.pi * self.module * cosine(self.pressure_angle)
 
     def _base_radii(self) -> tuple[Scalar, Scalar]:
@@ -204,7 +207,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
     def displacement(self, first: Motion, second: Motion) -> Scalar:
         """Return the displacement s along the line of action from the middle of the play, m.
 
-        It is taken modulo the base pitch.
+        It is taken modulo the base pitch, and is at most half of it in absolute value.
 
         **Arguments:** `first`, `second`: motions of the gears' bodies.
         """
@@ -275,7 +278,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         """Return the constraint row "mesh": the displacement from the middle of the play, m.
 
         `assemble`, which corrects initial states, uses it to move gears that start outside the play
-        into its middle.
+        to the middle of the play.
         """
 
         def residual(first: Pose, second: Pose) -> tuple[Scalar]:

@@ -82,7 +82,10 @@ def require_bases_only(argument: str, name: str, labels: Iterable[str]) -> None:
 
 @runtime_checkable
 class HasJournal(Protocol):
-    """Interface of a joint with a journal whose bases touch the wall at the radial clearance.
+    """Interface of a joint with a journal in a bearing.
+
+    Between circular surfaces, a base touches the wall when the distance of its centre from the
+    bearing's axis equals the radial clearance.
 
     Functions that need the journal's offset test by ``isinstance`` whether a joint has a journal,
     so that they accept joints of several classes, dry and lubricated.
@@ -112,12 +115,12 @@ class JournalBase:
     - `height`: of the base above the bearing's centre along the axis, m.
     - `centre`: from the bearing's axis to the journal's centre, perpendicular to the axis, m in
       global axes.
-    - `arm`: from the journal's centre to the base, its part perpendicular to the axis, m in global
-      axes. The eccentricity vector of the base is ``centre + arm``.
+    - `arm`: component, perpendicular to the axis, of the vector from the journal's centre to the
+      base, m in global axes. The eccentricity vector of the base is ``centre + arm``.
     - `local`: the base's centre, from the centre of mass of the journal's body, m in its axes.
     - `on_bearing`: the point of the bearing's body at the base's centre, from that body's centre of
       mass, m in its axes.
-    - `velocity`: of the base's centre relative to that point, m/s in global axes.
+    - `velocity`: of the base's centre relative to the point `on_bearing`, m/s in global axes.
     """
 
     axis: Vector

@@ -106,15 +106,16 @@ def _of_dry_joint(name: str) -> PyTree:
 class LubricatedJoint(AbstractContactJoint):
     """A clearance joint with a lubricant film and wall contact when the film is squeezed out.
 
-    The film extends over the journal's length. Half of its force acts at each base, which is one of
-    the journal's two ends, and is computed from the eccentricity there. Force and reaction act at
+    The film extends over the journal's length. Half of its force acts at each base, an end of the
+    journal. This half is computed from the eccentricity of the base. Force and reaction act at
     one point midway between the two axes, so that the film conserves angular momentum. The energy
     ledger of a run lists the energy that the film dissipates as "film".
 
-    If `transition` is given, contact begins when the journal touches the wall, and replaces the
-    film smoothly over this depth. This is the blend of P. Flores et al. 2006 with a continuous
-    slope. The film force would be infinite at the wall, so the eccentricity ratio used for it is
-    limited to `largest_ratio`. The film is that of circular surfaces, even if `dry` has profiles.
+    If `transition` is given, contact begins when the journal touches the wall. As the penetration
+    grows from zero to `transition`, contact smoothly replaces the film. This is the blend of P.
+    Flores et al. 2006, but with a continuous slope. The film force would be infinite at the wall,
+    so the eccentricity ratio used for it is limited to `largest_ratio`. The film is that of
+    circular surfaces, even if `dry` has profiles.
 
     With a film the journal touches the wall slowly. A law that divides by the entry speed then
     gives very large damping: if the wall has to carry load, use a law without entry speed in `dry`.
@@ -123,13 +124,14 @@ class LubricatedJoint(AbstractContactJoint):
 
     - `dry`: the `ClearanceJoint` without the film, which defines the geometry.
     - `film`: the `AbstractFilm`.
-    - `transition`: m, depth at which contact has replaced the film; a few hundredths of the
+    - `transition`: m, penetration at which contact has replaced the film; a few hundredths of the
       clearance. With ``None``, the default, contact acts beside the film (mixed lubrication), and
-      neither is faded out. Use it with a law that carries load before the film is gone, such as
-      `clearjoint.laws.RoughCylinders`. The film is then that of smooth surfaces, and the ratio of
-      the smallest film thickness to the roughness determines the shares of film and asperities.
+      neither is faded out. Use ``None`` with a law that carries load before the film is gone, such
+      as `clearjoint.laws.RoughCylinders`. The film is then that of smooth surfaces, and the ratio
+      of the smallest film thickness to the roughness determines the shares of film and asperities.
     - `largest_ratio`: largest eccentricity ratio used for the film, 0.5 to 0.999; 0.99 by default.
-      The limit is approached smoothly over a tenth of the remaining gap.
+      The limit sets in smoothly: ratios above `largest_ratio` - 0.1 (1 - `largest_ratio`) are
+      reduced.
 
     **Raises:** `ValueError` if `dry` or `film` is of another class, or a number is outside its
     range. **Warns:** `LawRangeWarning` if the bearing is outside the validity range of the film
@@ -218,17 +220,16 @@ class LubricatedJoint(AbstractContactJoint):
         The half is computed from the position and velocity of one base of the journal, `base`.
         """
         bearing, journal = (motions[name] for name in self.pair())
-        # The part across the axis of the way to the base's centre: first to the journal's centre,
-        # then along the journal.
+        # The vector from the bearing's axis to the journal's centre, plus the component across the
+        # axis of the vector from there to the base's centre.
         eccentricity = base.centre + base.arm
         # One point of action for both bodies, midway between the axes, conserves angular momentum.
         to_midpoint = eccentricity * 0.5
         in_journal = base.local - journal.components(to_midpoint)
         on_axis = self.dry.bearing_point + unit(self.dry.bearing_axis) * base.height
         in_bearing = on_axis + bearing.components(to_midpoint)
-        # Midway between the axes, the relative velocity of the bodies is the rate of the
-        # eccentricity as seen in axes that rotate with half the sum of the two spins, which film
-        # laws take.
+        # Film laws take the rate of the eccentricity as seen in axes that rotate with half the sum
+        # of the two spins. It equals the relative velocity of the bodies midway between the axes.
         velocity = journal.velocity_at(in_journal) - bearing.velocity_at(in_bearing)
         # Film laws take a motion across the axis only.
         velocity = velocity - base.axis * velocity.dot(base.axis)
@@ -249,9 +250,12 @@ class LubricatedJoint(AbstractContactJoint):
     def _gap(self, axis: Vector, eccentricity: Vector, velocity: Vector, spin: Scalar) -> FilmGap:
         """Return the input of the film law, with an eccentricity ratio limited to `largest_ratio`.
 
-        **Arguments:** in global axes. `axis`: of the bearing. `eccentricity`: from the bearing's
+        Vectors are in global axes.
+
+        **Arguments:** `axis`: of the bearing, a unit vector. `eccentricity`: from the bearing's
         axis to the base's centre, m. `velocity`: of the journal's body relative to the bearing's,
-        midway between the two axes, m/s. `spin`: of the same about the axis, rad/s.
+        midway between the two axes, m/s. `spin`: of the journal's body relative to the bearing's,
+        about the axis, rad/s.
         """
         dry = self.dry
         offset, rate = eccentricity * (1.0 / dry.clearance), velocity * (1.0 / dry.clearance)
@@ -279,8 +283,8 @@ It isn't zero, because the force of a film may not be differentiable for a centr
 class CarriedJournal(NamedTuple):
     """Equilibrium of a journal in its film, and the linearised force near the equilibrium.
 
-    Force and moment are those of the film and, for a joint without `transition`, of the contact and
-    its friction.
+    The force and the moment on the journal are those of the film and, for a joint without
+    `transition`, of the contact and its friction.
 
     Components refer to two fixed directions x and y across the bearing's axis z, which form a
     right-handed frame.
@@ -306,7 +310,7 @@ class CarriedJournal(NamedTuple):
     def growth(self, mass: Scalar) -> Complex[jax.Array, "4"]:
         """Return the eigenvalues of small motions about the equilibrium, (4,) complex, 1/s.
 
-        The equilibrium is stable if no eigenvalue has a positive real part.
+        The equilibrium is stable if all eigenvalues have negative real parts.
 
         **Arguments:** `mass`: of the body that the journal carries, kg.
         """
@@ -321,10 +325,11 @@ def carried_journal(joint: LubricatedJoint, load: ArrayLike, speed: Scalar) -> C
     """Compute the equilibrium of a loaded journal in its film, and the stiffness and damping there.
 
     The bearing is at rest, and the axes are parallel. The search for the equilibrium is limited to
-    eccentricities below the clearance. For a joint with a `transition`, contact with the wall does
-    not add to the force, so that profiles of the dry joint have no effect. Without it, contact adds
-    the force of the joint's law between circles, but only the elastic force of a law that uses the
-    entry speed. The eccentricity ratio is not limited to the joint's `largest_ratio`.
+    eccentricities below the clearance, but not to the joint's `largest_ratio`. For a joint with a
+    `transition`, contact with the wall does not add to the force, so that profiles of the dry joint
+    have no effect. For a joint without a `transition`, contact adds the normal force of the joint's
+    law between circles, and friction. Of a law that uses the entry speed only the elastic force
+    counts.
 
     ```python
     import clearjoint as cj
@@ -345,8 +350,8 @@ def carried_journal(joint: LubricatedJoint, load: ArrayLike, speed: Scalar) -> C
     (2, 2) N s/m, in the same directions as the load, and the moment, N m.
 
     **Raises:** `ValueError` if the load doesn't have the shape (2,) or is not finite, the speed is
-    not a positive number, or the contact of the joint is that of profiles; `RuntimeError` if the
-    search for the equilibrium doesn't converge.
+    not a positive number, or the joint has no `transition` and its dry joint has a profile;
+    `RuntimeError` if the search for the equilibrium doesn't converge.
     """
     fields = "bearing_profile", "journal_profile"
     given = [name for name in fields if getattr(joint.dry, name) is not None]

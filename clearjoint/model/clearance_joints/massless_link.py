@@ -30,9 +30,10 @@ class MasslessLink(AbstractConstraint):
     - `bearing_body`, `journal_body`: names of the bodies; one may be the ground.
     - `clearance`: radius of the bearing less that of the journal, m.
     - `journal_length`: distance between the bases, m.
-    - `bearing_point`, `bearing_axis`: centre (m) and axis of the bearing, (3,) in its body's axes;
-      the centre of mass and z by default.
-    - `journal_point`, `journal_axis`: the same of the journal.
+    - `bearing_point`, `bearing_axis`: centre and axis of the bearing, (3,) in its body's axes; the
+      centre of mass and z by default. The centre is in m from the body's centre of mass; on the
+      ground, from the origin.
+    - `journal_point`, `journal_axis`: centre and axis of the journal, likewise.
     - `axial`: `FreeAxially()`, the default, or `FixedAxially()`.
 
     The journal must start at the wall: call `assemble`, which corrects initial states, with a state

@@ -8,8 +8,8 @@ force, delta the penetration, L the length, dR the radial clearance, and 1/E* th
 (1 - nu^2)/E of both materials.
 
 The pressure between two rough planes depends on the ratio of their distance to their roughness (J.
-A. Greenwood, J. H. Tripp 1970). Integrated around a journal that is nearly as large as its bearing,
-it is a power of the penetration of the asperities.
+A. Greenwood, J. H. Tripp 1970). Around a journal that is nearly as large as its bearing, a fit of
+this pressure integrates to a force that is a power of the depth by which the asperities overlap.
 """
 
 import abc
@@ -48,7 +48,8 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
 
     An elasticity is the elastic force of a contact law as a function of the penetration. A subclass
     defines `line_force`, for which `compliance()` gives 1/E*; the energy is integrated numerically
-    by default.
+    by default. The surfaces must have radii: the formulas of this module raise a `ValueError` for a
+    `Gap` without `bearing_radius` or `clearance`.
 
     **Arguments:**
 
@@ -86,7 +87,7 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
         """
 
     def line_energy(self, gap: Gap, depth: Scalar) -> Scalar:
-        """Return the integral of `line_force` up to a positive depth, m, in J/m."""
+        """Return the integral of `line_force` from zero to a positive depth, m; J/m."""
         # The force is a smooth function of the square root of the depth, but not of the depth:
         # Gauss quadrature in the root is accurate. The substitution depth * node^2 gives the factor
         # 2 node depth.
@@ -114,8 +115,8 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
     def force(self, gap: Gap, exponent: float) -> Scalar:
         """Return the elastic force, N, zero without penetration.
 
-        Near the largest valid penetration and beyond it, the force continues along its tangent.
-        The exponent is not used.
+        If the formula has a largest penetration, the force continues along its tangent from 0.99
+        of this penetration on. The exponent is not used.
         """
         depth, beyond, _ = self._parts(gap)
         load = add(self.line_force(gap, depth), beyond)
@@ -128,8 +129,12 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
         return jnp.where(gap.depth > 0.0, self.length * energy, 0.0)
 
     def _parts(self, gap: Gap) -> tuple[Scalar, Scalar, Scalar]:
-        """Return the depth for which the formula is used, m, and the additions along its tangent
-        beyond this depth: force per length, N/m, and energy per length, J/m."""
+        """Return the depth at which the formula is evaluated, m, and what to add to its results.
+
+        At most, this depth is 0.99 of the largest valid penetration. At a larger penetration the
+        force continues along its tangent there, which adds a force per length, N/m, and an energy
+        per length, J/m. Both are zero at smaller penetrations.
+        """
         # Without contact the formulas are evaluated too; a positive depth keeps derivatives finite.
         depth = jnp.where(gap.depth > 0.0, gap.depth, 1e-6)
         deepest = self.deepest(gap)
@@ -170,11 +175,11 @@ class PereiraCylinder(AbstractCylinder):
     $$F = \frac{(0.965 \Delta R + 0.0965) L E^*}{\Delta R} \delta^n$$
 
     dR is the clearance, and 1/E* the sum of (1 - nu^2)/E of both materials. The formula is in mm, N
-    and MPa, but all arguments are in SI units. The exponent is
-    n = Y dR^-0.005, with Y = 1.51 ln(1000 dR)^-0.151 for clearances dR below 0.34954 mm and
-    Y = 0.0151 dR + 1.151 above. It is valid for clearances from 0.005 to 10 mm. The authors use the
-    damping of `LankaraniNikravesh`. The arguments are those of `AbstractCylinder`. Source: C.
-    Pereira et al. 2011, 2014.
+    and MPa, but all arguments are in SI units. The exponent is n = Y dR^-0.005, with
+    Y = 1.51 (ln(1000 dR))^-0.151 for clearances dR below 0.34954 mm and Y = 0.0151 dR + 1.151
+    above. The formula is valid for clearances from 0.005 to 10 mm. The authors use the damping of
+    `LankaraniNikravesh`. The arguments are those of `AbstractCylinder`. Source: C. Pereira et al.
+    2011, 2014.
 
     >>> cylinder = cj.laws.PereiraCylinder(207e9, 0.3, length=20e-3)
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
@@ -239,7 +244,8 @@ class PerssonCylinder(AbstractCylinder):
     def load(self, half_angle: Scalar, clearance: Scalar) -> Scalar:
         """Return the force in N for a contact half-angle, rad, and a radial clearance, m.
 
-        The formula holds for half-angles below 84.8 degrees, where the force becomes infinite.
+        The formula holds only for half-angles below 84.8 degrees: at 84.8 degrees the force is
+        infinite, and beyond, the result is negative.
         """
         return self.length * self._line_load(jnp.tan(0.5 * half_angle) ** 2, clearance)
 
@@ -269,8 +275,8 @@ _STEPS = 5
 def inverse_of_load(ratio: Scalar) -> Scalar:
     """Return the solution u > 1 of u exp(1 - u) = ratio, for a ratio between zero and one.
 
-    It inverts the formula of `AbstractLogarithmicCylinder`: the ratio is that of the penetration to
-    its maximum, and u is ln(A/P) + k, which gives the load P per length.
+    It inverts the formula of `AbstractLogarithmicCylinder`: the ratio is the penetration divided by
+    the largest valid one, and u is ln(A/P) + k, which gives the load P per length.
     """
     q = -jnp.log(ratio)
     # Newton's method for u - 1 - ln u = q, started from an upper bound.
@@ -322,7 +328,7 @@ class AbstractLogarithmicCylinder(AbstractCylinder):
     def line_energy(self, gap: Gap, depth: Scalar) -> Scalar:
         """Return the integral of the force per length over the penetration, J/m.
 
-        It has a closed form: P delta minus the integral of the penetration delta over the load P.
+        It has a closed form: P delta minus the integral of delta with respect to P, from P = 0.
         """
         u = inverse_of_load(depth / self.deepest(gap))
         return (depth / u) ** 2 * (0.5 * u - 0.25) / self._flatness()
@@ -370,10 +376,10 @@ class RadzimovskyCylinder(AbstractLogarithmicCylinder):
 
     P is the force per length, b the width of the contact, R_i and R_j the radii of bearing and
     journal, R = R_i R_j/dR their relative radius, and 1/E* the sum of (1 - nu^2)/E of both
-    materials. The formula is used as printed, and is valid for penetrations up to 1.425 clearances.
-    The factor 1.60 in Roark's handbook refers to diameters. With the corresponding factor for
-    radii, 2.26, the penetration would be smaller by P/(pi E*) ln 2. The arguments are those of
-    `AbstractCylinder`.
+    materials. The formula is valid for penetrations up to 1.425 clearances. It is used as printed,
+    although the factor 1.60 of Roark's handbook belongs to a formula with diameters, while R
+    consists of radii. With the factor for radii, 2.26, the penetration would be smaller by
+    P/(pi E*) ln 2. The arguments are those of `AbstractCylinder`.
 
     >>> cylinder = cj.laws.RadzimovskyCylinder(207e9, 0.3, length=20e-3)
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
@@ -389,8 +395,8 @@ class RadzimovskyCylinder(AbstractLogarithmicCylinder):
 class AbstractLoadByLength(AbstractLogarithmicCylinder):
     """Base class of formulas with the load A = L^2 dR/(R_i R_j S), for the length L, and k = 1.
 
-    R_i and R_j are the radii of bearing and journal. S = 1/(pi E*), 1/Pa, and k are those of
-    `AbstractLogarithmicCylinder`.
+    R_i and R_j are the radii of bearing and journal, and dR is the clearance. A, S = 1/(pi E*),
+    1/Pa, and k are the symbols of `AbstractLogarithmicCylinder`.
     """
 
     constant = 1.0
@@ -435,15 +441,18 @@ class GoldsmithCylinder(AbstractLoadByLength):
 
 
 REACH = 4.0
-"""Distance of the mean planes over the roughness below which asperities touch."""
+"""Ratio of the mean planes' distance to the roughness, below which asperities touch."""
 FIT, EXPONENT = 4.4086e-5, 6.804
-"""Fit of the integral F_5/2 of Greenwood and Tripp's pressure over the heights of the asperities by
-FIT (4 - ratio)^EXPONENT, where the ratio is distance over roughness (Arcoumanis et al. 1997)."""
+"""Constants of the fit F_5/2 = FIT (4 - ratio)^EXPONENT (Arcoumanis et al. 1997).
+
+F_5/2 is the integral over the heights of the asperities in Greenwood and Tripp's pressure, and the
+ratio is distance over roughness.
+"""
 AROUND = math.sqrt(math.pi) * math.gamma(EXPONENT + 1.0) / math.gamma(EXPONENT + 1.5)
 """Integral of (1 - x^2)^EXPONENT from -1 to 1.
 
-The integrand is the pressure over its maximum, and x the angle from the closest point over that at
-the end of the arc of contact: the distance of the surfaces grows with the square of the angle.
+The integrand is the pressure divided by its maximum. x is the angle from the closest point, divided
+by the angle at the end of the arc of contact. The distance of the surfaces grows with x^2.
 """
 
 
@@ -495,9 +504,9 @@ class GreenwoodTripp(AbstractConverting):
     def force(self, depth: Scalar, radius: Scalar, clearance: Scalar, length: Scalar) -> Scalar:
         """Return the force on a journal that touches its bearing with asperities, N.
 
-        The pressure is integrated along the arc of contact, on which the distance grows with half
-        the clearance times the square of the angle. The relative error is of the order of
-        roughness over clearance.
+        The pressure is integrated along the arc of contact. At an angle from the closest point, the
+        distance of the surfaces is larger than there by half the clearance times the square of the
+        angle. The relative error of this approximation is of the order of roughness over clearance.
 
         **Arguments:** in m. `depth`: by how much the smallest distance is below `reach`; the force
         is zero if it is negative. `radius`: of the bearing. `clearance`: radial, between the mean
@@ -513,7 +522,7 @@ class GreenwoodTripp(AbstractConverting):
         return self._scale() * AROUND * length * arc * ratio
 
     def _scale(self) -> Scalar:
-        """Return the pressure, Pa, where the distance is 3 sigma."""
+        """Return the pressure, Pa, at a distance of 3 sigma, where (4 - h/sigma)^6.804 is one."""
         factor = 16.0 * math.sqrt(2.0) * math.pi / 15.0 * FIT
         return factor * self.density**2 * square_root(self.sharpness) * self.modulus
 
@@ -522,9 +531,9 @@ class RoughCylinders(AbstractContactLaw):
     """Contact of a rough journal with its bearing: of asperities first, then of the walls.
 
     The force begins at a distance of four times the roughness, with the pressure of the asperities
-    along the arc of contact. The force of the walls is added where the mean surfaces meet. A
-    `LubricatedJoint` adds a fluid film; without its `transition`, the depth over which contact
-    replaces the film, film and asperities share the load.
+    along the arc of contact. The force of the walls is added once the mean surfaces meet. A
+    `LubricatedJoint` adds a fluid film. Film and asperities share the load if its `transition`, the
+    depth over which contact replaces the film, is ``None``.
 
     **Arguments:**
 
@@ -534,9 +543,11 @@ class RoughCylinders(AbstractContactLaw):
       journal's length. If the joint's argument `line_points` is given, the law is that of the whole
       journal: pass its length.
     - `law`: of the walls. Its force must begin with zero slope, as that of `Hertz` with an exponent
-      above one does.
+      above one does. If it has a `smoothing`, this width must be at most `asperities.reach`, which
+      is not checked: otherwise the force of the walls would begin before that of the asperities.
 
-    The surfaces must be cylinders: the force needs the bearing's radius and the clearance in `Gap`.
+    The surfaces must be cylinders: the force needs the bearing's radius and the clearance in `Gap`,
+    and raises a `ValueError` without them.
 
     **Raises:** `ValueError` if the length is not positive, `asperities` or `law` is of another
     class, or the force of `law` may begin with a jump or a slope according to its `force_jumps` and

@@ -1,14 +1,17 @@
 """Contact laws with a dashpot parallel to the spring, F = K delta^n + D delta^m rate.
 
-delta is the penetration, m, and rate its time derivative, m/s. Such laws don't use the entry speed.
-A contact ends at delta = 0, but the force is set to zero before, where the dashpot would pull the
-surfaces together. The delivered restitution, the ratio of rebound speed to entry speed in a free
-impact, depends on this rule: without it `KelvinVoigt` and `Tsuji` would deliver the requested
-value, with it they deliver the larger one that `clamped_restitution` computes. The forces of
-`KelvinVoigt` and `Ristow`, for which m = 0, jump at the onset.
+delta is the penetration, m, rate its time derivative, m/s, K the stiffness and D the damping
+coefficient. Such laws don't use the entry speed.
 
-The last three laws, `ElastoGap`, `ImpactFunction` and `FloresKelvinVoigt`, have another damping,
-whose force is zero at the onset.
+A contact ends at delta = 0, but already before, the force is set to zero as soon as the dashpot
+would pull the surfaces together. The delivered restitution, the ratio of rebound speed to entry
+speed in a free impact, depends on this rule. If the force could pull, `KelvinVoigt` and `Tsuji`
+would deliver the requested restitution. Since it can't, they deliver a larger one, which
+`clamped_restitution` computes. The forces of `KelvinVoigt` and `Ristow`, for which m = 0, jump at
+the onset.
+
+The last three laws, `ElastoGap`, `ImpactFunction` and `FloresKelvinVoigt`, have other kinds of
+damping, whose force is zero at the onset.
 """
 
 import abc
@@ -35,9 +38,10 @@ from .laws import (
 class AbstractDashpotLaw(AbstractPowerLaw):
     """Base class of laws F = max(0, K delta^n + D delta^m rate) for a penetration delta > 0.
 
-    A subclass declares the field `stiffness`, K, and the class constants `exponent` n and
-    `damping_exponent` m, and defines `damping`, which returns D. With m = 0 the force jumps at the
-    onset: declare ``force_jumps = True``.
+    A subclass declares the field `stiffness`, K, and the class constants `exponent`, n, and
+    `damping_exponent`, m, and defines `damping`, which returns D. If m is zero, the force jumps at
+    the onset: declare ``force_jumps = True``. An elasticity that is not a power of the penetration
+    can be the stiffness too; its force then replaces K delta^n.
 
     ```python
     import clearjoint as cj
@@ -70,7 +74,8 @@ class AbstractDashpotLaw(AbstractPowerLaw):
 
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
         """Return the normal force, N."""
-        # Powers of zero have infinite derivatives: without contact a depth of one replaces it.
+        # Without contact, a depth of one replaces the actual depth: a power with an exponent below
+        # one has an infinite derivative at zero, and is NaN for negative numbers.
         closed = gap.depth > 0.0
         depth = jnp.where(closed, gap.depth, 1.0)
         dashpot = self.damping(gap) * depth**self.damping_exponent * self._damped_rate(gap)
@@ -84,8 +89,8 @@ class AbstractDashpotLaw(AbstractPowerLaw):
 def damping_ratio(restitution: Scalar) -> Scalar:
     """Return the damping ratio of a linear oscillator from the loss of speed in half a period.
 
-    It is -ln c/sqrt(pi^2 + ln^2 c), dimensionless, if the speed falls by the factor c =
-    `restitution`, in (0, 1].
+    It is -ln c/sqrt(pi^2 + ln^2 c), dimensionless. c is `restitution`, in (0, 1]: the speed at the
+    end of the half period divided by that at its start.
     """
     logarithm = jnp.log(restitution)
     return -logarithm / jnp.sqrt(jnp.pi**2 + logarithm**2)
@@ -202,9 +207,10 @@ class Jankowski(AbstractTunedDashpotLaw):
     $$F = K \delta^{3/2} + 2 z \sqrt{K m}\, \delta^{1/4} \dot\delta \;(\dot\delta > 0), \quad z =
     \frac{9 \sqrt{5}}{2} \frac{1 - c^2}{c (c (9 \pi - 16) + 16)}$$
 
-    The damping applies while the penetration increases; in the rebound the force is K delta^1.5. It
-    never pulls, and the delivered restitution is close to the requested one, c. m is the effective
-    mass. The arguments are those of `AbstractTunedDashpotLaw`.
+    m is the effective mass, and z a damping ratio that follows from the requested restitution c.
+    The damping applies while the penetration increases; in the rebound the force is K delta^1.5.
+    The force never pulls, and the delivered restitution is close to c. The arguments are those of
+    `AbstractTunedDashpotLaw`.
 
     >>> law = cj.laws.Jankowski(restitution=0.5, stiffness=1e9, effective_mass=1.0)
     >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=-0.1), None):.1f}")  # N, on the rebound
@@ -230,12 +236,13 @@ class AbstractGivenDashpotLaw(AbstractDashpotLaw):
 
     **Arguments:**
 
-    - `stiffness`: K, a number in N/m^n or an `AbstractElasticity`.
+    - `stiffness`: K, a number in N/m^n, or an `AbstractElasticity`, whose force replaces K delta^n.
     - `damping_coefficient`: D, N s/m^(1+m), not negative.
 
     n and m are the `exponent` and the `damping_exponent` of the subclass.
 
-    **Raises:** `ValueError` if D is negative or the stiffness is invalid.
+    **Raises:** `ValueError` if D is negative, or the stiffness is neither a positive number nor an
+    elasticity.
     """
 
     stiffness: AbstractElasticity = eqx.field(converter=as_stiffness)
@@ -254,8 +261,8 @@ class KuwabaraKono(AbstractGivenDashpotLaw):
     $$F = K \delta^{3/2} + D \delta^{1/2} \dot\delta$$
 
     The damping coefficient D is in N s/m^1.5, the stiffness K in N/m^1.5. The restitution decreases
-    with the entry speed, as with metals. At the onset the force is zero but the derivative of the
-    damping force is unbounded.
+    with the entry speed, as with metals. The force begins at zero, but the derivative of the
+    damping force by the penetration is infinite at the onset.
 
     Source: G. Kuwabara, K. Kono 1987; N. V. Brilliantov et al. 1996.
 
@@ -328,7 +335,7 @@ class ElastoGap(AbstractBoundedDampingLaw):
 
     **Arguments:**
 
-    - `stiffness`: K, a number in N/m^n or an `AbstractElasticity`.
+    - `stiffness`: K, a number in N/m^n, or an `AbstractElasticity`, whose force replaces K delta^n.
     - `damping`: D, N s/m, not negative.
     - `exponent`: n, at least 1; 1 by default.
 
@@ -358,9 +365,10 @@ class ImpactFunction(AbstractBoundedDampingLaw):
 
     **Arguments:**
 
-    - `stiffness`: K, a number in N/m^n or an `AbstractElasticity`.
-    - `damping`: D, N s/m, the damping at depths of at least d; not negative.
-    - `full_damping_depth`: d, m, up to which the damping rises from zero by a cubic polynomial.
+    - `stiffness`: K, a number in N/m^n, or an `AbstractElasticity`, whose force replaces K delta^n.
+    - `damping`: D, N s/m, the largest value of D(delta); not negative.
+    - `full_damping_depth`: d, m, positive. D(delta) rises from zero at the onset to D at the depth
+      d, as a cubic polynomial, and is constant beyond.
     - `exponent`: n, at least 1; 1.5 by default.
 
     **Raises:** `ValueError` if a value is outside its range.
@@ -383,20 +391,20 @@ class ImpactFunction(AbstractBoundedDampingLaw):
 
 
 class FloresKelvinVoigt(AbstractBoundedDampingLaw):
-    r"""Flores' variant of the Kelvin-Voigt law, whose force is smaller in restitution.
+    r"""Flores' variant of the Kelvin-Voigt law: an elastic force that is smaller in the rebound.
 
     $$F = K \delta^n \;(\dot\delta > 0), \quad F = c K \delta^n \;(\dot\delta < 0)$$
 
-    The force is K delta^n in compression and c K delta^n in restitution. The rebound speed of a
-    free impact over its entry speed is sqrt(c). Where the rate changes its sign, the two forces are
-    blended by a hyperbolic tangent, because integration steps don't end there. Impacts that are not
-    much faster than the transition speed lose less energy. The law is that of the program DyS
-    (github.com/ladisk/DyS), generalised to any exponent.
+    The force is K delta^n in compression, and c K delta^n in the rebound. The ratio of rebound
+    speed to entry speed in a free impact is therefore not c but sqrt(c). Where the rate changes its
+    sign, the two forces are blended by a hyperbolic tangent, because integration steps don't end
+    there. Impacts that are not much faster than the transition speed lose less energy. The law is
+    that of the program DyS (github.com/ladisk/DyS), generalised to any exponent.
 
     **Arguments:**
 
-    - `restitution`: c, 0 to 1.
-    - `stiffness`: K, a number in N/m^n or an `AbstractElasticity`.
+    - `restitution`: c, 0 to 1, the ratio of the force in the rebound to that in compression.
+    - `stiffness`: K, a number in N/m^n, or an `AbstractElasticity`, whose force replaces K delta^n.
     - `transition_speed`: m/s, positive, scale of the hyperbolic tangent; 1e-3 by default.
     - `exponent`: n, at least 1; 1 by default.
 
@@ -421,10 +429,10 @@ class FloresKelvinVoigt(AbstractBoundedDampingLaw):
         return full * (self.restitution + (1.0 - self.restitution) * loading)
 
     def elastic_force(self, gap: Gap) -> Scalar:
-        """Return (1 + c) K delta^n/2, N, the mean of the forces in compression and restitution.
+        """Return (1 + c) K delta^n/2, N, the mean of the forces in compression and rebound.
 
         It doesn't depend on the rate, so that it is conservative. The rest of the force, at most
-        (1 - c) K delta^n/2, opposes the rate and dissipates energy.
+        (1 - c) K delta^n/2 in magnitude, opposes the rate and dissipates energy.
         """
         return 0.5 * (1.0 + self.restitution) * super().elastic_force(gap)
 
@@ -435,6 +443,6 @@ class FloresKelvinVoigt(AbstractBoundedDampingLaw):
     def delivered_restitution(self) -> Scalar:
         """Return rebound speed over entry speed of a free impact, sqrt(c).
 
-        It is valid for impacts much faster than the transition speed.
+        The value holds for impacts much faster than the transition speed.
         """
         return jnp.sqrt(self.restitution)

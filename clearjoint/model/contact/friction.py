@@ -1,13 +1,15 @@
 """Friction laws of contacts, as functions of the slip speed, or with the deflection of bristles.
 
+In both kinds of law the friction is proportional to the normal force, so that it starts and ends
+with the contact.
+
 Laws of the slip speed give the ratio mu(v) of friction to normal force for the speed v, m/s. They
 regularise the jump of Coulomb friction at zero speed, so that a contact creeps under a tangential
 load.
 
 Bristle laws model sticking. The deflection of the bristles is an additional state of a contact,
 integrated with the motion: a load below the breakaway force deflects them and then causes no
-motion. The friction is proportional to the normal force, so that it starts and ends with the
-contact.
+motion.
 """
 
 import abc
@@ -87,7 +89,7 @@ class AbstractRegularisedFriction(AbstractFriction):
 
 
 class RegularisedCoulomb(AbstractRegularisedFriction):
-    r"""Coulomb friction mu tanh(v/v_d), smoothed below the speed v_d; it creeps under load.
+    r"""Coulomb friction mu tanh(v/v_d), smoothed around zero speed; a loaded contact creeps.
 
     $$\mu(v) = \mu \tanh\frac{v}{v_d}$$
 
@@ -106,7 +108,7 @@ class RegularisedCoulomb(AbstractRegularisedFriction):
 
 
 class LinearCoulomb(AbstractRegularisedFriction):
-    r"""Coulomb friction mu min(v/v_d, 1), linear below the speed v_d; it creeps under load.
+    r"""Coulomb friction mu min(v/v_d, 1), linear below the speed v_d; a loaded contact creeps.
 
     $$\mu(v) = \mu \min\left(\frac{v}{v_d}, 1\right)$$
 
@@ -130,7 +132,7 @@ class Threlfall(AbstractRegularisedFriction):
     $$\mu(v) = \mu \left(1 - e^{-3 \min(v / v_d, 1)}\right)$$
 
     Above the speed v_d it has the constant value (1 - exp(-3)) mu = 0.9502 mu. With the value
-    0.95 mu, which is often printed, the law would jump at v_d. It creeps under load.
+    0.95 mu, which is often printed, the law would jump at v_d. A loaded contact creeps.
 
     **Arguments:** `coefficient`: mu. `regularisation_speed`: v_d, m/s; 1e-3 by default.
 
@@ -152,7 +154,7 @@ class Ambrosio(AbstractFriction):
 
     $$\mu(v) = \mu\, \frac{v - v_0}{v_1 - v_0}, \quad v_0 \le v \le v_1$$
 
-    Below v0 it is zero, above v1 it is mu.
+    Below v0 the ratio mu(v) is zero, and above v1 it is mu.
 
     **Arguments:** `coefficient`: mu. `lower_speed`, `upper_speed`: v0 and v1, m/s; 1e-4 and 1e-3 by
     default.
@@ -175,10 +177,10 @@ class Ambrosio(AbstractFriction):
         require_numbers(operator.gt, "upper_speed", speeds, "above lower_speed = {1}", remedy)
 
     def ratio(self, slip_speed: Scalar) -> Scalar:
-        """Return mu c_d(v), where c_d rises linearly from 0 to 1 between the two speeds."""
+        """Return mu c_d(v), where c_d is 0 up to v0, rises linearly to 1 at v1, and stays 1."""
         rise = (slip_speed - self.lower_speed) / (self.upper_speed - self.lower_speed)
-        # The derivative at v0 is that above v0. A maximum would give the mean of both sides, which
-        # is wrong for v0 = 0, where there are no lower speeds.
+        # The derivative at v0 is that above v0. With `jnp.maximum` it would be the mean of both
+        # sides, which is wrong for v0 = 0, where there are no lower speeds.
         return self.coefficient * jnp.minimum(jnp.where(rise < 0.0, 0.0, rise), 1.0)
 
 
@@ -191,8 +193,8 @@ def require_breakaway(breakaway: Single, kinetic: Single) -> None:
 class AbstractFallingFriction(AbstractFriction):
     """Base class of friction that falls with the slip speed from a maximum to a lower limit.
 
-    `breakaway` is mu_S, the maximum of friction over normal force, which some laws reach only
-    approximately. `kinetic` is mu_C, its limit at high speed.
+    `breakaway` is mu_S, the maximum of the ratio of friction to normal force, which some laws reach
+    only approximately. `kinetic` is mu_C, the limit of this ratio at high speed.
 
     **Raises:** `ValueError` if mu_S or mu_C is negative, or mu_S is below mu_C.
     """
@@ -209,15 +211,16 @@ class Stribeck(AbstractFallingFriction):
 
     $$\mu(v) = \left(\mu_C + (\mu_S - \mu_C) e^{-(v / v_S)^\delta}\right) \tanh\frac{v}{v_d}$$
 
-    The viscous term k v that is often added doesn't depend on the normal force: use a damper.
+    The viscous term k v that is often added is left out, since it doesn't depend on the normal
+    force. Add a damper to the scene for it.
 
     **Arguments:**
 
     - `breakaway`, `kinetic`: mu_S and mu_C, with mu_S >= mu_C.
-    - `stribeck_speed`: v_S, m/s.
+    - `stribeck_speed`: v_S, m/s, positive.
     - `exponent`: delta, at least 1; 2 by default.
-    - `regularisation_speed`: v_d, m/s, well below v_S, otherwise the peak is below mu_S; 1e-4 by
-      default.
+    - `regularisation_speed`: v_d, m/s, positive; 1e-4 by default. The maximum of mu(v) is close to
+      mu_S only if v_d is well below v_S.
 
     **Raises:** `ValueError` if a value is outside its range, or mu_S is below mu_C.
 
@@ -250,7 +253,8 @@ class BengisuAkay(AbstractFallingFriction):
 
     $$\mu(v) = \mu_C + (\mu_S - \mu_C) e^{-\xi (v - v_0)}, \quad v \ge v_0$$
 
-    Below v0 it is the parabola mu_S (1 - (1 - v/v0)^2). The curve is continuous with a kink at v0.
+    Below v0, mu(v) is the parabola mu_S (1 - (1 - v/v0)^2). The curve is continuous, with a kink at
+    v0.
 
     **Arguments:**
 
@@ -277,7 +281,7 @@ class BengisuAkay(AbstractFallingFriction):
 
 
 class BrownMcPhee(AbstractFallingFriction):
-    r"""Friction with a maximum, whose curve is smooth everywhere (P. Brown, J. McPhee 2016).
+    r"""Friction that rises to about mu_S and then falls, smooth (P. Brown, J. McPhee 2016).
 
     $$\mu(v) = \mu_C \tanh\frac{4 v}{v_t} + (\mu_S - \mu_C) \frac{v / v_t}{\left(\frac{1}{4} (v /
     v_t)^2 + \frac{3}{4}\right)^2}$$
@@ -310,11 +314,12 @@ class BrownMcPhee(AbstractFallingFriction):
 class AbstractBristleFriction(AbstractConverting):
     """Base class of bristle laws: friction from a deflection that is integrated with the motion.
 
-    A subclass defines the rate of the deflection, the ratio of friction to normal force, and, for
-    steady sliding, this ratio and the size of the deflection. The rate must vanish with the slip,
-    so that a sticking contact doesn't drift. The deflection is a vector in m that is zero at the
-    onset of contact. It is stored in the axes of the contact's first body, and only its component
-    perpendicular to the normal acts.
+    A subclass defines `rate`, the rate of the deflection; `ratio`, the vector of friction over
+    normal force; and, for steady sliding, `sliding_ratio` and `full_deflection`, the magnitudes of
+    this vector and of the deflection. The rate must be zero without slip, so that a sticking
+    contact doesn't drift. The deflection is a vector in m that is zero at the onset of contact. It
+    is stored in the axes of the contact's first body, and only its component perpendicular to the
+    normal acts.
 
     ```python
     import clearjoint as cj
@@ -388,8 +393,8 @@ class AbstractBristleFriction(AbstractConverting):
     def force(self, normal_force: Scalar, slip: Vector) -> Vector:
         """Return the friction force on the second body in steady sliding, N.
 
-        A viscous part is left out, as in `sliding_ratio`. Without slip the force is zero. It is
-        used where deflections are not integrated, such as for rigid contacts.
+        A viscous part is left out, as in `sliding_ratio`. Without slip the force is zero. This
+        method is used where deflections are not integrated, such as for rigid contacts.
 
         **Arguments:** `normal_force`: N. `slip`: tangential velocity of the second body relative to
         the first, m/s.
@@ -407,7 +412,7 @@ class Dahl(AbstractBristleFriction):
 
     $$\dot z = v - \frac{\sigma_0 |v|}{\mu} z, \quad \frac{F_t}{F_n} = \sigma_0 z$$
 
-    Here z is the deflection, v the slip, F_t friction and F_n the normal force.
+    Here z is the deflection, v the slip, F_t the friction force and F_n the normal force.
 
     **Arguments:**
 
@@ -450,9 +455,9 @@ class AbstractDampedBristles(AbstractBristleFriction):
     """Base class of damped bristles whose friction in steady sliding follows Stribeck's curve.
 
     Friction over normal force is sigma0 z + sigma1 dz/dt + sigma2 v, with the deflection z, m, and
-    the slip v, m/s. In steady sliding its dry part, without sigma2 v, falls from `breakaway` to
-    `kinetic` around the `stribeck_speed`, m/s. `stiffness` is sigma0, 1/m, `damping` sigma1 and
-    `viscosity` sigma2, s/m.
+    the slip v, m/s. `stiffness` is sigma0, 1/m, `damping` sigma1, s/m, and `viscosity` sigma2, s/m.
+    In steady sliding the dry part of the ratio, without sigma2 v, falls from `breakaway` to
+    `kinetic` with the speed, around the `stribeck_speed`, m/s.
 
     **Raises:** `ValueError` if `breakaway`, `kinetic` or `stribeck_speed` is not positive, or
     `breakaway` is below `kinetic`.
@@ -495,9 +500,10 @@ class LuGre(AbstractDampedBristles):
     $$\dot z = v - \frac{\sigma_0 |v|}{g(v)} z, \quad g = \mu_C + (\mu_S - \mu_C) e^{-(v /
     v_S)^2}, \quad \frac{F_t}{F_n} = \sigma_0 z + \sigma_1 \dot z + \sigma_2 v$$
 
-    Here z is the deflection, v the slip, F_t friction and F_n the normal force. For
-    sigma1 |v| > 4 g(v) the law isn't passive: bristles may release more energy than they received
-    (N. Barabanov, R. Ortega 2000).
+    Here z is the deflection, v the slip, F_t the friction force and F_n the normal force. The law
+    is passive only if sigma2 is at least sigma1 (mu_S - mu_C)/mu_C (N. Barabanov, R. Ortega 2000).
+    With a smaller sigma2, bristles may release more energy than they received, at speeds |v| with
+    sigma1 |v| > 4 g(v).
 
     **Arguments:**
 
@@ -527,15 +533,15 @@ class LuGre(AbstractDampedBristles):
 class ElastoPlastic(AbstractDampedBristles):
     r"""The LuGre law with elastic bristles up to a deflection z_ba (P. Dupont et al. 2002).
 
-    $$\dot z = v - \alpha(z) \frac{\sigma_0 |v|}{g(v)} z$$
+    $$\dot z = v - \alpha(z, v) \frac{\sigma_0 |v|}{g(v)} z$$
 
     Here z is the deflection and v the slip. Friction over normal force is sigma0 z + sigma1 dz/dt +
     sigma2 v, and g(v) is its value in steady sliding without the viscous part sigma2 v; both are
-    those of `LuGre`. The factor alpha is 0 for |z| <= z_ba and for bristles that relax, which are
-    deflected against the slip. For |z| >= g(v)/sigma0 it is 1; between these deflections it rises
-    as half a period of a cosine. Below z_ba an oscillating load causes no drift. In two dimensions
-    alpha is multiplied by the cosine of the angle between slip and deflection, and is 0 where this
-    is negative.
+    those of `LuGre`. The factor alpha is 0 for |z| <= z_ba and 1 for |z| >= g(v)/sigma0; between
+    these deflections it rises as half a period of a cosine. It is 0 at any deflection if the slip
+    is against the deflection, so that the bristles relax. Below z_ba an oscillating load causes no
+    drift. In two dimensions alpha is also multiplied by the cosine of the angle between slip and
+    deflection, or by 0 where the cosine is negative.
 
     **Arguments:**
 
@@ -546,7 +552,7 @@ class ElastoPlastic(AbstractDampedBristles):
       normal force; 1e5, 0 and 0 by default.
 
     **Raises:** `ValueError` if `damping` or `viscosity` is negative, another value isn't positive,
-    mu_S is below mu_C, or z_ba is too large.
+    mu_S is below mu_C, or z_ba is not below mu_C/sigma0.
 
     >>> friction = cj.frictions.ElastoPlastic(0.2, 0.1, 0.01, elastic_deflection=5e-7)
     >>> still = friction.rate(extend.Vector(4e-7, 0.0, 0.0), extend.Vector(1e-3, 0.0, 0.0))

@@ -2,14 +2,18 @@
 
 The normal force is F = K delta^n (1 + chi v/v0), N, with the penetration delta, m, its rate v, m/s,
 and the entry speed v0, m/s, which is the rate at the onset of the contact. `stiffness` is K, N/m^n,
-and `exponent` is n, 1.5 unless a class says otherwise. chi is dimensionless.
+and `exponent` is n, 1.5 unless a class says otherwise. chi, dimensionless, is the damping factor.
+An `AbstractCylinder`, the elasticity of a line contact, may be given as `stiffness`; its force then
+replaces K delta^n.
 
-`restitution` is c, the requested ratio of rebound speed to entry speed in a free impact. The actual
-ratio follows from chi alone, and most of the published factors meet the request only approximately.
-The examples print the ratio that a law delivers, which `delivered_restitution` computes.
-`ExactRestitution` delivers the requested value. All arguments, and the values that are refused, are
-described in `AbstractDampedLaw`. Subclasses of `AbstractReboundingLaw` also refuse c = 0, for which
-chi would be infinite.
+`restitution` is c, the requested ratio of rebound speed to entry speed in a free impact, in which
+only the contact force acts. The actual ratio follows from chi alone, and most of the published
+factors meet the request only approximately. The examples print the ratio that a law delivers, which
+`delivered_restitution` computes. `ExactRestitution` delivers the requested value.
+
+`AbstractDampedLaw` describes the arguments of its subclasses, and the values that they refuse.
+Subclasses of `AbstractReboundingLaw` also refuse c = 0, for which chi would be infinite. `Hertz`
+and `MemorylessHuntCrossley` have arguments of their own.
 """
 
 import abc
@@ -43,18 +47,20 @@ _SERIES_BELOW = 1e-5
 accurately than the numerical solution, which is rounded."""
 _NEWTON = optimistix.Newton(rtol=1e-14, atol=1e-14)
 _MOST_STEPS = 32
-"""Step limit of Newton's method, which needs five steps for every damping factor."""
+"""Step limit of Newton's method, which converges in a few steps for every damping factor."""
 
 
 def delivered_restitution(damping_factor: Float[ArrayLike, "..."]) -> Float[jax.Array, "..."]:
     r"""Return rebound speed over entry speed of a free impact with a Hunt-Crossley law.
+
+    This ratio e is the positive solution of
 
     $$\chi (1 + e) = \ln \frac{1 + \chi}{1 - \chi e}$$
 
     **Arguments:** `damping_factor`: chi of F = K delta^n (1 + chi rate/entry speed), not negative;
     a number or an array of any shape.
 
-    **Returns:** the solution e in (0, 1], of the same shape; differentiable.
+    **Returns:** e in (0, 1], of the same shape; differentiable.
 
     >>> print(f"{cj.laws.delivered_restitution(0.3):.4f}")
     0.8329
@@ -65,9 +71,10 @@ def delivered_restitution(damping_factor: Float[ArrayLike, "..."]) -> Float[jax.
 @jnp.vectorize
 def _solve_restitution(damping_factor: jax.Array) -> jax.Array:
     """Return the restitution e for one damping factor chi, a scalar."""
-    # The unknown is y = -ln(1 - chi e), which stays exact where chi e rounds to one. In it the
-    # equation is y - 1 + exp(-y) = loss, with loss = chi - ln(1 + chi). The left side is about
-    # y^2/2 for small y and y - 1 for large y; `start` is an upper bound of the solution for all y.
+    # The unknown is y = -ln(1 - chi e), which stays exact where chi e rounds to one. In terms
+    # of y the equation is y - 1 + exp(-y) = loss, with loss = chi - ln(1 + chi). The left side is
+    # about y^2/2 for small y and y - 1 for large y; for every loss, `start` is an upper bound of
+    # the solution. Small chi use the series; for them the numerical solution is not used.
     small = damping_factor < _SERIES_BELOW
     chi = jnp.where(small, _SERIES_BELOW, damping_factor)
     loss = chi - jnp.log1p(chi)
@@ -80,10 +87,10 @@ def _solve_restitution(damping_factor: jax.Array) -> jax.Array:
 
 
 def _residual(y: Scalar, loss: Scalar) -> Scalar:
-    """Return the residual y - 1 + exp(-y) - loss of the unknown y = -ln(1 - chi e).
+    """Return the residual y - 1 + exp(-y) - loss for the unknown y = -ln(1 - chi e).
 
-    `loss` is chi - ln(1 + chi). The residual increases with y > 0 and is convex, so that Newton's
-    method converges.
+    `loss` is chi - ln(1 + chi). For y > 0 the residual is convex and increases with y, so that
+    Newton's method converges.
     """
     return y + jnp.expm1(-y) - loss
 
@@ -93,7 +100,8 @@ _SERIES_TERMS = 18
 _SERIES_WITHIN = 0.1
 """Largest absolute value of x for which `_chord` is computed by its power series."""
 _EXACT_STEPS = 5
-"""Steps of Newton's method; four reach rounding accuracy for restitutions between 1e-6 and 1."""
+"""Steps of Newton's method in `_logarithm`; four reach rounding accuracy for restitutions between
+1e-6 and 1."""
 
 
 def exact_damping_factor(restitution: Float[ArrayLike, ""]) -> Scalar:
@@ -119,9 +127,9 @@ def _logarithm(e: Scalar) -> Scalar:
     Unlike chi e, y doesn't lose digits where chi e rounds to one.
     """
     # For e above 0.4, start from the damping factor of Carvalho and Martins, whose error is below
-    # 0.5 % there. For smaller e, start from a value that is 1 above the asymptote for small e,
-    # y = 1 + 1/e - ln(1 + 1/e). The minimum keeps the logarithm finite for these e too, at which
-    # its value is not used.
+    # 0.5 % there. For smaller e, start from 1 plus the asymptote of y for small e, which is
+    # 1 + 1/e - ln(1 + 1/e). `jnp.where` evaluates both expressions for every e: the minimum keeps
+    # the first one finite for the smaller e, for which it is not used.
     approximate = 1.5 * (1.0 - e) * (11.0 - e) / (1.0 + 9.0 * e)
     start = jnp.where(
         e > 0.4, -jnp.log1p(-jnp.minimum(approximate * e, 0.9)), 2.0 + 1.0 / e - jnp.log1p(1.0 / e)
@@ -136,8 +144,10 @@ def _logarithm(e: Scalar) -> Scalar:
 
 @_logarithm.defjvp
 def _logarithm_along(primals: tuple[Scalar], tangents: tuple[Scalar]) -> tuple[Scalar, Scalar]:
-    """Return y and its tangent, -(dr/de)/(dr/dy) times that of e, for the residual r = 0 of
-    `_relation`."""
+    """Return y and its tangent, which is -(dr/de)/(dr/dy) times the tangent of e.
+
+    r(y, e) is the residual of `_relation`. It stays zero when y changes with e.
+    """
     (e,), (along,) = primals, tangents
     y = _logarithm(e)
     by_y = jax.grad(_relation)(y, e)
@@ -149,9 +159,10 @@ def _relation(y: Scalar, e: Scalar) -> Scalar:
     """Return a residual that increases with y and is zero for the unknown y = -ln(1 - chi e).
 
     The equation chi (1 + e) = ln[(1 + chi)/(1 - chi e)] states that x - ln(1 + x) is the same for
-    x = chi and x = -chi e. The residual is the difference of the square roots, divided by chi and
-    thus without the trivial root chi = 0.
+    x = chi and x = -chi e. The residual is the difference of the square roots of twice these two
+    values, divided by chi and thus without the trivial root chi = 0.
     """
+    # `loss` is chi e here.
     loss = -jnp.expm1(-y)
     return e * _chord(-loss, -y) - _chord(loss / e, jnp.log1p(loss / e))
 
@@ -184,11 +195,11 @@ class AbstractHertzianLaw(AbstractElasticLaw):
       replaces K delta^n.
     - `exponent`: n, at least 1. Declare it as a static field, so that the compiled program can do
       without a general power for the values 1 and 1.5. A cylinder ignores it.
-    - `smoothing`: width w in m, or ``None``. With it, the penetration is replaced by a ramp that
-      begins at delta = -w, is the parabola (delta + w)^2/(4 w) up to delta = w, and delta above.
-      Without it, the factor 1 + chi rate/entry speed is cut off at zero where it would be negative.
-      With it, such a ramp of the factor replaces the cut-off. The dimensionless width of this ramp
-      is w/(w + max(delta, 0)).
+    - `smoothing`: width w in m, or ``None``. If a width is given, a ramp replaces the penetration:
+      zero below delta = -w, the parabola (delta + w)^2/(4 w) up to delta = w, and delta above.
+      The factor 1 + chi rate/entry speed is replaced by a ramp of the same form, whose
+      dimensionless width is w/(w + max(delta, 0)). For ``None``, the penetration is not changed,
+      and a negative factor is replaced by zero.
 
     **Raises:** `ValueError` if n is below 1, a number given as stiffness is not positive, or the
     width is not positive or given with a stiffness that is not an `AbstractStiffness`.
@@ -245,7 +256,8 @@ class AbstractHertzianLaw(AbstractElasticLaw):
         return self.smoothing is None and not self.stiffness.begins_flat(self.exponent)
 
     def elastic_force(self, gap: Gap) -> Scalar:
-        """Return K delta^n, the force without damping, N."""
+        """Return the force without damping, N: K delta^n, in which delta is replaced by its ramp if
+        `smoothing` is given."""
         if self.smoothing is not None:
             gap = replace(gap, depth=ramp(gap.depth, self.smoothing))
         return self.stiffness.force(gap, self.exponent)
@@ -272,13 +284,16 @@ class AbstractHertzianLaw(AbstractElasticLaw):
         factor = 1.0 + (self.damping_factor() / entry_speed) * gap.rate
         width = self.smoothing
         if width is not None:
-            # This width of the factor's ramp tends to zero at penetrations well above the smoothing
-            # width: there, as without smoothing, the factor is only limited to at least zero.
+            # The width of the factor's ramp tends to zero at penetrations well above the smoothing
+            # width. There the ramp is nearly max(factor, 0), as it is exactly without smoothing.
             width = width / (width + jnp.maximum(gap.depth, 0.0))
         return self.elastic_force(gap) * ramp(factor, width)
 
     def delivered_restitution(self) -> Scalar:
-        """Return rebound speed over entry speed of a free impact, from the `damping_factor`."""
+        """Return rebound speed over entry speed of a free impact, from the `damping_factor`.
+
+        An effect of `smoothing` on this ratio is neglected.
+        """
         return delivered_restitution(self.damping_factor())
 
 
@@ -520,7 +535,7 @@ class CarvalhoMartins(AbstractDampedLaw):
 class AbstractReboundingLaw(AbstractDampedLaw):
     """Base class of laws whose damping factor is infinite for a restitution of zero.
 
-    **Raises:** `ValueError` for this restitution.
+    **Raises:** `ValueError` for this restitution too.
     """
 
     def __check_init__(self):

@@ -1,9 +1,12 @@
-"""Penetration and slip of a contact, and base classes of the laws of its normal force.
+"""Penetration and slip of a contact, and base classes of the laws and stiffnesses for its normal
+force.
 
 A law computes the force from the penetration delta, m, its rate, m/s, and the entry speed, m/s,
 which is the rate at the onset of the contact. Laws of the Hunt-Crossley family are in
-`hunt_crossley`, laws with a parallel dashpot in `dashpots`. User-defined laws subclass
-`AbstractContactLaw`; test them with `clearjoint.testing.check_law`.
+`hunt_crossley`, laws with a parallel dashpot in `dashpots`, and line contacts in `cylinders`. The
+journal is the inner surface of a joint, and the bearing is the outer one.
+
+User-defined laws subclass `AbstractContactLaw`; test them with `clearjoint.testing.check_law`.
 """
 
 import abc
@@ -28,7 +31,7 @@ from ...math.vectors import Scalar, Vector
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """Penetration of a contact, its rate, and the radii of the surfaces.
+    """Penetration of a contact, its rate, and the bearing radius and clearance.
 
     - `depth`: penetration, m, negative without contact.
     - `rate`: its time derivative, m/s, positive while the surfaces approach.
@@ -53,7 +56,8 @@ class Gap:
 def radii_of(gap: Gap) -> tuple[Scalar, Scalar, Scalar]:
     """Return bearing radius, journal radius and radial clearance of a gap, m.
 
-    **Raises:** `ValueError` if the gap lacks one of the radii, as that of flat surfaces does.
+    **Raises:** `ValueError` if the gap lacks the bearing radius or the clearance, as between flat
+    surfaces.
     """
     radius, clearance = gap.bearing_radius, gap.clearance
     for argument, value in (("bearing_radius", radius), ("clearance", clearance)):
@@ -80,11 +84,12 @@ def slip_velocity(relative: Vector, normal: Vector, rate: Scalar) -> Vector:
 class Limit(NamedTuple):
     """A quantity of a contact: its value, and the range of values for which a law is valid.
 
-    The method `limits` of a law returns one for each quantity that its validity depends on.
+    The method `limits` of a law or of an `AbstractElasticity` returns a `Limit` for each quantity
+    on which its validity depends.
 
-    - `law`: name of the law's class.
+    - `law`: name of the class of the law or elasticity.
     - `quantity`: name of the quantity, such as "penetration" or "clearance".
-    - `unit`: of the three numbers below, as text.
+    - `unit`: unit of `value`, `least` and `most`, as text.
     - `value`: present value of the quantity.
     - `least`, `most`: ends of the valid range.
 
@@ -106,8 +111,8 @@ class Limit(NamedTuple):
 def exceeded(limits: tuple[Limit, ...], quantity: str) -> list[str]:
     """Return a sentence, for a warning, on each limit whose value is outside its range.
 
-    **Arguments:** `limits`: of a law. `quantity`: name of the quantity to check; other limits are
-    ignored, and so are limits with numbers that JAX traces.
+    **Arguments:** `limits`: those of a law. `quantity`: name of the quantity to check. Limits of
+    other quantities are ignored, and so are limits with numbers that JAX traces.
     """
     sentences = []
     for limit in limits:
@@ -170,8 +175,8 @@ class AbstractElasticity(AbstractConverting):
         return False
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """Return the quantities on which the validity of the elastic force depends, with their
-        ranges; an empty tuple by default."""
+        """Return, for each quantity on which the validity of the elastic force depends, its value
+        at a gap and its valid range; an empty tuple by default."""
         return ()
 
 
@@ -184,11 +189,13 @@ class AbstractStiffness(AbstractElasticity):
     class LinerStiffness(cj.extend.AbstractStiffness):
         modulus: float  # Pa
         thickness: float  # m
+        length: float  # m
 
         def value(self, gap):
-            return self.modulus * gap.bearing_radius / self.thickness
+            return self.modulus * gap.bearing_radius * self.length / self.thickness  # N/m
 
-    law = cj.laws.Hertz(LinerStiffness(modulus=3e9, thickness=1e-3), exponent=1.0)
+    liner = LinerStiffness(modulus=3e9, thickness=1e-3, length=10e-3)
+    law = cj.laws.Hertz(liner, exponent=1.0)
     ```
     """
 
@@ -231,10 +238,11 @@ class GivenStiffness(AbstractStiffness):
 
 
 class AbstractMaterialPair(AbstractConverting):
-    """Elastic constants of the materials of bearing and journal.
+    """Base class of elasticities that depend on the materials of bearing and journal.
 
     - `young_modulus`, `poisson_ratio`: of the bearing, Pa and dimensionless.
-    - `journal_young_modulus`, `journal_poisson_ratio`: of the journal; ``None`` for the bearing's.
+    - `journal_young_modulus`, `journal_poisson_ratio`: of the journal; ``None``, the default, for
+      the same value as that of the bearing.
 
     **Raises:** `ValueError` if a modulus is not positive, or a ratio is outside [-1, 0.5].
     **Warns:** `UnusualValueWarning` for moduli outside 1e9 to 2e12 Pa.
@@ -264,8 +272,8 @@ class RavnStiffness(AbstractMaterialPair, AbstractStiffness):
 
     $$K = \frac{4}{3 (s_i + s_j)} \sqrt{\frac{R_i R_j}{R_i - R_j}}, \quad s = \frac{1 - \nu^2}{E}$$
 
-    Here i is the bearing and j the journal. The stiffness K, N/m^1.5, depends on their radii R and
-    thus on the clearance R_i - R_j.
+    Here i is the bearing, j the journal, E Young's modulus and nu Poisson's ratio. The stiffness K,
+    N/m^1.5, depends on the radii R and thus on the clearance R_i - R_j.
 
     **Arguments:**
 
@@ -281,7 +289,10 @@ class RavnStiffness(AbstractMaterialPair, AbstractStiffness):
     """
 
     def value(self, gap: Gap) -> Scalar:
-        """Return the stiffness K in N/m^1.5 for the radii of a gap."""
+        """Return the stiffness K in N/m^1.5 for the radii of a gap.
+
+        **Raises:** `ValueError` if the gap has no radii.
+        """
         bearing, journal, clearance = radii_of(gap)
         return 4.0 / (3.0 * self.compliance()) * jnp.sqrt(bearing * journal / clearance)
 
@@ -289,13 +300,13 @@ class RavnStiffness(AbstractMaterialPair, AbstractStiffness):
 def as_stiffness(value: object) -> AbstractElasticity:
     """Return an elasticity unchanged, or a number in N/m^n as a `GivenStiffness`.
 
-    **Raises:** `ValueError` if the value is neither, or not positive.
+    **Raises:** `ValueError` if the value is neither, or is a number that is not positive.
     """
     return value if isinstance(value, AbstractElasticity) else GivenStiffness(value)
 
 
 UNKNOWN_ENTRY_SPEED = 1e9
-"""Entry speed, m/s, of a contact that exists at the start of the motion, whose onset is unknown.
+"""Entry speed, m/s, of a contact whose onset is unknown, since it exists when the motion starts.
 
 Damping is proportional to the rate over the entry speed, so that this large value makes the contact
 elastic.
@@ -380,14 +391,16 @@ class AbstractContactLaw(AbstractConverting):
     def slope_jumps(self) -> bool:
         """Return whether the derivative of the force by the penetration may jump at the onset.
 
-        It does for a linear spring. If ``True``, the default, the solver corrects each step that
-        ends at the onset or the end of a contact for the kink of the force. ``False`` saves this
-        correction, one evaluation of the equations of motion.
+        For example, it jumps for a linear spring. If the result is ``True``, the default, the
+        solver applies a correction for the kink of the force after each step that ends at the onset
+        or the end of a contact. ``False`` saves this correction, which costs one evaluation of the
+        equations of motion.
         """
         return True
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """Return the quantities on which the validity of the law depends, with their ranges.
+        """Return, for each quantity on which the validity of the law depends, its value at a gap
+        and the range in which the law is valid.
 
         A warning is issued for a clearance outside its range when a joint with clearance
         (`ClearanceJoint` or `BallInSocket`) is made, and for a penetration outside its range after
@@ -397,7 +410,9 @@ class AbstractContactLaw(AbstractConverting):
 
 
 class AbstractElasticLaw(AbstractContactLaw):
-    """A law whose elastic force is defined by its `stiffness`, a number or an `AbstractElasticity`.
+    """Base class of laws with an elastic force that the field `stiffness` defines.
+
+    The `stiffness` may be given as a number or an `AbstractElasticity`.
 
     >>> issubclass(cj.laws.Hertz, extend.AbstractElasticLaw), cj.laws.Hertz(1e9).stiffness
     (True, GivenStiffness(stiffness=1000000000.0))
@@ -447,15 +462,15 @@ class AbstractPowerLaw(AbstractElasticLaw):
 
 
 def require_exponent(exponent: Single) -> None:
-    """Raise a ``ValueError`` if the exponent of a power law is below 1, where the stiffness would
-    be infinite at the onset."""
+    """Raise a ``ValueError`` if the exponent of a power law is below 1, where the slope of the
+    force would be infinite at the onset."""
     condition = "at least 1", "use 1.5 for Hertz"
     require_numbers(lambda number: number >= 1.0, "exponent", (exponent,), *condition)
 
 
 def require_rebound(restitution: Single) -> None:
     """Raise a ``ValueError`` unless the restitution is positive, for a law whose damping is
-    infinite at zero."""
+    infinite for a restitution of zero."""
     remedy = "its damping is infinite at 0; use a small value such as 0.01"
     expected = "positive for this law"
     require_numbers(lambda number: number > 0.0, "restitution", (restitution,), expected, remedy)
@@ -464,10 +479,11 @@ def require_rebound(restitution: Single) -> None:
 def require_instance(argument: str, value: object, *kinds: type, remedy: str = "") -> None:
     """Check that a value is an object of one of the given classes.
 
-    **Arguments:** `remedy`: advice in the message; by default to pass an object of this package or
-    of a subclass. If the value is a class, the advice is always to call it.
+    **Arguments:** `argument`: its name in the error message. `kinds`: the classes. `remedy`: advice
+    in the message; by default to pass an object of this package or of a subclass. If the value is a
+    class, the advice is always to call it.
 
-    **Raises:** `ValueError` that names the argument.
+    **Raises:** `ValueError` that names the argument if the value is no such object.
     """
     names = " or ".join(kind.__name__ for kind in kinds)
     if isinstance(value, type):
@@ -483,12 +499,12 @@ def require_flat_law(law: object, surfaces: str) -> None:
     The stiffness of an `AbstractElasticLaw` must be given as a number, since other stiffnesses may
     depend on radii. Laws of other classes are accepted unchecked.
 
-    **Arguments:** `surfaces`: their names in the error message.
+    **Arguments:** `surfaces`: names of the flat surfaces in the error message.
 
     **Raises:** `ValueError` if `law` is no contact law, or its stiffness is not given as a number.
     """
     require_instance("law", law, AbstractContactLaw)
-    # Other laws have no `stiffness`; whether they read the radii is not visible from outside.
+    # Whether a law of another class reads the radii is not visible from outside.
     if isinstance(law, AbstractElasticLaw):
         fine, kind = isinstance(law.stiffness, GivenStiffness), type(law.stiffness).__name__
         remedy = f"{surfaces} are flat, so pass a number in N/m^n as the law's stiffness"
@@ -500,7 +516,8 @@ def contact_normal_force(law: AbstractContactLaw, gap: Gap, entry_speed: Scalar 
 
     **Arguments:** `law`: law of the normal force. `gap`: penetration, m, and its rate, m/s.
     `entry_speed`: m/s; ``None`` for a law that doesn't use it. Pass 0 as long as the onset has not
-    been recorded: the current rate then replaces it, since the two agree at the onset.
+    been recorded: the current rate then replaces it, since at the onset the rate is the entry
+    speed.
 
     >>> law, gap = cj.laws.HuntCrossley(0.8, 1e9), extend.Gap(depth=1e-4, rate=0.1)
     >>> print(f"{extend.contact_normal_force(law, gap, entry_speed=0.1):.1f} N")  # 1000 (1 + 0.3)
@@ -528,9 +545,9 @@ class AbstractLawAround(AbstractContactLaw):
 
 
 class WeightedLaw(AbstractLawAround):
-    """A contact law times a weight, for one of several contacts that share a line contact.
+    """A contact law times a weight, for one of several contacts that together form a line contact.
 
-    The weights of all these contacts add up to 1, as those of a quadrature rule along the line.
+    The weights of the contacts of a line add up to 1, as those of a quadrature rule along it.
 
     - `law`: the law of the whole contact.
     - `weight`: share of the law's force and energy.
@@ -567,8 +584,9 @@ class WeightedLaw(AbstractLawAround):
     def delivered_restitution(self) -> Callable[[], Scalar]:
         """Method of the law that returns the coefficient of restitution of a free impact.
 
-        It is unchanged, because an impact in which force and mass have the same factor has the same
-        motion. It is a property, so that ``hasattr`` tells whether the law has the method.
+        The weight doesn't change the coefficient, because the motion in an impact stays the same if
+        force and mass are multiplied by the same factor. This is a property, so that ``hasattr``
+        tells whether the law has the method.
 
         **Raises:** `AttributeError` if the law has no such method.
         """
@@ -576,10 +594,10 @@ class WeightedLaw(AbstractLawAround):
 
 
 def whole_law(law: AbstractContactLaw) -> AbstractContactLaw:
-    """Return the law inside of any `AbstractLawAround`, and any other law unchanged.
+    """Return the innermost law of nested `AbstractLawAround` laws; any other law unchanged.
 
-    Reports show this law: for a `ClearanceJoint` with `line_points`, or a `LubricatedJoint` with a
-    `transition`, the one that the user gave.
+    Reports show the returned law. For a `ClearanceJoint` with `line_points`, or a `LubricatedJoint`
+    with a `transition`, it is the law that the user gave, not the one derived from it.
     """
     while isinstance(law, AbstractLawAround):
         law = law.law

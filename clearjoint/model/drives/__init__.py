@@ -1,1 +1,1 @@
-"""Drivers (prescribed motions, torques and motors), and functions of time for drives and loads."""
+"""Drives (prescribed motions, torques and motors), and functions of time for drives and loads."""

@@ -1,7 +1,10 @@
-"""Drivers between two bodies: prescribed rotations and translations, torques and motors.
+"""Drives between two bodies: prescribed rotations and translations, torques and motors.
 
-Drivers of a rotation do not hold the axis: add a revolute joint, ideal or with clearance. A row is
-a scalar quantity, such as an angle or the error of a constraint equation, with its derivatives.
+A driver is a drive that prescribes a motion. Drives that act about an axis do not hold the bodies
+on this axis: add a revolute joint, ideal or with clearance.
+
+A row is a scalar quantity, such as an angle or the error of a constraint equation, with its
+derivatives.
 """
 
 import abc
@@ -43,10 +46,11 @@ from .functions_of_time import (
 
 
 class AbstractDrive(AbstractPair):
-    """Base class of elements that act on the angle of a second body about an axis of a first.
+    """Base class of elements that act on the angle of a second body about an axis of a first body.
 
     They either prescribe the angle or apply a torque.
 
+    - `first`, `second`: names of the bodies.
     - `axis`: (3,) in the first body's axes, any length.
     - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
       body's frame to the first body's frame at angle zero.
@@ -74,9 +78,9 @@ class AbstractDrive(AbstractPair):
 
 
 class AbstractDriveAboutAxis(AbstractDrive):
-    """Base class of drives that declares the names of the bodies and the axis as first fields.
+    """Base class of drives whose first fields are the names of the bodies and the axis.
 
-    Subclasses add their own fields, and the orientation, which has a default, last.
+    Subclasses add their own fields and, as the last one, `orientation`, because it has a default.
     """
 
     first: str = eqx.field(static=True)
@@ -87,14 +91,14 @@ class AbstractDriveAboutAxis(AbstractDrive):
 class AbstractRotationDriver(AbstractDrive, AbstractConstraint):
     """Base class of ideal drivers: the second body's angle follows a function of time.
 
-    This is one constraint row, whose Lagrange multiplier is the driving moment in N m, positive if
-    it pushes the second body towards larger angles. `observe(...).reactions[driver]` has it as the
-    moment on each body. The energy ledger of a run lists its work as "supplied". Angles are taken
-    modulo 2 pi, so that the number of revolutions is unlimited.
+    A driver has one constraint row. Its Lagrange multiplier is the driving moment in N m, positive
+    if it pushes the second body towards larger angles. `observe(...).reactions[driver]` contains
+    this moment as it acts on each body. The energy ledger of a run lists the work of the moment as
+    "supplied". Angles are taken modulo 2 pi, so that the number of revolutions is unlimited.
 
-    If the angle has kinks, declare their times as `breakpoints`: velocities jump there by an
-    impulse of the driver. A run ends with `RESULTS.not_followed` if the mechanism can't follow the
-    driver.
+    If the angle has kinks, return their times from the method `breakpoints`: an impulse of the
+    driver makes velocities jump there. A run ends with `RESULTS.not_followed` if the mechanism
+    can't follow the driver.
 
     ```python
     import clearjoint as cj
@@ -166,8 +170,8 @@ class PrescribedRotation(AbstractDriveAboutAxis, AbstractRotationDriver):
 
 
 class AbstractDriveTorque(AbstractDrive, AbstractForce):
-    """Base class of torques on a second body about an axis of a first; the reaction acts on the
-    first body.
+    """Base class of torques on a second body about an axis of a first body, on which the reaction
+    acts.
 
     A subclass defines the torque as a function of angle, speed and time, as this motor does:
 
@@ -215,7 +219,7 @@ class AbstractDriveTorque(AbstractDrive, AbstractForce):
 class DriveTorque(AbstractDriveAboutAxis, AbstractDriveTorque):
     """A torque on the second body about an axis of the first, constant or a function of time.
 
-    For a torque that depends on angle or speed subclass `AbstractDriveTorque`, or use `Motor`.
+    For a torque that depends on angle or speed, subclass `AbstractDriveTorque`, or use `Motor`.
 
     ```python
     import clearjoint as cj
@@ -308,9 +312,10 @@ class PrescribedAngle(AbstractDriveAboutAxis, AbstractRotationDriver):
 class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
     """Prescribes the distance of two points along an axis of the first body as a function of time.
 
-    It doesn't constrain the motion across the axis: add a prismatic or cylindrical joint. The
-    Lagrange multiplier of its one row is the driving force in N, positive if it pushes the second
-    body along the axis. The energy ledger of a run lists its work as "supplied".
+    It constrains neither the motion across the axis nor rotations: add a prismatic or cylindrical
+    joint. The Lagrange multiplier of its one row is the driving force in N, positive if it pushes
+    the second body along the axis. The energy ledger of a run lists the work of this force as
+    "supplied".
 
     **Arguments:**
 
@@ -318,8 +323,8 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
     - `point_first`, `point_second`: the points whose distance is prescribed, (3,) m from the centre
       of mass in body axes.
     - `axis`: (3,) in the first body's axes, any length.
-    - `function`: as for `PrescribedAngle`: the distance in m along the axis from the first body's
-      point to the second's.
+    - `function`: distance in m from the first body's point to the second's along the axis, negative
+      against its direction: a number or a function of time, as for `PrescribedAngle`.
 
     **Raises:** `ValueError` if the bodies are the same, `function` is neither a number nor a
     continuous function of time, or a point or the axis is invalid.
@@ -338,7 +343,7 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
         require_continuous(self.function)
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the row "distance": the distance minus the prescribed distance, m."""
+        """Return one row, "distance": the actual minus the prescribed distance, m."""
         points = self.point_first, unit(self.axis), self.point_second
         distance = point_in_plane(*self._between(motions), *points)
         prescribed = partial(value_at, as_function_of_time(self.function))
@@ -410,8 +415,9 @@ class Motor(AbstractDriveAboutAxis, AbstractDriveTorque):
         torque = self.proportional * error + self.derivative * (target_speed - speed)
         if self.torque_limit is None:
             return torque
-        # The excess over the limit is subtracted, and the shortfall below minus the limit is added.
-        # Ramps make both zero within the limits, and are smooth so that the torque has no kinks.
+        # The excess above the positive limit is subtracted, and the shortfall below the negative
+        # limit is added. Ramps make both zero between the limits; they are smooth, so that the
+        # torque has no kinks.
         width = ROUNDING * self.torque_limit
         excess, shortfall = torque - self.torque_limit, -torque - self.torque_limit
         return torque - ramp(excess, width) + ramp(shortfall, width)

@@ -1,7 +1,7 @@
 """Functions of time for drives and loads, and declarations of the fields that hold them.
 
-A table is a function of time given by values at a row of times. Breakpoints are the times of the
-jumps and kinks of a function.
+A table gives a function of time by its values at some increasing times. Breakpoints are the times
+of the jumps and kinks of a function.
 """
 
 import abc
@@ -54,9 +54,10 @@ class AbstractFunctionOfTime(AbstractConverting):
     def breakpoints(self) -> PyTree:
         """Return the times in s of the function's kinks and jumps; an empty tuple by default.
 
-        The result may be a number, an array, or a tuple of them. Integration steps end at these
-        times. Runs with derivatives raise an error for a function that compares, rounds or clips
-        the time, unless its class defines this method.
+        The result may be a number, an array, or a tuple of numbers and arrays. Integration steps
+        end at these times. Runs that compute derivatives, such as those of `sensitivities`, raise
+        an error for a function that compares, rounds or clips the time, unless its class defines
+        this method.
         """
         return ()
 
@@ -64,8 +65,9 @@ class AbstractFunctionOfTime(AbstractConverting):
 class PlainFunction(AbstractFunctionOfTime):
     """A Python function of the time in s, which becomes part of the compiled program.
 
-    A Python function that is passed to a drive or load is converted to this class. It can't declare
-    breakpoints: subclass `AbstractFunctionOfTime` for a function with jumps or kinks.
+    A Python function that is passed to a drive or load is converted to this class. A Python
+    function can't declare breakpoints: subclass `AbstractFunctionOfTime` for a function with jumps
+    or kinks.
     """
 
     function: Callable[[jax.Array], PyTree] = eqx.field(static=True)
@@ -78,10 +80,12 @@ class PlainFunction(AbstractFunctionOfTime):
 class Polynomial(AbstractFunctionOfTime):
     """A polynomial in time.
 
-    **Arguments:** `coefficients`: (N,), the lowest power first: c_0, c_1, ... of the sum of c_k
-    t^k, in the SI unit of the value over s^k. For example, (0.1, 50.0) is 0.1 + 50 t.
+    **Arguments:** `coefficients`: (N,), at least one, the constant first: c_0, c_1, c_2, ... of the
+    polynomial c_0 + c_1 t + c_2 t^2 + ... The unit of c_k is the SI unit of the value, divided by
+    s^k.
 
-    **Raises:** `ValueError` if the coefficients are not a row of finite numbers.
+    **Raises:** `ValueError` if the coefficients are not a list or one-dimensional array of finite
+    numbers, or are empty.
 
     >>> cj.Polynomial((0.1, 50.0))(2.0).item()  # 0.1 + 50 t
     100.1
@@ -107,10 +111,10 @@ class Polynomial(AbstractFunctionOfTime):
 class AbstractTable(AbstractFunctionOfTime):
     """Base class of functions of time given by a table.
 
-    The table consists of `times`, (N,) s, increasing, and `values`, (N,), or (N, 3) for the
-    components of a force or torque.
+    The table consists of `times`, (N,) s, increasing, at least two, and `values`, (N,), or (N, 3)
+    for the components of a force or torque.
 
-    **Raises:** `ValueError` if the arrays have different lengths or fewer than two rows, a number
+    **Raises:** `ValueError` if there are fewer than two times, an array has another shape, a number
     is not finite, or the times are not increasing.
     """
 
@@ -126,16 +130,18 @@ class Spline(AbstractTable):
 
     Between two times it is the cubic polynomial with the given values and rates at both (Hermite
     interpolation). `Spline.through(times, values)` computes rates for which the second derivative
-    is continuous, and zero at the ends. Outside the table the function continues along its tangent.
+    is continuous, and zero at the ends. Before the first and after the last time, the function
+    continues along its tangent at that time.
 
     **Arguments:**
 
     - `times`: (N,) s, increasing, at least two.
-    - `values`: (N,), or (N, 3) for a force, in the SI unit of the quantity.
-    - `rates`: time derivatives of the values, of the same shape.
+    - `values`: (N,), or (N, 3) for a force or torque vector, in the SI unit of what the function
+      prescribes.
+    - `rates`: time derivatives of the values, of the same shape as `values`.
 
-    **Raises:** `ValueError` if the arrays have different lengths or shapes or fewer than two rows,
-    a number is not finite, or the times are not increasing.
+    **Raises:** `ValueError` if there are fewer than two times, an array has another shape, a number
+    is not finite, or the times are not increasing.
 
     >>> spline = cj.Spline.through([0.0, 1.0, 2.0], [0.0, 1.0, 0.0])
     >>> print(f"{spline(1.0):.1f}, {spline(0.5):.4f}")
@@ -154,10 +160,10 @@ class Spline(AbstractTable):
     def through(times: ArrayLike, values: ArrayLike) -> "Spline":
         """Return the natural cubic spline through a table, from SciPy's `CubicSpline`.
 
-        Its second derivative is continuous, and zero at both ends. The numbers must be known, not
-        traced by JAX.
+        Its second derivative is continuous, and zero at both ends.
 
-        **Arguments:** `times`, `values`: as for `Spline`.
+        **Arguments:** `times`, `values`: as for `Spline`; not traced by JAX, since SciPy can't use
+        traced numbers.
 
         **Raises:** `ValueError` as for `Spline`.
         """
@@ -182,8 +188,8 @@ class Spline(AbstractTable):
     def breakpoints(self) -> PyTree:
         """Return an empty tuple, since integration steps need not end at the times of the table.
 
-        The class defines the method all the same, because runs with derivatives raise an error for
-        a function that searches a table and inherits it.
+        The class defines this method all the same, because runs that compute derivatives raise an
+        error for a function that searches a table and inherits `breakpoints` from the base class.
         """
         return ()
 
@@ -197,7 +203,7 @@ def as_function_of_time(value: FunctionOfTime) -> AbstractFunctionOfTime:
 
     A number becomes a constant `Polynomial`, a Python function a `PlainFunction`.
 
-    **Raises:** `ValueError` if the value is neither a number nor a function.
+    **Raises:** `ValueError` if the value is neither a single finite number nor a function.
     """
     if isinstance(value, AbstractFunctionOfTime):
         return value
@@ -217,7 +223,8 @@ def require_table(times: ArrayLike, values: ArrayLike) -> None:
 
     All numbers must be finite. `values` has the shape (N,), or (N, 3) for vectors.
 
-    **Raises:** `ValueError` that names the argument `times` or `values`.
+    **Raises:** `ValueError` for any other table; the message names the argument `times` or
+    `values`.
     """
     shape = np.shape(times)
     remedy = "pass at least two times, sorted and without duplicates"
@@ -259,9 +266,10 @@ class PiecewiseConstant(AbstractTable):
     **Arguments:**
 
     - `times`: (N,) s, increasing, at least two.
-    - `values`: (N,), or (N, 3) for a force, in the SI unit of the quantity.
+    - `values`: (N,), or (N, 3) for a force or torque vector, in the SI unit of what the function
+      prescribes.
 
-    **Raises:** `ValueError` if the arrays have different lengths or fewer than two rows, a number
+    **Raises:** `ValueError` if there are fewer than two times, an array has another shape, a number
     is not finite, or the times are not increasing.
     """
 
@@ -295,7 +303,8 @@ class PiecewiseLinear(AbstractTable):
     **Arguments:**
 
     - `times`: (N,) s, increasing, at least two.
-    - `values`: (N,), or (N, 3) for a force, in the SI unit of the quantity.
+    - `values`: (N,), or (N, 3) for a force or torque vector, in the SI unit of what the function
+      prescribes.
 
     **Raises:** `ValueError` as for `PiecewiseConstant`.
     """
@@ -303,8 +312,8 @@ class PiecewiseLinear(AbstractTable):
     def __call__(self, t: Scalar) -> Scalar:
         """Return the value at a time in s."""
         times, values = on_device(self.times), on_device(self.values)
-        # The interval that contains t, or the first or last one outside of the table, where the
-        # time is replaced by that of the table's end.
+        # k is the index of the interval that contains t. Before the first time it is the first
+        # interval, after the last time the last one, and t is clipped to the range of the table.
         k = jnp.clip(jnp.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
         inside = jnp.clip(t, times[0], times[-1])
         fraction = (inside - times[k]) / (times[k + 1] - times[k])
@@ -326,8 +335,8 @@ ALTERNATIVES = "a table (PiecewiseConstant, PiecewiseLinear or Spline), or a fun
 def single_in_time(unit: str, **options: PyTree) -> PyTree:
     """Declare a field of an element that holds a number or a function of time.
 
-    `unit` is that of the value, and `options` are further ones of `quantity`, which declares a
-    field with its unit and checks, such as `default`.
+    **Arguments:** `unit`: SI unit of the value. `options`: further arguments of `quantity`, the
+    function that declares a field with its unit and checks; for example `default`.
     """
     return quantity(
         unit, converter=as_single_in_time, check=partial(_require_single, unit), **options
@@ -335,11 +344,13 @@ def single_in_time(unit: str, **options: PyTree) -> PyTree:
 
 
 def triple_in_time(unit: str, **options: PyTree) -> PyTree:
-    """Declare a field of an element that holds a vector, constant or a function of time.
+    """Declare a field of an element that holds a vector, either constant or a function of time.
 
-    It consists of three numbers or functions, or is one function that returns three numbers. `unit`
-    is that of the components, and `options` are further ones of `quantity`, which declares a field
-    with its unit and checks, such as `default`.
+    The field's value is three components, each a number or a function, or one function that returns
+    three numbers.
+
+    **Arguments:** `unit`: SI unit of the components. `options`: further arguments of `quantity`,
+    the function that declares a field with its unit and checks; for example `default`.
     """
     return quantity(
         unit, converter=as_triple_in_time, check=partial(_require_triple, unit), **options
@@ -349,8 +360,8 @@ def triple_in_time(unit: str, **options: PyTree) -> PyTree:
 def as_single_in_time(value: FunctionOfTime) -> SingleInTime:
     """Return the value of a field declared by `single_in_time` in the form in which it is stored.
 
-    A number becomes an array, (), and a Python function an `AbstractFunctionOfTime`. An array of
-    another shape is refused later, when the element is made.
+    A number becomes an array of shape (), and a Python function becomes a `PlainFunction`. An array
+    of another shape is refused later, when the element is made.
 
     **Raises:** `ValueError` if the value consists neither of numbers nor of a function.
     """
@@ -360,9 +371,9 @@ def as_single_in_time(value: FunctionOfTime) -> SingleInTime:
 def as_triple_in_time(value: PyTree) -> PyTree:
     """Return the value of a field declared by `triple_in_time` in the form in which it is stored.
 
-    Three numbers become an array, (3,); three components, of which at least one is a function, a
-    tuple; and a function that returns three numbers an `AbstractFunctionOfTime`. The number of
-    components is checked later, when the element is made.
+    Three numbers become an array of shape (3,). Three components become a tuple if at least one of
+    them is a function. A Python function that returns three numbers becomes a `PlainFunction`. The
+    number of components is checked later, when the element is made.
 
     **Raises:** `ValueError` if a component is neither a number nor a function.
     """
@@ -397,11 +408,12 @@ def vector_at(given: PyTree, t: Scalar) -> Vector:
     **Arguments:** `given`: content of the field: a constant `Vector`, a tuple of three numbers or
     functions of time, or one function that returns three numbers or a `Vector`.
 
-    **Raises:** `ValueError` if a function returns another number of values.
+    **Raises:** `ValueError` if a function in a tuple doesn't return one number, or a function for
+    the whole vector doesn't return three.
     """
     if isinstance(given, Vector):
         return given
-    # Components of their own, of which at least one is a function.
+    # Three separate components, of which at least one is a function.
     if isinstance(given, tuple):
         return Vector(*(value_at(part, t) for part in given))
     # One function of time for all components.

@@ -2,7 +2,7 @@
 
 An element is anything, except gravity, that acts on bodies: a joint, a force or a driver, which
 prescribes a motion. A row is one scalar constraint equation with its derivatives. A wrench is a
-force at a body's centre of mass together with a moment.
+force at a body's centre of mass together with a moment. A spin is an angular velocity in body axes.
 
 User-defined elements subclass `AbstractConstraint`, `AbstractForce` or `AbstractContactJoint`; no
 registration is needed. In the methods that compute forces and constraints, vectors are `Vector`s of
@@ -90,13 +90,13 @@ class AbstractElement(AbstractConverting):
         numbers and arrays, in any order. Infinite times have no effect. The times may be
         parameters: compute them from the element's fields to get derivatives by them.
 
-        Integration steps end at breakpoints, so that each step uses the function on one side only,
-        and derivatives by parameters include the effect of the jump. An undeclared jump of a force
-        costs many short steps, and at an undeclared kink of a driver a run ends with
-        `RESULTS.not_followed`. `sensitivities`, which computes these derivatives, raises an error
-        for a class that inherits this method and compares, rounds or clips a number that depends on
-        time. If its elements are smooth all the same, the class must define the method and return
-        an empty tuple.
+        Integration steps end at breakpoints, so that no step extends across a jump or kink, and
+        derivatives by parameters include the effect of a shift of the breakpoint. An undeclared
+        jump of a force costs many short steps, and at an undeclared kink of a driver a run ends
+        with `RESULTS.not_followed`. `sensitivities`, which computes derivatives by parameters,
+        raises an error for a class that inherits this method and compares, rounds or clips a number
+        that depends on time. If the elements of such a class are smooth in time all the same, let
+        the class define this method and return an empty tuple.
         """
         return ()
 
@@ -110,9 +110,9 @@ class AbstractElement(AbstractConverting):
     def draw(self, pen: AbstractPen) -> None:
         """Draw the element with a pen, whose methods draw symbols at points of bodies.
 
-        Figures are drawn with it. It also serves to guess the positions of the bodies, by bringing
-        together the two points at which each joint is drawn. The default marks each point of
-        `attachments`.
+        Figures are drawn by this method. The points at which it draws joints also serve to guess
+        the positions of the bodies: those for which the two points of each joint coincide. The
+        default draws a marker at each point of `attachments`.
         """
         for _, body, point in self.attachments():
             pen.mark(Marker(body, point))
@@ -329,9 +329,9 @@ class AbstractContactJoint(AbstractElement):
         """Return the friction force on the second body, N in global axes; ``None`` without
         friction.
 
-        For faces with a `face_radius`, its component along the normal, times this radius, acts as a
-        moment about the normal. The contact's `slip` must not be ``None``: the power of the
-        friction in the energy ledger follows from it.
+        If the contact has a `face_radius`, the friction force's component along the normal, times
+        this radius, acts as a moment about the normal. If there is friction, the contact's `slip`
+        must not be ``None``: the energy ledger computes the power of the friction from it.
 
         **Arguments:** `name`: label of the contact. `contact`: its geometry. `normal_force`: N,
         positive if the surfaces push each other apart.
@@ -365,7 +365,8 @@ class AbstractContactJoint(AbstractElement):
         """Return the largest penetration for which the geometry is valid, m, by label of the
         contact; empty by default.
 
-        A run ends when a contact exceeds this depth. A contact without an entry has no limit.
+        A run ends when the penetration of a contact exceeds this value. A contact without an entry
+        has no limit.
         """
         return {}
 
@@ -373,8 +374,8 @@ class AbstractContactJoint(AbstractElement):
         """Return the quantities on which the validity of a contact's law depends, each with its
         value at the penetration `depth` and its valid range; an empty tuple by default.
 
-        After a run that has recorded impacts, a warning is issued if the largest penetration of a
-        contact is outside the range of its law.
+        After a run that has recorded impacts, this method is called with the largest penetration of
+        each contact, and a warning is issued if a quantity is outside its range.
 
         **Arguments:** `name`: label of the contact. `depth`: penetration, m.
         """
@@ -416,9 +417,9 @@ class AbstractContactJoint(AbstractElement):
         default.
 
         The result consists of the name of the moving body, the joint's point on this body, m in its
-        axes, and the joint's point on the ground, m in global axes. Where the position of the body
-        is an integration variable, the small vector from the ground's point to the body's point
-        replaces it. As a difference of large coordinates, this vector would lose digits.
+        axes, and the joint's point on the ground, m in global axes. If the position of the body is
+        an integration variable, it is replaced by the small vector from the ground's point to the
+        body's point. Computed as a difference of large coordinates, this vector would lose digits.
         """
         return None
 
@@ -457,7 +458,8 @@ class AbstractPair(AbstractElement):
     def _between(self, motions: Motions) -> tuple[tuple[str, str], Motion, Motion]:
         """Return the pair of names, and the motions of both bodies.
 
-        Most functions of the module `.constraint_rows` take them as their first three arguments.
+        Most functions of the module `.constraint_rows` take these three values as their first three
+        arguments.
         """
         return self.pair(), motions[self.first], motions[self.second]
 

@@ -37,10 +37,10 @@ Pair = tuple[str, str]
 
 
 def _along(motion: Motion, local: Vector, direction: Vector) -> tuple[Wrench, Scalar]:
-    """Return the Jacobian and the bias of the coordinate of a body's point along a fixed direction.
+    """Return the Jacobian and the bias of a row whose value is a coordinate of a body's point.
 
-    The bias is the centripetal acceleration of the point relative to the centre of mass, m/s^2
-    along the direction.
+    The coordinate is measured along a fixed direction. The bias is the component, m/s^2 along this
+    direction, of the point's centripetal acceleration relative to the centre of mass.
 
     **Arguments:** `local`: the point, m from the centre of mass in body axes; `direction`: a unit
     vector in global axes.
@@ -111,6 +111,8 @@ def perpendicular(
         + second.spin.cross(rate_second).dot(a_in_second)
         + 2.0 * first.direction(rate_first).dot(second.direction(rate_second))
     )
+    # The first body's part of the rate of a . b is (spin x a) . b = spin . (a x b), and likewise
+    # for the second body.
     jacobian = {
         names[0]: Wrench(ZERO, axis_first.cross(b_in_first)),
         names[1]: Wrench(ZERO, axis_second.cross(a_in_second)),
@@ -159,10 +161,10 @@ def turning_angle(
 ) -> Row:
     """Return the angle of a direction of the second body about an axis of the first, as a row.
 
-    The angle is measured from the first of the axis' `transverse_axes`, two unit vectors across it,
-    to the projection of the direction on the plane across the axis. It is the row's value, rad
-    within (-pi, pi], right-handed about the axis. Jacobian and bias are exact even if the direction
-    is not perpendicular to the axis.
+    The row's value is the angle, rad in [-pi, pi], right-handed about the axis. It is measured in
+    the plane perpendicular to the axis, from the first of the axis' `transverse_axes`, two unit
+    vectors in this plane, to the projection of the direction on the plane. Jacobian and bias are
+    exact even if the direction is not perpendicular to the axis.
 
     **Arguments:**
 
@@ -180,8 +182,8 @@ def turning_angle(
     start, quarter = transverse_axes(axis)
     cosine = perpendicular(names, first, second, start, direction)
     sine = perpendicular(names, first, second, quarter, direction)
-    # c and s are the projections across the axis. The angle is atan2(s, c), and its derivatives are
-    # valid for any length of the projected direction.
+    # c and s are the components of the direction along the transverse axes. The angle is
+    # atan2(s, c), and its derivatives are valid for any length of the projected direction.
     c, s = cosine.value, sine.value
     inverse = 1.0 / (c * c + s * s)
     # The angle depends only on orientations, so that its Jacobian has moments but no forces.
@@ -202,6 +204,7 @@ def rate_of(row: Row, motions: Motions) -> Scalar:
 
     The other part, the row's `time_rate`, is due to a prescribed function of time.
     """
+    # `Motion.power` multiplies a wrench, here a part of the Jacobian, by velocity and spin.
     return reduce(add, (motions[name].power(part) for name, part in row.jacobian.items()))
 
 
@@ -210,10 +213,10 @@ def relative_angle_row(
 ) -> Row:
     """Return the angle of the second body relative to the first about a common axis, as a row.
 
-    The row's value is in rad within (-pi, pi], right-handed about the first body's axis. It is zero
-    if the bodies' frames differ by the shortest rotation that makes the two axes parallel. An axis
-    and its opposite count as the same: the second axis is reversed if its scalar product with the
-    first, each in its body's axes, is negative.
+    The row's value is in rad in [-pi, pi], right-handed about the first body's axis. It is zero if
+    the bodies' frames differ by the shortest rotation that makes the two axes parallel. An axis and
+    its opposite count as the same: the second axis is reversed if the scalar product of
+    `axis_first` and `axis_second` is negative.
 
     **Arguments:**
 
@@ -223,9 +226,9 @@ def relative_angle_row(
     """
     a, b = unit(axis_first), unit(axis_second)
     start, _ = transverse_axes(a)
-    # An axis and its opposite define the same joint. With the nearer one, the shortest rotation
-    # between the axes exists. `direction` is `start` in the second body's axes at angle zero: the
-    # formula is this rotation, from a to b, of a vector perpendicular to a.
+    # An axis and its opposite define the same joint. Of b and -b, the one nearer to a is used, so
+    # that the shortest rotation from a to b exists. `direction` is `start`, which is perpendicular
+    # to a, after this rotation: at angle zero, it is `start` in the second body's axes.
     b = b * where(a.dot(b) < 0.0, -1.0, 1.0)
     direction = start - (a + b) * (start.dot(b) / (1.0 + a.dot(b)))
     return turning_angle(names, first, second, a, direction)
@@ -236,7 +239,7 @@ def angle_about(
 ) -> Row:
     """Return the angle of the second body about an axis of the first, as a row.
 
-    The row's value is in rad within (-pi, pi], right-handed about the axis.
+    The row's value is in rad in [-pi, pi], right-handed about the axis.
 
     **Arguments:**
 
@@ -261,7 +264,8 @@ Velocities = tuple[Vector, Vector]
 def _pose_rate(pose: Pose, velocities: Velocities) -> Pose:
     """Return the time derivative of a pose: the velocity, m/s, and the rotation matrix' rate, 1/s.
 
-    The rate is A' = A ~spin, with the matrix ~spin of the cross product.
+    The rate of the rotation matrix A is A ~spin, where ~spin is the matrix of the cross product
+    with the spin. Its rows are the cross products of A's rows with the spin.
     """
     velocity, spin = velocities
     rows = (pose[1].row_x, pose[1].row_y, pose[1].row_z)
@@ -277,8 +281,8 @@ def rows_from_residual(
 ) -> dict[str, Row]:
     """Return constraint rows by label, whose derivatives are found by automatic differentiation.
 
-    With it, a user-defined joint needs only a function of the positions. Hand-written Jacobians and
-    biases are faster.
+    A user-defined joint that calls this function needs to define only the constraint equations, as
+    a function of positions and orientations. Hand-written Jacobians and biases are faster.
 
     **Arguments:**
 
@@ -286,8 +290,9 @@ def rows_from_residual(
     - `labels`: of the rows, in the order of the residual's values.
     - `residual`: function that returns a scalar for each label, zero if the constraint is
       satisfied. Its two arguments are the poses of the first and the second body: a pair of the
-      position, m in global axes, and the rotation matrix from body to global axes. The function
-      must not depend on time, by which it is not differentiated.
+      position of its centre of mass, m in global axes, and the rotation matrix from body to global
+      axes. The function must not depend explicitly on time, because it is differentiated by the
+      poses only.
     - `first`, `second`: motions of the bodies.
 
     **Raises:** `ValueError` if the residual has another number of values than there are labels.
@@ -335,10 +340,11 @@ def _as_arrays(tree: PyTree) -> PyTree:
 
 
 def _unit_velocities() -> list[tuple[Velocities, Velocities]]:
-    """Return the twelve cases in which one velocity or spin component of two bodies is 1.
+    """Return twelve sets of velocities and spins of two bodies, in each of which one component is 1
+    and all others are zero.
 
-    Their order is velocity x, y, z and spin x, y, z of the first body, then of the second. With
-    them, `rows_from_residual` finds the columns of a Jacobian.
+    Their order is velocity x, y, z and spin x, y, z of the first body, then of the second. From
+    them, `rows_from_residual` computes the columns of a Jacobian.
     """
     zero = _as_arrays(ZERO)
     units = [_as_arrays(axis) for axis in (UNIT_X, UNIT_Y, UNIT_Z)]
@@ -377,7 +383,7 @@ def row_following(row: Row, function: Callable[[Scalar], Scalar], t: Scalar) -> 
 
     **Arguments:** `row`: a row whose value is the quantity to prescribe, such as an angle.
     `function`: the prescribed value, in the row's unit, as a function of the time in s; JAX must be
-    able to differentiate it twice. `t`: s.
+    able to differentiate it twice. `t`: time, s.
     """
 
     def rate(t: Scalar) -> Scalar:

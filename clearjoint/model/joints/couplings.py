@@ -1,7 +1,9 @@
 """Ideal joints that couple two rotations, or a rotation and a translation.
 
-They are a mesh of gears, a screw, and a universal joint. For joint coordinates, a motion subspace
-describes the motion that a joint allows one body, the child, relative to the other, the parent.
+They are a mesh of gears, a screw, and a universal joint. A joint is defined by its rows: scalar
+constraint equations with their derivatives. In joint coordinates, a motion subspace replaces the
+rows. It describes the motion that a joint allows one body, the child, relative to the other, the
+parent.
 """
 
 import math
@@ -73,7 +75,7 @@ class GearJoint(AbstractConstraint):
     - `teeth_first`, `teeth_second`: numbers of teeth, whole and positive; for two pulleys, whole
       numbers in the ratio of their radii.
     - `internal`: whether the gears rotate in the same sense; by default they don't.
-    - `offset`: rad, the first gear's angle when the second gear's angle is zero.
+    - `offset`: rad, the first gear's angle when the second gear's angle is zero; zero by default.
     - `orientation_first`, `orientation_second`: (4,) Euler parameters, scalar first, that transform
       components in the gear's frame to the carrier's frame at gear angle zero; parallel frames by
       default.
@@ -151,7 +153,7 @@ class ScrewMotion(AbstractTurning):
         """Return the angle, rad, and its rate, rad/s, for a relative motion of the child.
 
         The orientation gives the angle up to whole revolutions, and the advance along the axis
-        gives their number.
+        gives the number of revolutions.
         """
         angle, rate = self.angle(relative), relative.twist.angular.dot(self.axis)
         angle_by_advance = relative.displacement.dot(self.axis) / self.pitch
@@ -192,9 +194,10 @@ class ScrewJoint(AbstractAxisJoint):
     $$a = \frac{g}{1 + \frac{J}{m} \left(\frac{2 \pi}{l}\right)^2}$$
 
     The equation gives the acceleration a of a nut of mass m and moment of inertia J that descends
-    under gravity g on a vertical screw of lead l. The advance is taken modulo the lead, so that the
-    number of revolutions is unlimited: of all advances that belong to an angle, which differ by the
-    lead, the joint holds the nearest.
+    under gravity g, without friction, on a fixed vertical screw of lead l.
+
+    The advance is taken modulo the lead, so that the number of revolutions is unlimited. The
+    advances that belong to an angle differ by multiples of the lead: the joint holds the nearest.
 
     **Arguments:**
 
@@ -207,8 +210,8 @@ class ScrewJoint(AbstractAxisJoint):
     - `lead`: advance of the second body per revolution, m, positive for a right-handed thread and
       negative for a left-handed one.
 
-    **Raises:** `ValueError` if the bodies are the same, the lead is zero, or a point or axis is
-    invalid.
+    **Raises:** `ValueError` if the bodies are the same, the lead is zero or not finite, or a point
+    or axis is invalid.
 
     >>> axes = (0, 0, 1), (0, 0, 1)
     >>> joint = cj.ScrewJoint("ground", "arm", (0, 0, 0), (0, 0, 0), *axes, lead=5e-3)
@@ -221,16 +224,18 @@ class ScrewJoint(AbstractAxisJoint):
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Return five rows: the position across the axis, the tilts, and the thread.
 
-        "offset 1" and "offset 2" are distances across the axis, m, "tilt 1" and "tilt 2" cosines
-        that are zero for parallel axes, and "thread" is the error of the advance, m.
+        "offset 1" and "offset 2" are the second point's coordinates perpendicular to the first
+        body's axis, m; "tilt 1" and "tilt 2" are cosines that are zero for parallel axes; and
+        "thread" is the error of the advance, m.
         """
         cylindrical = self._point_on_line(motions, self.axis_first) | self._tilts(motions)
         return cylindrical | {"thread": self._thread(motions)}
 
     def _thread(self, motions: Motions) -> Row:
-        """Return the row of the advance along the axis less the lead times the angle over 2 pi, m.
+        """Return the row whose value is the advance along the axis minus lead angle/(2 pi), m.
 
-        Whole multiples of the lead are left out of its value, whose size is at most half the lead.
+        Whole multiples of the lead are left out of this value, so that its absolute value is at
+        most half that of the lead.
         """
         advance = self._in_plane(motions, unit(self.axis_first))
         angle, factor = self.relative_angle(motions), self.lead * (-0.5 / math.pi)
@@ -304,7 +309,7 @@ class UniversalMotion(AbstractMotionAtPoints):
     def encode(self, relative: Relative) -> JointState:
         """Return both angles and their rates, rad/s, for a relative motion of the child.
 
-        The first angle is within (-pi, pi], rad, the second within (-2 pi, 2 pi].
+        The first angle is in [-pi, pi], rad, the second in [-2 pi, 2 pi].
         """
         start, quarter = transverse_axes(self.arm_parent)
         arm = rotation_matrix(relative.orientation) @ self.arm_child
@@ -313,8 +318,8 @@ class UniversalMotion(AbstractMotionAtPoints):
         first = polar_angle(arm.dot(quarter), arm.dot(start))
         reference = composed(rotation_about(self.arm_parent, first), self._reference())
         second = self._about_child(reference).encode(relative)
-        # The relative spin is the sum of the rates times the arms. These are perpendicular, so that
-        # a scalar product with an arm gives its rate.
+        # The relative spin is the sum of the arms, each times the rate of the angle about it. The
+        # arms are perpendicular, so that the scalar product of spin and arm is this rate.
         along, _ = self._parents_arm(second.position)
         rate = relative.twist.angular.dot(along)
         return JointState((first, second.position), (rate, *second.speeds))

@@ -93,14 +93,14 @@ class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
 
     def _same_orientation(self, motions: Motions, orientation: EulerParameters) -> dict[str, Row]:
         """Return the rows "rotation x", "rotation y" and "rotation z", which keep the orientation
-        of the second body relative to the first.
+        of the second body relative to the first constant.
 
         `orientation` are Euler parameters that transform components in the second body's axes to a
-        frame that moves with this body, and that the rows keep parallel to the first body's frame.
-        The value of "rotation x" is the scalar product of the first body's y axis and this frame's
-        z axis; the others follow by cyclic permutation. The values are also zero at a few other
-        orientations, such as after half a revolution about one of the axes. `assemble` and the
-        check of an initial state refuse these.
+        frame F, which moves with the second body. The rows keep F parallel to the first body's
+        frame. The value of "rotation x" is the scalar product of the first body's y axis and the z
+        axis of F; the other values follow by cyclic permutation. The values are also zero at a few
+        other orientations, such as after half a revolution about one of the axes. `assemble` and
+        the check of an initial state refuse these orientations.
         """
         relative = rotation_matrix(orientation)
         # Parallel frames have y perpendicular to z, z to x, and x to y. A small rotation about x
@@ -138,7 +138,7 @@ class AbstractAxisJoint(AbstractPairJoint):
 
     def relative_angle(self, motions: Motions) -> Row:
         """Return a row whose value is the second body's angle about the first's axis, rad in
-        (-pi, pi], right-handed.
+        [-pi, pi], right-handed.
 
         The angle is zero if the bodies' frames differ by the shortest rotation that makes the two
         axes parallel. The row's Jacobian gives the rate of the angle.
@@ -243,6 +243,7 @@ class FixedJoint(AbstractPairJoint):
 
     def motion_subspace(self, parent: str) -> Weld:
         """Return a subspace without motion."""
+        # From the child's axes to the parent's: the inverse if the second body is the parent.
         orientation, _ = self._ordered(parent, self.orientation, conjugate(self.orientation))
         return Weld(*self._points(parent), orientation)
 
@@ -317,7 +318,7 @@ class PrismaticJoint(AbstractPairJoint):
 
     - `first`, `second`: names of the bodies; one may be the ground.
     - `point_first`, `point_second`: a point of each body, (3,) m from the centre of mass in body
-      axes. The second point stays on the line along the axis through the first.
+      axes. The second point stays on the line through the first point along the axis.
     - `axis`: direction of sliding, (3,) in the first body's axes, any length.
     - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
       body's frame to the first body's frame; parallel frames by default.
@@ -341,6 +342,7 @@ class PrismaticJoint(AbstractPairJoint):
 
     def motion_subspace(self, parent: str) -> Slider:
         """Return the subspace of sliding along the axis."""
+        # From the child's axes to the parent's: the inverse if the second body is the parent.
         orientation, _ = self._ordered(parent, self.orientation, conjugate(self.orientation))
         axis = unit(self.axis)
         in_second = rotation_matrix(self.orientation).transposed_times(axis)
@@ -422,7 +424,8 @@ class PointInPlaneJoint(AbstractPairJoint):
 class LineInPlaneJoint(AbstractPairJoint):
     """Keeps a line of the second body in a plane of the first; two constraint rows.
 
-    It models a slider between two walls without clearance, which slides freely along them.
+    It models a slider that slides freely, without clearance, between two walls parallel to the
+    plane.
 
     **Arguments:**
 
@@ -482,8 +485,8 @@ class PlanarMotion(AbstractTurning):
     def encode(self, relative: Relative) -> JointState:
         """Return the joint coordinates of a relative motion of the child.
 
-        The position consists of the two distances, m, and the angle, rad within (-2 pi, 2 pi], and
-        the speeds are their rates.
+        The position consists of the two distances, m, and the angle, rad in [-2 pi, 2 pi], and the
+        speeds are their rates.
         """
         # The vectors of `relative` are in the child's axes, the distances along those of the
         # parent. In the parent's axes the displacement also changes because the child rotates.
@@ -519,6 +522,8 @@ class PlanarMotion(AbstractTurning):
         """
         directions = (self._in_child(axis, position) for axis in ((1.0, 0.0), (0.0, 1.0)))
         apart = self.displacement(position)
+        # While the child rotates at spin = axis, a displacement that is constant in the parent has
+        # the rate -(spin x displacement) in the child's axes.
         rotation = Twist(self.axis, apart.cross(self.axis))
         return (*(Twist(ZERO, direction) for direction in directions), rotation)
 
@@ -532,6 +537,8 @@ class PlanarMotion(AbstractTurning):
         spin = self.axis * speed
         velocity = self._in_child((first, second), state.position)
         apart = self.displacement(state.position)
+        # The twist's linear part is velocity - spin x apart. In the child's axes, velocity has the
+        # rate -(spin x velocity), and apart has the rate of the linear part.
         return Twist(ZERO, spin.cross(spin.cross(apart) - velocity * 2.0))
 
     def without_drift(self, position: Position) -> Position:

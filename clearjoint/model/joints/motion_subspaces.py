@@ -44,9 +44,9 @@ class Twist:
     """Velocity of a child body relative to its parent, in the child's axes.
 
     - `angular`: relative spin, rad/s.
-    - `linear`: rate, m/s, of the components of the vector from the joint's point on the parent to
-      its point on the child. These components are in the child's axes, which rotate: the velocity
-      of the child's point relative to the parent is `linear` + `angular` x vector.
+    - `linear`: rate, m/s, of the components of the displacement d, the vector from the joint's
+      point on the parent to its point on the child. These components are in the child's axes, which
+      rotate: the velocity of the child's point relative to the parent is `linear` + `angular` x d.
 
     >>> twist = extend.Twist(angular=extend.UNIT_Z, linear=extend.ZERO) * 2.0
     >>> twist.angular.z
@@ -72,9 +72,10 @@ class Relative:
 
     - `orientation`: Euler parameters that transform components in the child's axes to the
       parent's.
-    - `displacement`: from the parent's point to the child's, m in the child's axes; its rate in
-      these axes is ``twist.linear``.
-    - `twist`: relative spin, rad/s, and rate of the displacement, m/s, in the child's axes.
+    - `displacement`: vector from the joint's point on the parent to its point on the child, m in
+      the child's axes.
+    - `twist`: relative spin, rad/s, and rate of the displacement's components, m/s, in the child's
+      axes.
 
     >>> still = extend.Twist(extend.ZERO, extend.ZERO)
     >>> relative = extend.Relative(extend.EulerParameters(1.0, 0.0, 0.0, 0.0), extend.UNIT_X, still)
@@ -132,13 +133,14 @@ class AbstractMotionSubspace(eqx.Module):
 
     @abc.abstractmethod
     def columns(self, position: PyTree) -> tuple[Twist, ...]:
-        """Return the relative twist for each speed if it is 1 rad/s or 1 m/s and the others are
-        zero, in the child's axes."""
+        """Return one relative twist for each speed, in the child's axes: the twist if this speed is
+        1 rad/s or 1 m/s and all other speeds are zero."""
 
     def rates(self, state: JointState) -> PyTree:
         """Return the time derivative of the position, with the same structure as the position.
 
-        The default is for a position that consists of one number for each speed.
+        The default returns the speeds as the rates. It suits a position that consists of one number
+        for each speed.
         """
         return jax.tree.unflatten(jax.tree.structure(state.position), state.speeds)
 
@@ -146,7 +148,7 @@ class AbstractMotionSubspace(eqx.Module):
         """Return the position after a small motion along the columns.
 
         It is called to correct positions so that they satisfy the constraints. `changes` are in rad
-        or m, one for each speed. The default adds each to one number of the position.
+        or m, one for each speed. The default adds them to the numbers of the position, in order.
         """
         numbers, structure = jax.tree.flatten(position)
         return jax.tree.unflatten(structure, map(add, numbers, changes))
@@ -170,9 +172,10 @@ class AbstractMotionSubspace(eqx.Module):
         return ZERO
 
     def bias(self, state: JointState) -> Twist:
-        """Return the rate of the relative twist at constant speeds, in the child's axes.
+        """Return the time derivative of the relative twist's components in the child's axes if the
+        speeds are constant.
 
-        Its unit is rad/s^2 and m/s^2. It is zero, the default, if the columns are constant.
+        Its unit is rad/s^2 and m/s^2. The default is zero, which is right for constant columns.
         """
         return REST
 
@@ -231,7 +234,7 @@ class AbstractTurning(AbstractMotionAtPoints):
     reference: EulerParameters
 
     def angle(self, relative: Relative) -> Scalar:
-        """Return the angle of rotation, rad, within (-2 pi, 2 pi].
+        """Return the angle of rotation, rad, within [-2 pi, 2 pi].
 
         The range is two revolutions because Euler parameters depend on half the angle: after one
         revolution they have the opposite sign.
@@ -250,9 +253,10 @@ class AbstractTurning(AbstractMotionAtPoints):
     def rotation(self, position: Scalar) -> Matrix:
         """Return the matrix that transforms the child's components to the parent's.
 
-        It is R (b b^T + cos(angle) (1 - b b^T) + sin(angle) ~b) with the matrix R of `reference`,
-        the axis b, and the matrix ~b of the cross product with b. For an axis along x, y or z, the
-        components of which are exactly 0 or 1 and compiled as such, this form has few products.
+        It is R (b b^T + cos(angle) (I - b b^T) + sin(angle) ~b) with the matrix R of `reference`,
+        the identity I, the axis b, and the matrix ~b of the cross product with b. This form has few
+        products if the axis is along x, y or z: its components are then exactly 0 or 1, and are
+        compiled as constants.
         """
         b, cosine, sine = self.axis, cosine_of(position), sine_of(position)
 
@@ -350,7 +354,8 @@ def aligning(first: Vector, second: Vector) -> EulerParameters:
     """Return Euler parameters of a rotation that turns the second unit vector into the first.
 
     Their norm need not be 1. For equal vectors they are exactly proportional to (1, 0, 0, 0). The
-    rotation exists for opposite vectors too, unlike the shortest rotation.
+    rotation is also defined for opposite vectors, for which the shortest rotation is not unique. In
+    general it is not the shortest one.
     """
     return composed(_from_zeta(first), conjugate(_from_zeta(second)))
 
@@ -359,9 +364,10 @@ def _from_zeta(axis: Vector) -> EulerParameters:
     """Return Euler parameters, not normalised, of a rotation that turns the z axis into a unit
     vector.
 
-    It is the shortest rotation, unless the vector has a negative z component: the shortest rotation
-    is singular for the direction -z. Half a revolution about x then turns the z axis into -z, and
-    the shortest rotation from -z to the vector follows.
+    If the vector's z component is not negative, it is the shortest rotation. That rotation is
+    singular for the direction -z. If the z component is negative, half a revolution about x
+    therefore turns the z axis into -z first, and the shortest rotation from -z to the vector
+    follows.
     """
     forwards = EulerParameters(1.0 + axis.z, -axis.y, axis.x, 0.0)
     shortest = EulerParameters(1.0 - axis.z, axis.y, -axis.x, 0.0)

@@ -1,8 +1,8 @@
-"""Linkages of the Library of Computational Benchmark Problems of IFToMM, for multibody dynamics.
+"""Linkages from IFToMM's Library of Computational Benchmark Problems for multibody dynamics.
 
 Source: M. Gonzalez, D. Dopico, U. Lugris, J. Cuadrado, A benchmarking system for MBS simulation
-software: problem standardization and performance measurement, Multibody System Dynamics 16, 2006;
-further sources are given below.
+software: problem standardization and performance measurement, Multibody System Dynamics 16, 2006.
+Further sources are given with the functions.
 """
 
 import math
@@ -44,7 +44,8 @@ class _Link(NamedTuple):
 BETA, GAMMA = -0.0617138900142764496, 0.455279819163070380
 PHI, DELTA = 0.222668390165885885, 0.487364979543842550
 OMEGA, EPSILON = -0.222668390165885885, 1.23054744454982119
-"""Initial angles of Andrews' mechanism, rad, which close its loops."""
+"""Initial angles of Andrews' mechanism, rad, which close its loops. `andrews_squeezer` says which
+bodies they belong to; a further angle, theta, is zero."""
 PIVOT_A, PIVOT_B, HOOK = (-0.06934, -0.00227), (-0.03635, 0.03273), (0.014, 0.072)
 """Fixed points of Andrews' mechanism: two pivots, and the spring's end on the ground, m."""
 LINKS = {
@@ -80,9 +81,10 @@ def andrews_squeezer() -> tuple[Scene, State]:
 
     Seven bodies move in the XY plane. The crank K1 is hinged to the ground at the origin. A motor
     drives it with a constant torque, from rest. A rod K2 connects the crank to the point P, where
-    three chains meet: K3 from the pivot B, loaded by a spring, and K4 with K5 and K6 with K7 from
-    the pivot A. The crank makes two and a half revolutions in 30 ms. There is no gravity. The
-    joints hold all bodies in the plane, and no constraint is redundant.
+    three chains meet. The first is K3 from the pivot B, loaded by a spring; the others start at the
+    pivot A and consist of K5 and K4, and of K7 and K6. The crank makes two and a half revolutions
+    in 30 ms. There is no gravity. The joints hold all bodies in the plane, and no constraint is
+    redundant.
 
     Source: W. Schiehlen (ed.), Multibody Systems Handbook, 1990, and E. Hairer, G. Wanner, Solving
     Ordinary Differential Equations II, section VII.7. The initial state is that of the Test Set for
@@ -101,7 +103,8 @@ def andrews_squeezer() -> tuple[Scene, State]:
         # The parent's hinge is known; the body's centre follows from its own hinge and angle.
         hinge = centres[link.parent] + _turned(link.hinge_of_parent, parent_angle)
         centres[name] = hinge - _turned(link.hinge, link.angle)
-        # Only the moment about Z matters. The others are those of a flat body, each half of it.
+        # Only the moment about Z matters. The moments about x and y are half of it, as for a flat
+        # body.
         bodies[name] = Body(link.mass, np.array([0.5, 0.5, 1.0]) * link.inertia)
         states[name] = body_state((*centres[name], 0.0), turned_about_z(link.angle))
         joints[f"{link.parent}-{name}"] = RevoluteJoint(
@@ -129,9 +132,10 @@ def _turned(point: Point, angle: float) -> np.ndarray:
 def bricard() -> tuple[Scene, State]:
     """Return Bricard's mechanism, the IFToMM benchmark A04, and its initial state.
 
-    Five rods form a loop with the ground as sixth link. Each is a homogeneous square bar of 1 kg,
-    1 m long and 0.1 m wide. Six revolute joints, each perpendicular to the next, impose 30
-    constraints on 30 velocities. One constraint is redundant, which leaves one degree of freedom.
+    Five rods form a loop with the ground as sixth link. Each rod is a homogeneous square bar of 1
+    kg, 1 m long and 0.1 m wide. Six revolute joints, each with its axis perpendicular to the next,
+    impose 30 constraints on 30 velocities. One constraint is redundant, which leaves one degree of
+    freedom.
     The mechanism starts at rest along the edges of a cube; gravity is 9.81 m/s^2 along -Y.
 
     Source: M. Gonzalez, D. Dopico, U. Lugris, J. Cuadrado, Multibody System Dynamics 16, 2006.
@@ -183,6 +187,7 @@ def double_four_bar() -> tuple[Scene, State]:
     # The moment about the rod's own axis has no effect on the planar motion.
     bodies = {name: Body(1.0, (1e-3, 1.0 / 12, 1.0 / 12)) for name in names}
     joints, states = {}, {}
+    # Each rod lies along its own x axis; a quarter of a revolution about Z makes it upright.
     upright = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
     near, far, axis = (-0.5, 0.0, 0.0), (0.5, 0.0, 0.0), (0.0, 0.0, 1.0)
 

@@ -30,7 +30,8 @@ Motor = AbstractConstraint | AbstractForce
 def steel_law(restitution: Scalar) -> LankaraniNikravesh:
     """Return the contact law of Lankarani and Nikravesh for the steel of Flores et al. 2006.
 
-    `restitution` is the requested ratio of rebound speed to entry speed, 0 to 1.
+    `restitution` is the ratio of rebound speed to entry speed, 0 to 1, that is requested of the
+    law. The ratio that the law delivers is higher, unless 1 is requested.
     """
     return LankaraniNikravesh(restitution=restitution, stiffness=STEEL)
 

@@ -72,9 +72,9 @@ def four_bar(
     - `lengths`: of crank, coupler and rocker, and the distance from the crank's axis to the
       rocker's, m.
     - `masses`: of crank, coupler and rocker, kg.
-    - `angle`, `speed`: of the crank at the start, from the X axis, rad and rad/s. The "rocker pin"
-      is to the left of the line from the crank pin to the rocker foot, in the direction of that
-      line. The state is that of the ideal mechanism, with centred journals.
+    - `angle`, `speed`: of the crank at the start, from the X axis, rad and rad/s. Seen from +Z, the
+      "rocker pin" is on the left when one looks from the crank pin to the rocker foot. The state is
+      that of the ideal mechanism, with centred journals.
     - `motor`: an element that drives "crank" relative to "ground"; none by default.
     - `bearing_radius`, `journal_length`: m, of each pin with clearance.
     - `law`: of each pin with clearance; replaces the default law.
@@ -153,7 +153,7 @@ def _state(lengths: tuple[float, ...], angle: float, speed: float) -> State:
 def _intersection(tip: np.ndarray, foot: np.ndarray, coupler: float, rocker: float) -> np.ndarray:
     """Return the position of the pin of coupler and rocker, (2,) m: an intersection of two circles.
 
-    Of two intersections it is that to the left of the line from `tip` to `foot`.
+    Of the two intersections it is the one to the left of the line from `tip` to `foot`.
 
     **Arguments:** `tip`, `foot`: centres of the circles, the end of the crank and the ground joint
     of the rocker, (2,) m. `coupler`, `rocker`: radii, the lengths of the rods, m.
@@ -195,10 +195,10 @@ def spatial_four_bar(
 
     A crank of 20 mm and 0.1960 kg rotates about the X axis, a rocker of 74 mm and 0.3157 kg about a
     line parallel to Z through (122, -54, 0) mm. The crank's foot is at the origin. A coupler of 122
-    mm and 1.4158 kg connects their ends by ball joints: an ideal one at the crank, and a ball with
-    clearance in a socket of 10 mm radius at the rocker. The coupler rotates freely about its own
-    axis. Moments of inertia are those of round bars of 10 mm radius. Gravity is 9.81 m/s^2 along
-    -Z.
+    mm and 1.4158 kg connects their ends by ball joints: an ideal one at the crank, the "crank
+    ball", and a ball with clearance in a socket of 10 mm radius at the rocker, the "tip". The
+    coupler rotates freely about its own axis. Moments of inertia are those of round bars of 10 mm
+    radius. Gravity is 9.81 m/s^2 along -Z.
 
     Lengths, masses and radii follow P. Flores et al., Dynamics of multibody systems with spherical
     clearance joints, 2006, but were not checked against the publication. The positions of the axes

@@ -23,8 +23,8 @@ DENSITY = 7850.0
 FACE_WIDTH = 20e-3
 """Width of the gears of `gear_pair`, m."""
 MESH_STIFFNESS = 1.8e11
-"""Stiffness K of the mesh, N/m^1.5. At a depth of 5 um the force K depth^1.5 is 2 kN, that of the
-mean stiffness 20 N/(mm um) of ISO 6336-1 for steel on the width of the gears."""
+"""Stiffness K of the mesh, N/m^1.5. At a penetration depth of 5 um the force K depth^1.5 is 2 kN,
+as for steel gears of this width with the mean mesh stiffness of ISO 6336-1, 20 N/(mm um)."""
 
 
 def gear_pair(
@@ -44,10 +44,10 @@ def gear_pair(
     circles and 20 mm width. There is no gravity and no drive: add a drive, such as a `DriveTorque`,
     to the scene's forces.
 
-    The default law has the stiffness 1.8e11 N/m^1.5, whose deflection at 2 kN is that of ISO 6336's
-    mean stiffness of 20 N/(mm um), and an impact without other forces has exactly the given
-    restitution. If the teeth cross the backlash j at a speed v along the line of action, which
-    takes the time j cos(20 degrees)/v, they rebound at the restitution times v.
+    The default law has the stiffness 1.8e11 N/m^1.5. At 2 kN its deflection is that of the mean
+    mesh stiffness of ISO 6336, 20 N/(mm um). An impact without other forces has exactly the given
+    restitution: teeth that cross the backlash j at a speed v along the line of action, in the time
+    j cos(20 degrees)/v, rebound at the restitution times v.
 
     **Arguments:**
 
@@ -110,10 +110,11 @@ def cycloid_stage(
 
     The "shaft" rotates about the Z axis at constant speed, and its eccentric carries the
     "disc", whose L lobes roll in a ring of L + 1 fixed ring pins: the disc rotates -1/L times as
-    fast as the shaft. The meshing of lobes and ring pins is ideal, a `GearJoint`. The "output"
-    rotates about the Z axis too. Its pins, on a circle of `pitch_radius`, are in holes of the disc
-    whose radius is that of the pins plus the eccentricity plus the play. Each of these joints,
-    "pin 1" and so on, is a `ClearanceJoint` with the clearance eccentricity + play.
+    fast as the shaft. The meshing of lobes and ring pins is ideal, a `GearJoint` named "ring". The
+    "output" rotates about the Z axis too. Its pins, on a circle of `pitch_radius`, are in holes of
+    the disc. The radius of a hole is the pin's radius plus the eccentricity plus the play. Each pin
+    and its hole form a joint, "pin 1" and so on: a `ClearanceJoint` with the clearance
+    eccentricity + play.
 
     While the output has the same angle as the disc, all pins are at the distance `play` from the
     walls of their holes. The output may rotate against the disc by an angle of about
@@ -126,15 +127,15 @@ def cycloid_stage(
 
     **Arguments:**
 
-    - `play`: radius of a hole minus that of a pin and the eccentricity, m.
+    - `play`: radius of a hole, less the radius of a pin and less the eccentricity, m.
     - `pins`: number of output pins. `lobes`: number L of lobes of the disc.
     - `eccentricity`, `pitch_radius`, `pin_radius`: m.
     - `speed`, `angle`: of the shaft, rad/s, and rad at the start. The output begins with the angle
       and the speed of the disc.
     - `torque`: on the output about Z, N m.
     - `law`: of the contact of a pin with its hole at each of the pin's two ends; by default Hunt
-      and Crossley's with the exponent 1, a stiffness of 5e8 N/m, half that of a line of 10 mm on
-      steel, and a restitution of 0.8.
+      and Crossley's with the exponent 1, a restitution of 0.8 and a stiffness of 5e8 N/m. Both ends
+      together are about as stiff as a line contact of 10 mm between steel parts.
 
     **Raises:** `ValueError` if a value is outside its range.
 

@@ -18,8 +18,9 @@ from .common import ORIGIN, Y_AXIS, Z_AXIS, planar_state
 CRANK, BASE, LEVER = 0.05, 0.1, 0.25
 """Radius of the crank, height of its axis above the lever's axis, and length of the lever, m."""
 SLOT = 0.13
-"""Length of the slot that is available to the pin's centre, m. Its middle is as far from the
-lever's axis as the crank's axis is. The pin needs 0.1 m of it, twice the radius of the crank."""
+"""Total travel of the pin's centre between the ends of the slot, m. The slot's middle is as far
+from the lever's axis as the crank's axis is. The pin needs 0.1 m of the travel, twice the radius of
+the crank."""
 LINE_STIFFNESS = 1e9
 """Stiffness of the pin on 10 mm of a flat steel wall, N/m, rounded from (pi/4) E* L with the length
 L, where 1/E* is the sum of (1 - nu^2)/E of both materials."""
@@ -38,11 +39,11 @@ def quick_return(
     A crank rotates about the Z axis at constant speed. Its pin, of 5 mm radius, is 50 mm from this
     axis and slides in the slot of a lever of 250 mm. The lever's axis is 100 mm below the crank's,
     with Y as the vertical. The lever's angle from the vertical is atan(r sin a/(d + r cos a)), with
-    the crank's radius r, its angle a from the vertical, and the distance d of the axes. It
-    oscillates by 30 degrees to either side: one stroke takes 240 degrees of the crank, the return
-    stroke 120 degrees, half the time. The crank has 0.1 kg and the lever 0.5 kg; both are slender
-    bars with their centres of mass at half length. There is no gravity. Sizes and masses are an
-    example.
+    the crank's radius r, its angle a from the vertical, and the distance d of the axes. The lever
+    oscillates by 30 degrees to either side. One stroke takes 240 degrees of the crank; the return
+    stroke takes 120 degrees, and so half the time. The crank has 0.1 kg and the lever 0.5 kg; both
+    are slender bars with their centres of mass at half length. There is no gravity. Sizes and
+    masses are an example.
 
     **Arguments:**
 
@@ -50,8 +51,9 @@ def quick_return(
       `law` and `friction` have no effect. The pin doesn't reach the ends of the slot.
     - `speed`, `angle`: of the crank, rad/s, and rad at the start, counter-clockwise from the
       vertical. The state is that of the ideal mechanism, with a centred pin.
-    - `law`: of pin and walls; Hunt and Crossley's for a line of 10 mm on steel, with a restitution
-      of 0.8, by default.
+    - `law`: of pin and walls. By default it is Hunt and Crossley's with the exponent 1, a
+      restitution of 0.8 and a stiffness of 1e9 N/m, about that of a line contact of 10 mm between
+      steel parts.
     - `friction`: of pin and walls; none by default.
 
     **Raises:** `ValueError` if a value is outside its range.

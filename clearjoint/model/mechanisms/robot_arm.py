@@ -46,7 +46,7 @@ class ArmLink:
     inertia: tuple[float, float, float]
 
     def tilt(self) -> EulerParameters:
-        """Return the orientation of the link's frame relative to its parent's at angle zero.
+        """Return the orientation of the link's frame relative to its parent's at joint angle zero.
 
         The Euler parameters transform components in the link's frame to the parent's.
         """
@@ -122,7 +122,7 @@ BASE = LinkFrame(np.zeros(3), EulerParameters(1.0, 0.0, 0.0, 0.0))
 
 
 def frames(links: Sequence[ArmLink], angles: Sequence[float]) -> list[LinkFrame]:
-    """Return the base frame, from which a chain of links starts, and then the frame of each link.
+    """Return a list of frames: `BASE`, from which the chain of links starts, and that of each link.
 
     **Arguments:** `links`: from the base to the end; `angles`: of each link relative to the one
     before, rad.
@@ -227,18 +227,20 @@ def robot_arm(
 ) -> tuple[Scene, State]:
     """Return waist, shoulder and elbow of the PUMA 560 with backlash, and the initial state.
 
-    The links have the parameters published by Corke and Armstrong-Helouvry (ICRA 1994): upper arm
-    and forearm are 0.4318 m long and have 17.4 kg and, with the wrist, 6.05 kg. The wrist is fixed
-    as in the nominal pose (0, 45 deg, 180 deg; 0, 45 deg, 0), where gravity loads the joints with
-    0, 31.6399 and 6.0351 N m (P. Corke, Robotics, Vision and Control). Gravity is 9.81 m/s^2 along
-    -Z, the axis of the first joint.
+    The links have the parameters published by Corke and Armstrong-Helouvry (ICRA 1994). Upper arm
+    and forearm are each 0.4318 m long; the upper arm has 17.4 kg, and the forearm with the wrist
+    6.05 kg. In the nominal pose the angles of the arm are 0, 45 and 180 degrees, and those of the
+    wrist, which is fixed, 0, 45 and 0 degrees. In this pose gravity loads the joints with 0,
+    31.6399 and 6.0351 N m (P. Corke, Robotics, Vision and Control). Gravity is 9.81 m/s^2 along -Z;
+    the first joint's axis is Z.
 
     Each motor ("motor 1" to "motor 3", `PrescribedRotation`) prescribes the angle of the flange at
     the output of its gearbox ("flange 1" to "flange 3", 1 g). The backlash ("play 1" to "play 3")
     is between flange and link. Its angle and its contacts, which have a stiffness of 1e9 N/m^1.5
-    and are 50 mm from the axis, are our choice. The flanges have hinges "bearing 1" to
-    "bearing 3", and the links "joint 1" to "joint 3"; the angle of the latter, which the quantity
-    `JointAngle` gives, is that of Denavit and Hartenberg.
+    and are 50 mm from the axis, are our choice. Revolute joints connect flanges and links with the
+    preceding link, or the first ones with the ground: "bearing 1" to "bearing 3" the flanges, and
+    "joint 1" to "joint 3" the links.
+    The quantity `JointAngle` of "joint 1" to "joint 3" is the angle of Denavit and Hartenberg.
 
     **Arguments:**
 

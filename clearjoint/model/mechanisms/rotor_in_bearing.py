@@ -39,15 +39,16 @@ def rotor_in_bearing(
     0.1 kg m^2 about its axis; `mass` doesn't change these moments. The bearing is in the disc's
     middle plane, and an ideal constraint holds the rotor axially. With the film `CaponeFilm(0.02)`,
     for example, whose viscosity is 0.02 Pa s, the journal rises to its equilibrium position. The
-    equilibrium is stable up to about 1220 rad/s; above, the journal whirls at half the speed.
+    equilibrium is stable up to about 1220 rad/s; above, the journal whirls at half the rotor's
+    speed.
 
     **Arguments:**
 
     - `clearance`: radial, m. `bearing_radius`, `journal_length`: m. `mass`: kg.
     - `film`: an `AbstractFilm`; by default none, for a dry bearing.
     - `speed`: of the rotor, rad/s.
-    - `offset`: initial position of the journal along X and Y, over the clearance; by default it
-      touches the wall at the lowest point.
+    - `offset`: initial position of the journal along X and Y, divided by the clearance; by default
+      the journal touches the wall at the lowest point.
     - `restitution`: ratio of rebound speed to entry speed, 0 to 1, requested of the default law,
       which is that of Lankarani and Nikravesh.
     - `law`: of the contact with the wall; replaces the default law.

@@ -127,8 +127,8 @@ def _slider_crank_state(speed: Scalar, angle: float) -> State:
     tip = CRANK_LENGTH * np.array([math.cos(angle), math.sin(angle)])
     rod_angle = -math.asin(tip[1] / ROD_LENGTH)
     rod = ROD_LENGTH * np.array([math.cos(rod_angle), math.sin(rod_angle)])
-    # Rates are derivatives by the crank's angle, to be multiplied by its speed. That of the rod's
-    # angle keeps the height of its far end, tip + rod, at zero.
+    # Rates are derivatives by the crank's angle, to be multiplied by the crank's speed. The rate of
+    # the rod's angle follows from the rod's far end, tip + rod, whose height stays zero.
     rod_rate = -tip[0] / rod[0]
     tip_rate = np.array([-tip[1], tip[0]])
     rod_centre_rate = tip_rate + 0.5 * rod_rate * np.array([-rod[1], rod[0]])
@@ -146,10 +146,10 @@ CRANK, ROD = 0.153, 0.306
 HALF_LENGTH, HALF_HEIGHT = 0.05, 0.025
 """Half the length and half the height of the slider of `guided_slider_crank`, m."""
 GUIDE_STIFFNESS = 1e9
-"""Stiffness of a corner of this slider on a wall, N/m^1.5. It is our choice, since the contacts of
-the publication are rigid."""
+"""Stiffness of a corner of the slider of `guided_slider_crank` on a wall, N/m^1.5. It is our
+choice, since the contacts of the publication are rigid."""
 FRICTION = RegularisedCoulomb(0.01)
-"""Friction in the guide of this slider, with the coefficient of the publication."""
+"""Friction in the guide of `guided_slider_crank`, with the coefficient of the publication."""
 
 
 def guided_slider_crank(
@@ -165,10 +165,11 @@ def guided_slider_crank(
 
     A crank of 153 mm, 0.038 kg and 7.4e-5 kg m^2 rotates freely about the Z axis. A rod of 306 mm,
     0.038 kg and 5.9e-4 kg m^2 drives a slider of 100 by 50 mm, 0.076 kg and 2.7e-6 kg m^2 along
-    X, between walls with 1 mm clearance above and below. Centres of mass are at half length, the
-    pin is in the slider's middle, and gravity is 9.81 m/s^2 along -Y. The other moments of inertia
-    don't affect the planar motion. The mechanism starts in a straight line with the slider farthest
-    out, in the motion of an ideal guide.
+    X, between walls with 1 mm clearance above and below by default. Centres of mass are at half
+    length, the pin is in the slider's middle, and gravity is 9.81 m/s^2 along -Y. The moments of
+    inertia are about Z; the others don't affect the planar motion. There is no motor. The mechanism
+    starts in a straight line with the slider farthest out, with the velocities of the ideal
+    mechanism.
 
     Source: P. Flores, R. Leine, C. Glocker, Multibody System Dynamics 23, 2010.
 
@@ -206,12 +207,13 @@ def guided_slider_crank(
             journal_length=20e-3,
             law=steel_law(0.9) if pin_law is None else pin_law,
         )
-        # Unlike an ideal pin, it leaves the slider free to move along Z and to tilt about X and Y.
+        # Unlike an ideal pin, a pin with clearance leaves the slider free to move along Z and to
+        # tilt about X and Y.
         edge = (0.0, HALF_HEIGHT, 0.0)
         joints["plane along"] = LineInPlaneJoint(GROUND, "slider", ORIGIN, ORIGIN, Z_AXIS, X_AXIS)
         joints["plane across"] = PointInPlaneJoint(GROUND, "slider", ORIGIN, edge, Z_AXIS)
-    # The ideal guide has two rows, for the height along Y and the rotation about Z. Those of a
-    # prismatic joint would repeat the constraints that hold the slider in the plane.
+    # The ideal guide has two rows, for the height along Y and the rotation about Z. A prismatic
+    # joint has five, three of which would repeat the constraints that hold the slider in the plane.
     if clearance is None:
         joints["guide"] = LineInPlaneJoint(GROUND, "slider", ORIGIN, ORIGIN, Y_AXIS, X_AXIS)
     else:

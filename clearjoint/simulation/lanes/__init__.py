@@ -1,2 +1,3 @@
-"""Computation of the runs of a sweep (lanes) side by side: steps and recorded data of a lane, and
-the scheduler that distributes lanes to compiled loops."""
+"""Computation of the runs of a sweep side by side. Each run is a lane. The modules contain the
+steps and recorded data of a lane, a loop over lanes, and the scheduler that distributes lanes to
+compiled loops."""

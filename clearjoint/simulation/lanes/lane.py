@@ -2,9 +2,10 @@
 lanes.
 
 The functions of this module compute one lane in scalar arithmetic, without loops. One iteration of
-the loop over many lanes side by side is called a turn; the loop is in `clearjoint.native.lanes` and
-`.xla_lanes`. A lane that needs something from Python, such as an empty buffer, waits: it stays
-unchanged in further turns until Python (the host) has served it.
+the loop over many lanes side by side is called a turn. The loop exists twice: as machine code in
+`clearjoint.native.lanes`, and for XLA in the module `xla_lanes` of this package. A lane
+that needs something from Python, such as an empty buffer, waits: it stays unchanged in further
+turns until Python (the host) has served it.
 
 A recorder collects the data of one output during a run; the data are called its record. A log is a
 table that a lane writes: the crossings of a Poincaré section, the impacts of a contact, or the
@@ -44,8 +45,8 @@ from ..step.types import Integers, Numbers
 
 T = TypeVar("T")
 WINDOW = ROWS + 1
-"""Number of times to save at in a `LaneRequest`. It is one more than a buffer has rows, so that
-a lane with a full buffer still knows whether more states are to be saved."""
+"""Length of the array of save times in a `LaneRequest`. It is one more than a buffer has rows, so
+that a lane with a full buffer still knows whether more states are to be saved."""
 
 
 class Plan(eqx.Module):
@@ -195,7 +196,8 @@ def begin_lane(
     row = Snapshot(step.t, step.y, step.entry_speeds)
     saved = RowBuffer.like(row, ROWS) if plan.saves else None
     lane = Lane(plan.loop(system, request).start(step), saved)
-    # The loop over lanes returns the lane without weak types. Its input needs equal types.
+    # The loop over lanes returns lanes whose leaves have no weak types. The lanes that it gets must
+    # have the same types, so weak types are removed here.
     return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)), lane)
 
 

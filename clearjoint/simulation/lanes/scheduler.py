@@ -53,8 +53,8 @@ from .lane import (
 from .xla_lanes import XlaFunction, XlaLaneLoop, zeros_like
 
 PERIOD = 0.2
-"""Largest time, s, between two reports of progress and of lanes that have ended. It is short enough
-for a progress bar that moves evenly."""
+"""Longest time, s, for which a batch waits before it reports its progress, and the lanes that have
+ended since the last report. It is short enough for a progress bar that moves evenly."""
 KNOWN_SHARE = 0.01
 """Share of all work that must be done before the time left is estimated, since an estimate from
 less would not be reliable."""
@@ -133,11 +133,11 @@ class Batch:
         self._made: _Programs | None = None
 
     def with_tasks(self, tasks: Task) -> "Batch":
-        """Return a batch of other lanes, which uses the compiled programs of this one if this one
-        has run.
+        """Return a batch of other lanes. If this batch has run, the new one uses its compiled
+        programs.
 
-        **Arguments:** `tasks`: data of any number of lanes, whose arrays have the shapes of this
-        batch's arrays apart from their first axis.
+        **Arguments:** `tasks`: data of any number of lanes. Apart from the first axis, its arrays
+        must have the shapes of this batch's arrays.
         """
         other = Batch(self.common, tasks, self._threads)
         other._made = self._made
@@ -165,8 +165,8 @@ class Batch:
         the progress several times a second. Both are called in the thread that calls `run`.
 
         **Raises:** `KeyboardInterrupt` after Ctrl-C, when all threads have stopped and `on_ended`
-        has received all lanes that had ended; a second Ctrl-C raises it without waiting for these
-        lanes. Also the error of a thread or a callback, after which the other threads stop.
+        has received all lanes that had ended. After a second Ctrl-C, some of these lanes may be
+        missing. An error in a thread or a callback stops all threads and is raised.
         """
         if not lanes:
             return
@@ -271,8 +271,8 @@ class _Programs:
 
 
 def _shifted(cells: PyTree, by: int) -> PyTree:
-    """Return a PyTree of indices of cells with `by` added to each index: in a column, these cells
-    begin at the index `by`."""
+    """Return the PyTree `cells` of indices of cells, with `by` added to each index. The indices
+    then count from the start of a column, in which the data begin at the cell `by`."""
     return jax.tree.map(lambda cell: cell + by if eqx.is_array(cell) else cell, cells)
 
 
@@ -293,9 +293,9 @@ class _LaneSlot:
 
 
 _Record: TypeAlias = tuple[int, np.ndarray, dict[str, tuple[np.ndarray, int]]]
-"""A lane that has ended: its number, the cells of its outcome, (cells,), and for each log the cells
-of its result columns, (blocks, cells), one row for each block of recorded rows, with the number of
-recorded rows."""
+"""A lane that has ended: its number, the cells of its outcome, (cells,), and a pair for each log.
+The pair has the cells of the log's result columns, (blocks, cells), where a block is up to
+`BLOCK_ROWS` recorded rows, and the number of recorded rows."""
 
 
 @dataclass
@@ -461,8 +461,8 @@ class _Group:
         **Arguments:** `name`: name of the log; `rows`: recorded rows, in arrays (n, numbers);
         `task`: (cells,), data of the lane.
 
-        **Returns:** the cells of the columns, (blocks, cells) with one row for each block of
-        recorded rows, and the number of recorded rows.
+        **Returns:** the cells of the columns, (blocks, cells), and the number of recorded rows. A
+        block is the number of recorded rows that are converted at once.
         """
         rows_a_block, numbers = self._programs.blocks[name]
         count = sum(map(len, rows))
@@ -485,11 +485,13 @@ def _deliver(
 
     The callbacks are called every `PERIOD` seconds, and as soon as a group has ended.
 
-    **Arguments:** `on_ended`: receives lanes that have ended since its last call; it is not called
-    without such lanes; `on_progress`: receives the progress of the running lanes; `stopped`:
-    returns whether the user has interrupted the batch, in which case all groups stop.
+    **Arguments:** `shared`, `groups`: the groups of the batch, and the state that they share;
+    `on_ended`: receives lanes that have ended since its last call, and is not called if there are
+    none; `on_progress`: receives the progress of the running lanes; `stopped`: returns whether the
+    user has interrupted the batch, in which case all groups stop.
 
-    **Raises:** the error of a group, after its finished lanes have been passed on.
+    **Raises:** the error of a group or of a callback. Lanes that ended shortly before the error may
+    then not have been passed on.
     """
     groups_run = True
     while groups_run:
@@ -560,9 +562,9 @@ def _columns(
     """Return the columns of a log in the results of a sweep: by name, an array (R,) for R recorded
     rows.
 
-    **Arguments:** `shared`: data of all lanes, name of the log, and a record of it, of which only
-    the structure and the shapes are used; `task`: data of the lane that wrote the rows; `rows`: (R,
-    n), the rows, each a record as a flat array of its n numbers.
+    **Arguments:** `shared`: data of all lanes, name of the log, and an example of its records, of
+    which only the structure and the shapes are used; `task`: data of the lane that wrote the rows;
+    `rows`: (R, n), where each row is one record as a flat array of its n numbers.
     """
     common, name, example = shared
     leaves, structure = jax.tree.flatten(example)
@@ -588,8 +590,12 @@ _LOOPS_LOCK = threading.Lock()
 
 
 def _native_loop(common: Common, own: tuple[Task, LaneRequest], lane: Lane) -> LaneLoop:
-    """Return the loop for lanes with the structure, shapes and types of the arguments. It is
-    compiled unless the process has made it before."""
+    """Return the loop for lanes with the structure, shapes and types of the arguments. If the
+    process has not made this loop before, it is loaded from disk, or compiled if it is not there.
+
+    **Arguments:** `common`: data that all lanes share; `own`: task and request of one lane; `lane`:
+    state of one lane.
+    """
     trees = common, own, lane
     leaves, structure = jax.tree.flatten(trees)
     # A loop is compiled for shapes and types of arrays, but for values of static leaves.

@@ -2,9 +2,10 @@
 `clearjoint.native` cannot make machine code.
 
 A lane is one run of a sweep, and a turn is one iteration of the loop, in which each lane that does
-not wait for Python tries one step. All programs compute a fixed number of lanes, so that the
-rounding in a lane does not depend on the number of other lanes. Between two calls of the loop, the
-data of lanes are in memory that is divided into cells of 8 bytes, one column of cells for each
+not wait for Python tries one step. A lane waits for Python if it has ended, or if a buffer of its
+results must be emptied before the next step. All programs compute a fixed number of lanes, so that
+the rounding in a lane does not depend on the number of other lanes. Between two calls of the loop,
+the data of lanes are in memory that is divided into cells of 8 bytes, one column of cells for each
 lane.
 """
 
@@ -43,11 +44,11 @@ class XlaLaneLoop(AbstractLaneLoop):
 
     **Arguments:**
 
-    - `turn`: function (shared, own, state) that returns the state of a lane after a turn. It must
-      return the state of a lane that waits for Python unchanged, because other lanes may take
-      further turns.
+    - `turn`: function (shared, own, state) that returns the state of a lane after a turn. If the
+      lane waits for Python, the function must return an equal state, because the turns of other
+      lanes may go on.
     - `status`: function (shared, own, state) that returns scalars by name, among them "moves",
-      which is false if the lane waits for Python, for instance to empty a buffer of results.
+      which is false if the lane waits for Python.
     - `shared`: data of all lanes, a PyTree of arrays.
     - `own`, `state`: examples of the constant data and of the state of one lane, as PyTrees of
       arrays, for their structures and shapes.
@@ -188,8 +189,8 @@ def _turns(
 
 
 _TURNS_IN_ONE_FUNCTION = Compiled(in_one_function(_turns))
-# With its fusion emitters, XLA (jaxlib 0.10.2) ends the process while it compiles a loop that saves
-# states at given times.
+# XLA (jaxlib 0.10.2) crashes while it compiles a loop that saves states at given times, unless its
+# fusion emitters are switched off.
 _TURNS = Compiled(_turns, xla_cpu_use_fusion_emitters=False)
 
 

@@ -11,9 +11,9 @@ problems with bound constraints, 1991). A sweep of projected Gauss-Seidel finds 
 bounds. Newton steps then minimise the energy over the other rows. A step that would cross a bound
 ends there, and the next one leaves out the row that has met it; a full step reaches the minimum.
 Neither part raises the energy, so the iteration cannot cycle. It ends with a solution that is exact
-up to rounding, mostly after one or two iterations. This is so even if the two ends of a journal,
-each of which has a contact, are close together, where Gauss-Seidel alone takes thousands of sweeps,
-and for linearly dependent rows, such as the axial slips of both ends.
+up to rounding, mostly after one or two iterations. This holds for linearly dependent rows too, such
+as the axial slips at both ends of a journal, and for a journal whose ends, with a contact each, are
+close together. Gauss-Seidel alone would take thousands of sweeps for such a journal.
 """
 
 from collections.abc import Sequence
@@ -88,6 +88,9 @@ class BoxProblem:
         return [self._matrix[max(i, j)][min(i, j)] for j in range(len(self._matrix))]
 
     def _clipped(self, i: int, x: Scalar, velocity: Scalar) -> Scalar:
+        """Return the impulse of row i, N s, that satisfies the row's conditions while all other
+        impulses stay. Before this change, the row has the impulse x, N s, and the `velocity`, m/s.
+        """
         return jnp.clip(x - velocity / self._diagonal[i], *self._bounds[i])
 
     def _swept(self, x: Impulses, start: Sequence[Scalar]) -> Impulses:
@@ -99,12 +102,12 @@ class BoxProblem:
         return swept
 
     def _least_inside(self, x: Impulses, start: Sequence[Scalar]) -> Impulses:
-        """Return the impulses after Newton steps from x, which minimise the energy over the free
-        rows.
+        """Return the impulses, N s, that minimise the energy over the free rows, found by Newton
+        steps from x. The other rows keep their impulses.
 
         A row is free unless its impulse is at a bound and its velocity has the sign that the
-        conditions demand there. If a step ends where a row meets a bound, a further step follows
-        without this row.
+        conditions demand there. If a step ends where a row meets a bound, the row is no longer
+        free, and a further step follows.
 
         **Arguments:** `x`: impulses, N s; `start`: velocities without impulses, m/s.
         """
@@ -122,9 +125,10 @@ class BoxProblem:
         ) -> tuple[Impulses, Sequence[Condition], Condition]:
             x, free, _ = now
             change = self._to_least(x, free, start)
-            # Go along the change until the first row meets a bound. That row is then fixed: the
-            # impulses of dependent rows can move far without a change of velocities, and without
-            # fixing them every later iteration would be cut short at once.
+            # Go along the change until the first row meets a bound, and fix this row. If it were
+            # still free, the next step could demand to cross the bound again, and would end at
+            # once: the impulses of linearly dependent rows can move far without a change of the
+            # velocities.
             shares = self._shares(x, change)
             share = reduce(jnp.minimum, shares)
             meets = [(one <= share) & (one < 1.0) for one in shares]
@@ -171,6 +175,8 @@ class BoxProblem:
         return [add(a, b) for a, b in zip(product(self._matrix, x), start, strict=True)]
 
     def _residual(self, x: Impulses, start: Sequence[Scalar]) -> Scalar:
+        """Return the largest violation of the conditions by the impulses x, m/s: the change of a
+        row's impulse that would satisfy its conditions, times the diagonal element of W."""
         rows = enumerate(zip(x, self._velocities(x, start), strict=True))
         return largest([(a - self._clipped(i, a, y)) * self._diagonal[i] for i, (a, y) in rows])
 

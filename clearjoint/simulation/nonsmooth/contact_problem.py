@@ -45,8 +45,8 @@ FAST = 1e3
 above the speeds below which friction laws are regularised."""
 
 LEAST_FACTOR, LARGEST_FACTOR = 0.1, 1e4
-"""Bounds of the factor by which a change of the tangential impulses is extrapolated, against
-factors that are negative or without limit where two changes are nearly equal."""
+"""Bounds of the factor by which a change of the tangential impulses is extrapolated. Without them,
+the factor could be negative, or arbitrarily large if two successive changes are nearly equal."""
 
 
 class Alternation(NamedTuple):
@@ -174,18 +174,20 @@ class ContactProblem:
 
     **Arguments:** `system`: the system, whose ideal joints constrain the changes; `mechanics`:
     masses and Jacobians of the system at the positions in the middle of the step; `contacts`: all
-    contacts there, at least one; `t`: s, the middle of the step.
+    contacts at these positions, open or closed, at least one; `t`: s, the time in the middle of the
+    step.
 
-    `rows`: the directions of the contacts: the normal of each contact, then both slip directions of
-    each contact with friction. All lists of velocities and impulses have this order.
+    The attribute `rows` has the directions of the contacts: the normal of each contact, then both
+    slip directions of each contact with friction. All lists of velocities and impulses have this
+    order.
     """
 
     def __init__(
         self, system: System, mechanics: AbstractMechanics, contacts: Sequence[Touch], t: Scalar
     ):
-        # Rows are the constraint equations of ideal joints. If they are redundant, the joints' own
-        # impulses are those of least norm. The weights give all rows the same unit, since this norm
-        # would otherwise add N s to N m s.
+        # These rows are not the contacts' directions, `self.rows`, but the constraint equations of
+        # ideal joints. If they are redundant, the joints' own impulses are those of least norm. The
+        # weights give all rows the same unit, since this norm would otherwise add N s to N m s.
         rows = flattened(system.rows(mechanics.motions, t))
         projected = [mechanics.projected(row.jacobian) for row in rows]
         formulation = system.formulation
@@ -235,8 +237,8 @@ class ContactProblem:
     ) -> list[Scalar]:
         """Return the velocities along some rows, m/s, after impulses at the contacts.
 
-        **Arguments:** `velocities`: m/s, before the impulses; `impulses`: N s; `rows`, `columns`:
-        indices in `self.rows` of the rows of the velocities and of the impulses.
+        **Arguments:** `velocities`: m/s, before the impulses, along the directions with the indices
+        `rows` in `self.rows`; `impulses`: N s, along the directions with the indices `columns`.
         """
         return [
             add(velocity, inner([self._entry(i, j) for j in columns], impulses))
@@ -270,9 +272,10 @@ class ContactProblem:
         """Return the impulses at the closed contacts along all `rows` in N s, and the relative
         residual.
 
-        The residual is the largest violation of the contact conditions, relative to the largest
-        velocity that the impulses have to change. It is above `TOLERANCE` if the alternation did
-        not converge.
+        The residual is the largest violation of the contact conditions. Each violation is relative
+        to the largest velocity at closed contacts that the impulses have to change, in the problem
+        (of the normals, of friction, or of both together) whose conditions are violated. The
+        residual is above `TOLERANCE` if the alternation did not converge.
 
         **Arguments:** `closed`, `aims`: as for `normal_impulses`; `slips`: m/s, velocities along
         the slip directions without impulses.

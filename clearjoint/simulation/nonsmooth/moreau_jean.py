@@ -14,9 +14,10 @@ has second order. Ideal joints are kept by constraints on accelerations, as in `
 force acts, the velocity of a contact after an impact is exactly the restitution times its approach
 velocity, for any step length.
 
-A closed contact may stay penetrated by its approach in half a step. If at its velocity after the
-impact the contact would still be penetrated at the end of the next step, the positions are
-projected out of the wall, in the metric of the masses (V. Acary, Projected event-capturing
+The impulse stops the approach of a contact, but not the penetration that it has in the middle of
+the step, which is at most the approach in half a step. If, at its velocity after the impact, the
+contact would still be penetrated at the end of the next step, the positions are projected out of
+the wall, in the metric of the masses (V. Acary, Projected event-capturing
 time-stepping schemes, 2013).
 """
 
@@ -111,8 +112,9 @@ def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> S
             for touch, velocity, opening in zip(contacts, unloaded, before, strict=False)
         ]
         impulses, residual = problem.impulses(closed, aims, unloaded[len(contacts) :])
-        # The impulses change the speeds; a further push, on the positions alone, ends penetrations.
-        # A sink is the velocity towards the wall that forces without contact would add in the step.
+        # The impulses change the speeds. A further change, `push`, moves only the positions, out of
+        # penetrations. A sink is the velocity towards the wall that all forces but those of the
+        # contacts add in the step.
         rows = range(len(problem.rows))
         after = problem.velocities_after(unloaded, impulses, rows, rows)
         steps = _contact_steps(contacts, impulses, before, after)
@@ -137,8 +139,8 @@ def _smooth_step(
     **Returns:** two sets of variables, both with the positions in the middle of the step: the first
     with the speeds at the start of the step, the second with the speeds at its end.
     """
-    # The predictor has the speeds of the middle, with which forces that depend on speeds have
-    # second order.
+    # `predicted` has estimated speeds in the middle of the step. Evaluated at these, forces that
+    # depend on speeds are integrated to second order.
     half = 0.5 * h
     middle = _displaced(rigid.system, variables, _smooth_rates(rigid, variables, t), half)
     predicted = _accelerated(rigid.system, middle, _smooth_rates(rigid, middle, middle_time), half)
@@ -181,7 +183,8 @@ def _projection(
     for touch, shut, velocity, sink in rows:
         # Gaps are divided by h, so that they are velocities: `left` in the middle of this step,
         # `left + velocity / 2` at its end, and `left + 3 / 2 velocity` at the end of the next one.
-        # A penetration by half of `sink` times h is left, or rounding would open a contact at rest.
+        # All are larger than the true gaps by `sink / 2`, so that a contact at rest stays slightly
+        # penetrated. If it were pushed to a gap of exactly zero, rounding could open it.
         left = touch.gap / h + 0.5 * sink
         # Only contacts that would be penetrated at the end of the next step too are pushed.
         stays.append(shut & (left + 1.5 * velocity < 0.0))

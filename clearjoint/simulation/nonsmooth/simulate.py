@@ -40,12 +40,12 @@ from .contact_problem import require_restitution, restitutions
 from .moreau_jean import SOLVED, ContactStep, Rigid, advance
 
 DRIVER_TOLERANCE = 1e-5
-"""Tolerance within which a driver, a constraint that prescribes a motion as a function of time,
-must be smooth over a step. It is the largest difference between the change of the driver's rate and
-the integral of its second time derivative, relative to the driver's speed in the step, and between
-the change of its value and the integral of its rate, relative to the speed times the step's length.
-For a smooth driver, the integrals have far smaller errors. A larger difference means that the
-driver has a kink or jump inside the step, which the step does not follow."""
+"""Tolerance of the check that a driver, a constraint that prescribes a motion as a function of
+time, is smooth over a step. Two differences are compared with it. One is between the change of the
+driver's rate and the integral of its second time derivative, relative to the driver's speed in the
+step. The other is between the change of its value and the integral of its rate, relative to this
+speed times the step's length. For a smooth driver, both are far smaller. A larger one means that
+the driver has a kink or jump inside the step, which the step does not follow."""
 
 
 class RigidRun(eqx.Module):
@@ -54,8 +54,8 @@ class RigidRun(eqx.Module):
     - `t`: s; `variables`: the variables of the motion at t.
     - `touching[joint][contact]`: whether the contact had an impulse in the last step.
     - `totals[joint][contact]`: sums and extreme values since the start of the run.
-    - `residual`: largest relative residual of the contact problem in any step.
-    - `result`: the result code so far; `steps`: number of steps, without one that failed.
+    - `residual`: largest relative residual of the contact problem in any step that did not fail.
+    - `result`: the result code so far; `steps`: number of steps that did not fail.
     """
 
     t: Scalar
@@ -139,8 +139,8 @@ def _with_breakpoints(
         return stops, None
     # A breakpoint outside of the run is moved to its start or end, where it adds no step.
     inside = [jnp.clip(jnp.ravel(at).astype(float), stops[0], stops[-1]) for at in elements]
-    # A stop that is a breakpoint too is there twice. The last of equal times is the stop's row, as
-    # the velocities behind the breakpoint hold from there on.
+    # A stop that is a breakpoint too is in `times` twice. The index is that of the last of equal
+    # times, at which the run surely has the velocities that hold after the breakpoint.
     times = jnp.sort(jnp.concatenate([stops, *inside]))
     return times, jnp.searchsorted(times, stops[1:], side="right") - 2
 
@@ -251,7 +251,8 @@ def _total(totals: ContactTotals, step: ContactStep, touched: Condition) -> Cont
     """Return the totals of a contact after a step.
 
     **Arguments:** `totals`: totals before the step; `step`: the contact in this step; `touched`:
-    whether the contact had an impulse in the step before, so that no new impact is counted.
+    whether the contact had an impulse in the step before. If so, an impulse in this step does not
+    count as a new impact.
     """
     pushes = step.impulse > 0.0
     approach = jnp.where(pushes, jnp.maximum(-step.opening, 0.0), 0.0)
@@ -292,9 +293,9 @@ def simulate_nonsmooth(
     a step. The time of an impact is known to half a step, because impacts happen in the middle of a
     step; therefore the error of all states is of first order in the length of the step.
 
-    A step ends at each breakpoint of a joint or force, a time at which it changes abruptly. Where a
-    driver makes velocities jump, the change of the velocities is the one of least kinetic energy,
-    as in `simulate`.
+    A step ends at each breakpoint, a declared time at which a joint or force changes abruptly.
+    Where a driver makes velocities jump, the change of the velocities is the one of least kinetic
+    energy, as in `simulate`.
 
     The function works under `jax.vmap`, `jax.jit` and `jax.jvp`. It then raises no error for a
     traced number outside its range: the run ends before its first step with `RESULTS.domain`. But
@@ -314,15 +315,17 @@ def simulate_nonsmooth(
     - `coordinates`: coordinates of the equations of motion; `JointCoordinates` unless given.
     - `redundant`: whether some constraints depend linearly on others. By default this is determined
       from the initial state; under a transformation of JAX the default is ``False``.
-    - `throw`: if the run fails, raise `SimulationError`. Otherwise, and always if JAX traces the
-      run, the solution of a failed run is returned, whose `result` is the code of the failure.
+    - `throw`: whether to raise `SimulationError` if the run fails. If ``False``, and always if JAX
+      traces the run, the solution of a failed run is returned. Its `result` is the code of the
+      failure.
 
     **Returns:** a `NonsmoothSolution`.
 
     **Raises:** `ValueError` for invalid arguments, such as a law that does not report the
-    restitution that it delivers, and if JAX computes in 32 bits; `SimulationError` for a run that
-    fails, because the contact problem of a step was not solved, a penetration exceeds the bearing's
-    clearance, a driver has an undeclared kink or jump inside a step, or the state is not finite.
+    restitution that it delivers, or a thrust face whose friction has a moment, and if JAX computes
+    in 32 bits; `SimulationError` for a run that fails, because the contact problem of a step was
+    not solved, a penetration exceeds the bearing's clearance, a driver has an undeclared kink or
+    jump inside a step, or the state is not finite.
 
     **Warns:** `LeftBearingWarning` if a journal without axial support has slid out of its bearing
     in a saved state or at the end; `UnusualValueWarning` for a journal that starts deep in the wall

@@ -70,7 +70,7 @@ class AbstractReduction(AbstractConverting):
         It is called before a run. By default all fields that are quantities are checked; a subclass
         may check more.
 
-        **Raises:** `ValueError` that lists the known names.
+        **Raises:** `ValueError` for a name that the scene lacks; the message lists the known names.
         """
         for name, value in vars(self).items():
             check_quantity(name, value, scene)
@@ -201,7 +201,8 @@ class Window(eqx.Module):
 
 
 class AbstractWindowedReduction(AbstractReduction):
-    """Base class of reductions over a window of time, which subclasses get from `self._window()`.
+    """Base class of reductions over a window of time. Subclasses get the window, a `Window`, from
+    `self._window()`.
 
     **Arguments:** `after`, `until`: s, start and end of the window; ``None`` for those of the run.
 

@@ -68,7 +68,7 @@ class ImpactCount(AbstractWindowedReduction):
     def check(self, scene: Scene) -> None:
         """Check that the scene has the joint, and that the joint has contacts.
 
-        **Raises:** `ValueError` that lists the names of such joints.
+        **Raises:** `ValueError` if not; the message lists the names of joints with contacts.
         """
         require_known("joint", self.joint, scene.contact_joints())
 
@@ -116,11 +116,11 @@ class LossTally(NamedTuple):
     """Tally of a reduction of losses, the data that it carries from step to step.
 
     - `begin`: s, the start of the run.
-    - `at_begin`: J, energy that the ledger has counted as dissipated up to the start of the window,
-      or up to `time` as long as the run has not reached the window. If the run starts inside the
-      window, it is the energy at the start of the run.
+    - `at_begin`: J, energy dissipated up to the start of the window, as counted by the ledger. If
+      the run starts in the window or later, it is the energy up to the start of the run; if it has
+      not reached the window yet, the energy up to `time`.
     - `time`: s, the end of the latest step.
-    - `at_end`: J, as `at_begin`, up to the end of the window.
+    - `at_end`: J, the same for the end of the window.
 
     `time` and `at_end` are ``None`` if the window is the whole run: the ledger at the end of the
     run has the result.
@@ -143,7 +143,7 @@ class AbstractLossReduction(AbstractWindowedReduction):
 
     def start(self, now: Instant) -> LossTally:
         """Return the tally at the start of the run, with the energy that counts as dissipated then.
-        It is zero, unless the run continues the ledger of an earlier run."""
+        It is zero, unless the run continues from the ledger or the bristles of an earlier run."""
         lost, whole = _lost(now), self._window().is_whole
         return LossTally(now.time, lost, None if whole else now.time, None if whole else lost)
 
@@ -177,9 +177,11 @@ class DissipatedEnergy(AbstractLossReduction):
 
     It needs `Settings(ledger=True)`, with which the solver integrates the dissipated powers.
 
+    If the run continues the ledger of an earlier run, the energy that the earlier run dissipated is
+    not included. Energy that bristles store is not included either.
+
     **Arguments:** `after`, `until`: s, the window of time, by default the whole run. The result is
-    NaN if the run ended before the window. Energy that an earlier run has dissipated, whose ledger
-    this run continues, is not included, nor is energy that bristles have stored.
+    NaN if the run ended before the window.
 
     **Raises:** `ValueError` if `after` or `until` is NaN or not a single number, or `until` is not
     later than `after`.
@@ -203,9 +205,8 @@ class MeanPowerLost(AbstractLossReduction):
 
     It needs `Settings(ledger=True)`, with which the solver integrates the dissipated powers.
 
-    **Arguments:** `after`, `until`: s, the window of time of the mean, by default the whole run. If
-    the run ends inside the window, the mean is over the part up to the run's end; the result is NaN
-    if the run covers no part of the window.
+    **Arguments:** `after`, `until`: s, the window of time, by default the whole run. The mean is
+    over the part of the window that the run covers; it is NaN if there is no such part.
 
     **Raises:** `ValueError` if `after` or `until` is NaN or not a single number, or `until` is not
     later than `after`.
@@ -258,9 +259,9 @@ class ArchardWear(AbstractWindowedReduction):
 
     Sectors have equal angles about the bearing's axis and are fixed to the bearing. Sector 1 begins
     at the x axis of the bearing's frame, whose z axis is the bearing's axis (see the quantity
-    `JournalOffset`); the angle grows from x to y.
-    The geometry of the wall does not change: the mean wear depth of a sector is its volume over its
-    area. Only the dry contact causes wear, not a film.
+    `JournalOffset`); the angle grows from x to y. The mean wear depth of a sector is its worn
+    volume over its area. Wear does not change the shape of the wall in the simulation. Only the dry
+    contact causes wear, not a film.
 
     **Arguments:**
 
@@ -295,8 +296,9 @@ class ArchardWear(AbstractWindowedReduction):
         """Check that the scene has the joint, and that the joint has a journal that touches the
         wall at its bases only.
 
-        **Raises:** `ValueError` that lists the names of joints with a journal, or that names the
-        contacts between the bases.
+        **Raises:** `ValueError` for a joint without a journal, or an unknown one, with a list of
+        the joints with a journal; `ValueError` for a journal that touches the wall between its
+        bases too, with the names of those contacts.
         """
         joints = scene.contact_joints()
         journals = [name for name, joint in joints.items() if isinstance(joint, HasJournal)]
@@ -312,9 +314,9 @@ class ArchardWear(AbstractWindowedReduction):
     def update(self, tally: WearTally, now: Instant) -> WearTally:
         """Return the tally after a step. The volumes worn in the part of the step that is in the
         window are added."""
-        # Without a window, the rates at the start of the step are those at the end of the step
-        # before. If the window covers a part of the step only, the rates at both ends of this part
-        # come from the dense output.
+        # If the window is the whole run, the rates at the start of the step are known: they are
+        # those at the end of the step before. In other windows, the rates at both ends of the part
+        # of the step that is in the window come from the dense output.
         before, at_start, volumes = tally
         latest = at_end = self._rates(now)
         window, length, middle = self._window(), now.time - before, now.middle

@@ -178,8 +178,8 @@ class Statistics(AbstractQuantityReduction):
     def start(self, now: Instant) -> StatisticsTally:
         """Return the tally at the start of the run, with integrals of zero.
 
-        The smallest value is infinite and the largest minus infinite, so that the first step in the
-        window, whose start is included, sets both.
+        The smallest value is infinity and the largest minus infinity, so that the first step in the
+        window sets both. That step includes the value at its start.
         """
         value = self._value(now)
         zero, infinite = jnp.zeros_like(value), jnp.full_like(value, jnp.inf)
@@ -190,8 +190,8 @@ class Statistics(AbstractQuantityReduction):
         integrals, and compared with the extremes."""
         (t0, u), (duration, first, second), (smallest, largest) = tally
         t1, v = now.time, self._value(now)
-        # Between t0 and t1 the parabola's position is 0 to 1. A rejected attempt has t1 = t0; its
-        # tally is computed too, and discarded.
+        # The parabola's variable is 0 at t0 and 1 at t1. A rejected attempt has t1 = t0; its tally
+        # is computed too, and discarded.
         arc = Parabola.through(u, self._value(now.middle), v)
         length = jnp.where(t1 > t0, t1 - t0, 1.0)
         a, b = self._window().fractions(t0, t1)
@@ -237,12 +237,12 @@ and the part of that duration for which the quantity was below each edge, s, (K,
 class Quantiles(AbstractQuantityReduction):
     """Quantiles of a quantity over time: values below which it stays for given parts of the time.
 
-    Each result is named after its level in six digits, such as "0.5" for the median, and has the
-    unit of the quantity. In each step the quantity is approximated by the parabola through both
-    ends and the middle. The time for which the quantity is below each of the `edges` is added up;
-    between two edges, the quantile is interpolated. Its error is less than the distance of these
-    edges. A quantile below the first edge or above the last edge is NaN: widen the edges. Memory
-    does not grow with the number of steps.
+    Each result is named after its level in six significant digits, such as "0.5" for the median,
+    and has the unit of the quantity. In each step the quantity is approximated by the parabola
+    through both ends and the middle. The time for which the quantity is below each of the `edges`
+    is added up; between two edges, the quantile is interpolated. Its error is less than the
+    distance of these edges. A quantile below the first edge or above the last edge is NaN: widen
+    the edges. Memory does not grow with the number of steps.
 
     For quantiles over impacts instead of over time, use `ImpactTable`, an output of sweeps, whose
     quantiles are exact.
@@ -261,7 +261,8 @@ class Quantiles(AbstractQuantityReduction):
     - `quantity`: function of an `Instant` that returns a scalar; `unit`: its unit.
     - `edges`: (K,) increasing values in `unit`, K at least 2. Memory and time of a step grow with
       K.
-    - `levels`: parts of the time, between 0 and 1, one for each quantile.
+    - `levels`: for each quantile, the part of the time, between 0 and 1, for which the quantity is
+      below it.
     - `after`, `until`: s, the window of time, by default the whole run. All results are NaN if the
       run covers no part of the window.
 

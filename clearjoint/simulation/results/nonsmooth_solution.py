@@ -71,11 +71,11 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
     - `saved_count`: number of requested times that the run reached; ``None`` if no times were
       requested. Later rows of `saved` and `history` repeat the last state.
     - `contacts[joint][contact]`: the `ContactTotals` of the whole run.
-    - `residual`: largest violation, in any step, of the contact conditions (no approach without an
-      impulse, no pulling impulse, Coulomb's law). They are solved for the impulses of the step and
-      then, along the normals, for the correction of its positions. Each violation is relative to
-      the largest velocity that the solution has to change at closed contacts, or to 1 m/s if there
-      is none.
+    - `residual`: largest violation of the contact conditions (no approach without an impulse, no
+      pulling impulse, Coulomb's law), in any step that did not fail. The conditions are solved
+      twice in a step: for the impulses, and along the normals for the correction of penetrated
+      positions. Each violation is relative to the largest velocity that the solution has to change
+      at closed contacts, or to 1 m/s if there is none.
     - `formulation`: the formulation of the equations of motion: their coordinates, and how
       constraints are kept satisfied.
     - `redundant_constraints`: names of constraint equations that depend linearly on others. If
@@ -106,7 +106,8 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
 
     def __repr__(self) -> str:
         """Return text with the result code, the number of steps, the impacts of each contact, and
-        the final state of the bodies; the fields if these are unknown, as while JAX traces."""
+        the final state of the bodies. The text lists the fields instead if a value is unknown,
+        since JAX traces it, or if the object has several solutions, as from `jax.vmap`."""
         if is_abstract(self):
             return super().__repr__()
         lines = [f"{self.steps} steps"]

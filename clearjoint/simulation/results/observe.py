@@ -154,22 +154,23 @@ class Observation(eqx.Module, AbstractTabular):
     - `times`: (N,) s.
     - `contacts[joint][contact]`: a `ContactObservation`.
     - `modes[joint]`: (N,) values of `MotionMode`, for each joint that has a journal.
-    - `reactions[joint][body]`: the `Load` on each body except the ground by the constraints of an
-      ideal joint, a driver, or a clearance joint that holds its journal axially (Flores et al.
-      2006, eq. 31).
+    - `reactions[joint][body]`: the `Load` that the constraints of a joint exert on each of its
+      bodies except the ground (Flores et al. 2006, eq. 31). Ideal joints, drivers, and clearance
+      joints that hold their journal axially have constraints.
     - `reactions_unique`: whether the reactions are unique. They are not if some constraints are
       redundant; those of least norm are then given.
     - `accelerations[body]`: an `AccelerationSeries`.
-    - `drift[joint]`: (N,), for the same joints, the largest magnitude of the constraint equations,
-      which are zero for an exact solution; in m, or in rad or without unit for equations between
-      directions.
+    - `drift[joint]`: (N,), for each joint with constraints, the largest magnitude of the values of
+      its constraint equations, which are zero for an exact solution. Values are in m, in rad, or
+      without unit, depending on the equation.
     - `drift_rate[joint]`: (N,), the largest magnitude of the time derivatives of these equations,
       in the same unit per s.
     - `energies[name]`: (N,) J. "kinetic", "gravity", "springs", "contacts" and "bristles" exist
       where the scene has them, and "mechanical" is their sum. If the run integrated the energy
-      ledger (`Settings(ledger=True)`), there are also its integrals since the start: the dissipated
-      energies "normal damping", "friction", "film" and "stabilisation", and the energy "supplied"
-      by drives and loads. "friction" does not contain the energy stored in bristles.
+      ledger (`Settings(ledger=True)`), there are also its integrals since the start of the run, or
+      of the earliest run if this one continues others: the dissipated energies "normal damping",
+      "friction", "film" and "stabilisation", and the energy "supplied" by drives and loads.
+      "friction" does not contain the energy stored in bristles.
 
     `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` export all fields with their units.
 
@@ -192,8 +193,11 @@ class Observation(eqx.Module, AbstractTabular):
 
     def __repr__(self) -> str:
         """Return text with the number of times, the first and the last time, and the names of
-        joints, bodies and energies; the fields as equinox shows them if times are unknown, as while
-        JAX traces, or if there are none."""
+        joints, bodies and energies.
+
+        If the times are unknown, as while JAX traces, or if there are no times, the text shows the
+        fields as equinox does.
+        """
         if np.ndim(self.times) != 1 or isinstance(self.times, Tracer) or not len(self.times):
             return eqx.tree_pformat(self)
         first, last = as_shown(np.asarray(self.times)[[0, -1]])
@@ -295,11 +299,11 @@ def _stacked(
     text: str,
     attributes: Mapping[str, object] = {},
 ) -> Labelled:
-    """Return series at N times as a variable (N, series), or (N, series, 3) for vectors, with NaN
-    in place of a series that is ``None``.
+    """Return K series at N times as one variable, (N, K), or (N, K, 3) for vectors. A series that
+    is ``None`` becomes NaN.
 
-    **Arguments:** `dim`: name of the second dimension; `series`: one for each element along it, not
-    all ``None``; `unit`, `text`, `attributes`: unit, description and further attributes.
+    **Arguments:** `dim`: name of the second dimension; `series`: the K series, not all ``None``;
+    `unit`, `text`, `attributes`: unit, description and further attributes of the variable.
     """
     known = next(np.asarray(one) for one in series if one is not None)
     lacking = np.full(known.shape, np.nan)
@@ -319,10 +323,10 @@ def observe(
 ) -> Observation:
     """Compute contacts, reactions, accelerations, drift and energies along a solution.
 
-    Drift is the violation of the constraint equations. Saved states contain positions and
-    velocities, from which this function computes the other results.
+    Solutions contain positions and velocities, from which this function computes these results.
+    Drift is the violation of the constraint equations.
 
-    The equations of motion are solved again at each state, always in absolute coordinates. There
+    The equations of motion are solved again at each state, always in absolute coordinates. In these
     every ideal joint has constraint equations, whose Lagrange multipliers give its reactions, even
     if the run used coordinates that need no equations for this joint. Therefore the reactions of
     redundant joints do not depend on the coordinates of the run.
@@ -412,8 +416,8 @@ def in_chunks(
     return jax.tree.map(lambda *leaves: np.concatenate(leaves)[:count], *parts)
 
 
-# If native code cannot be made, XLA compiles the observation without a warning, because it is short
-# beside a run.
+# If native code cannot be made, XLA compiles this function. No warning is issued then, because an
+# observation takes little time compared with a run.
 @partial(Native, warns=False)
 def observe_compiled(
     folded_scene: ConstantFolded, absolute: Formulation, unique: bool, times: Numbers, states: State
@@ -471,8 +475,8 @@ def _contacts(scene: Scene, dynamics: Dynamics) -> dict[str, dict[str, ContactOb
         joint = scene.contact_joints()[name]
         first, second = (dynamics.motions[body] for body in joint.pair())
         observations[name] = {}
-        # Only bases, and points between them, lie on the journal's axis and so have an offset from
-        # the bearing's. Other contacts of a journal, such as its shoulders, have none.
+        # Only contacts at the bases, and at points between them, belong to a point of the journal's
+        # axis, whose offset from the bearing is observed. Others, such as shoulders, have none.
         on_axis = axial_positions(family) if isinstance(joint, HasJournal) else {}
         for label, force in family.items():
             contact = force.contact
@@ -514,8 +518,8 @@ def _modes(scene: Scene, dynamics: Dynamics) -> dict[str, Integers]:
 
 
 def _reactions(dynamics: Dynamics) -> dict[str, dict[str, Load]]:
-    """Return the reaction of each ideal joint on each of its bodies except the ground at one
-    instant, by joint and body."""
+    """Return the reaction of each joint with constraints on each of its bodies except the ground,
+    at one instant, by joint and body."""
     reactions: dict[str, dict[str, Load]] = {}
     for name, rows in dynamics.rows.items():
         total: dict[str, Wrench] = {}
@@ -533,8 +537,8 @@ def _reactions(dynamics: Dynamics) -> dict[str, dict[str, Load]]:
 
 
 def _drift(dynamics: Dynamics) -> tuple[dict[str, Scalar], dict[str, Scalar]]:
-    """Return the largest magnitude of the values of each joint's constraint equations, and of their
-    time derivatives, by joint. Both are zero for an exact solution."""
+    """Return two dictionaries by joint: the largest magnitude of the values of its constraint
+    equations, and that of their time derivatives. Both are zero for an exact solution."""
 
     def largest(values: list[Scalar]) -> Scalar:
         return jnp.max(jnp.abs(jnp.stack([jnp.asarray(value) for value in values])))
@@ -596,11 +600,12 @@ def along_compiled(
     times: Numbers,
     states: State,
 ) -> Numbers:
-    """Return the values of a quantity, or with `rates` their time derivatives, (N,), at times,
-    (N,) s, and N states.
+    """Return the values of a quantity at N times and states, (N,), or with `rates` their time
+    derivatives.
 
-    The states have vectors as arrays (N, 3); `absolute` is a formulation in absolute coordinates,
-    and `folded_scene` the scene, whose exact zeros and ones are compiled as constants.
+    **Arguments:** `folded_scene`: the scene, whose exact zeros and ones are compiled as constants;
+    `absolute`: the formulation in absolute coordinates; `times`: (N,) s; `states`: the N states,
+    with vectors as arrays (N, 3).
     """
     system = System(unpack(folded_scene), absolute)
 

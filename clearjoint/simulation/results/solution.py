@@ -121,9 +121,9 @@ FINEST = 16
 """Number of parts into which the most curved step is divided for drawing. Dividing a step into n
 parts reduces the distance between a path and its chords to 1/n^2 of its value, here to 1/256."""
 LARGEST_ROTATION = 0.05
-"""Largest rotation of a body within one part of a step, rad, at the spin of the step's start and
-unless the step has `MOST` parts. The chord of an arc of this angle is nowhere farther from the arc
-than 3e-4 of its radius."""
+"""Largest rotation of a body within one part of a step, rad, computed with the spin at the start of
+the step. Only in a step of `MOST` parts it may be larger. The chord of an arc of this angle is
+nowhere farther from the arc than 3e-4 of the arc's radius."""
 MOST = 64
 """Largest number of parts into which a step is divided, so that a body that spins fast in a long
 step does not make the result arbitrarily long."""
@@ -137,15 +137,16 @@ def instants_of_smooth_curves(times: Times, states: State) -> Wanted:
     """Choose times in s such that the states at these times, joined by straight lines, look like a
     smooth curve.
 
-    The result contains the ends of all steps, and equidistant times inside a step if the velocity
-    of a body changes in it (if the step's length times this change is more than 1/256 of the
-    largest in the run), or if a body would rotate by more than `LARGEST_ROTATION` at the spin of
-    the step's start. A step has at most `MOST` parts.
+    The result contains the start and the end of each step, and equidistant times inside those steps
+    in which the path of a body is curved, or a body rotates by more than `LARGEST_ROTATION` at the
+    spin of the step's start. A path counts as curved if the step's length times the change of the
+    body's velocity in it is more than 1/256 of the largest such product of all steps. A step is
+    divided into `MOST` parts at most.
 
-    **Arguments:** `times`: (N,) s, not decreasing, the ends of the steps; `states`: the N states at
-    these times.
+    **Arguments:** `times`: (N,) s, not decreasing, the start of the first step and the ends of all
+    steps; `states`: the N states at these times.
 
-    **Returns:** (M,) s, not decreasing.
+    **Returns:** the M times, (M,) s, not decreasing.
     """
     lengths = np.diff(times)
     # `bend`, m, is the length of a step times the change of a velocity in it. For a parabola, it is
@@ -158,7 +159,8 @@ def instants_of_smooth_curves(times: Times, states: State) -> Wanted:
         rotation = np.maximum(rotation, lengths * np.linalg.norm(body.spin[:-1], axis=1))
     # If all velocities are constant, the tiny number avoids a division by zero.
     largest = max(bend.max(initial=0.0), np.finfo(float).tiny)
-    # n parts reduce the distance from the chord by n^2, so the number of parts grows with its root.
+    # n parts reduce the distance between path and chords by the factor n^2. So the number of parts
+    # is proportional to the square root of the bend.
     parts = np.maximum(FINEST * np.sqrt(bend / largest), rotation / LARGEST_ROTATION)
     parts = np.clip(np.ceil(parts), 1, MOST).astype(int)
     # `part` counts the parts of each step from 0, in one array for all steps.
@@ -169,27 +171,26 @@ def instants_of_smooth_curves(times: Times, states: State) -> Wanted:
 
 
 def states_between(times: Times, states: State, wanted: Wanted) -> State:
-    """Interpolate the states at M times `wanted` from those at the ends of the steps.
+    """Interpolate the states at M times `wanted` from the states at the ends of the steps.
 
     Motions of bodies are interpolated by cubic Hermite polynomials. Deflections of bristles and
     integrals of the energy ledger (energies dissipated and supplied) are interpolated linearly.
-    Entry speeds of contacts keep their values at the start of the step up to its end.
+    Entry speeds of contacts keep their values at the start of the step until its end. At a time
+    that is repeated in `times`, the last of its states is taken.
 
-    **Arguments:** `times`: (N,) s, not decreasing, N ≥ 2, the ends of the steps; `states`: the N
-    states at these times; `wanted`: (M,) s, not decreasing, between the first and the last of
-    `times`.
-
-    If a time occurs several times in `times`, the last state there counts.
+    **Arguments:** `times`: (N,) s, not decreasing, N ≥ 2, the start of the first step and the ends
+    of all steps; `states`: the N states at these times; `wanted`: (M,) s, not decreasing, between
+    the first and the last of `times`.
 
     **Returns:** a state whose arrays have a first axis of length M.
 
     **Raises:** `ValueError` if `wanted` is empty, not one-dimensional, or decreases, or has times
-    that are not finite or outside this range.
+    that are not finite, or not between the first and the last of `times`.
     """
     wanted = checked_times(times[0], times[-1], wanted, "times")
-    # The step of a wanted time begins at the last row whose time is not later. The last row of all
-    # begins no step: there, `left` is the start of the last step, and x is 1, also if the last time
-    # is repeated, so that this step has no length.
+    # The step of a wanted time begins at the last row whose time is not later. No step begins at
+    # the last row of all, so for its time `left` is the start of the last step, and x is 1. If the
+    # last time is repeated, the last step has the length zero, for which x is set to 1.
     left = np.clip(np.searchsorted(times, wanted, "right") - 1, 0, len(times) - 2)
     h = (times[left + 1] - times[left])[:, None]
     x = np.where(h > 0.0, (wanted - times[left])[:, None] / np.where(h > 0.0, h, 1.0), 1.0)
@@ -287,8 +288,9 @@ class Trajectory(AbstractReadable, AbstractTabular):
 
         Motions of bodies are interpolated by a cubic Hermite polynomial in each step, with an error
         far below the clearances. Bristle deflections and the energy ledger are interpolated
-        linearly, and entry speeds keep their values. This is valid for `solution.steps` only, since
-        between two saved states there may be impacts, across which positions are not smooth.
+        linearly, and entry speeds keep their values until the end of the step. Call this method for
+        `solution.steps` only: between two states of `solution.saved` there may be impacts, at which
+        velocities change abruptly.
 
         **Arguments:** `times`: (M,) s, not decreasing, between the first and last time of the
         trajectory. By default, the ends of all steps, and further times inside steps in which a
@@ -297,8 +299,8 @@ class Trajectory(AbstractReadable, AbstractTabular):
         **Returns:** a `Trajectory` of M times and states.
 
         **Raises:** `ValueError` if `times` is empty, not one-dimensional, or decreases, or has
-        times that are not finite or outside this range, and for a trajectory of fewer than two
-        states.
+        times that are not finite, or not between the first and last time of the trajectory; and for
+        a trajectory of fewer than two states.
 
         >>> scene, state = cj.mechanisms.double_pendulum()
         >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(steps=True), progress=False)
@@ -329,7 +331,8 @@ class Trajectory(AbstractReadable, AbstractTabular):
         - `orientation` has "parameter" ("e0" to "e3", Euler parameters) instead of "component".
         - `entry_speed` in m/s along "contact", `bristle_deflection` in m along "bristle_contact",
           and `ledger` in J along "integral" exist only if the states have them. The ledger has the
-          energies dissipated and supplied since the start of the run.
+          energies dissipated and supplied since the start of the run, or of the earliest run if
+          this one continues others.
 
         See `AbstractTabular` for the export to other formats.
         """
@@ -385,14 +388,14 @@ class Solution(AbstractReadable, AbstractTabular):
       run can start from them.
     - `result`: the `RESULTS` code, which says whether the run succeeded or why it failed.
     - `attempts`, `accepted`: numbers of steps that were tried, and that were accepted.
-    - `steps`: the `Trajectory` of the start and the end of every accepted step; ``None`` unless
-      requested.
+    - `steps`: the `Trajectory` with the states at the start of the run and after every accepted
+      step; ``None`` unless requested.
     - `impacts`: the table of all contacts that began and ended during the run; ``None`` unless
       requested.
     - `sections[name]`: the `Crossings` of each requested Poincaré section.
     - `outputs[name]`: the result of each requested reduction, a number that is updated during the
-      run, such as the largest value of a quantity. A reduction with several results has further
-      entries "name_part", such as "force_time" of a `Peak` named "force".
+      run, such as the largest value of a quantity. A reduction with several results has entries
+      "name_part" for them: a `Peak` named "force" has the entries "force" and "force_time".
     - `formulation`: the formulation of the equations of motion: their coordinates, how constraints
       are kept satisfied, and whether the energy ledger was integrated.
     - `redundant_constraints`: names of constraint equations that depend linearly on others. If
@@ -424,8 +427,9 @@ class Solution(AbstractReadable, AbstractTabular):
     settings: Notes = eqx.field(default=(), static=True)
 
     def __repr__(self) -> str:
-        """Return text with the result code, the numbers of steps and saved states, and the final
-        state of the bodies; the fields if these are unknown, as while JAX traces."""
+        """Return text with the result code, the results that were kept, such as the number of saved
+        states, and the final state of the bodies. If their values are unknown, as while JAX traces,
+        the text shows all fields."""
         if is_abstract(self):
             return super().__repr__()
         lines = [f"{self.accepted} steps, {self.attempts} tried"]

@@ -117,14 +117,20 @@ def segment(
     """Continue a run until its end, a failure, the limit of attempts, a full buffer, or the last
     time to save at, whichever comes first.
 
-    **Arguments:** `now`: the run so far; `save_times`: (N,) s, not decreasing, times to save at,
-    for which `recorders` must have the one at `LATEST`, or ``None``; `t_end`: s, end of the run;
-    `attempts`: largest number of attempts since the start of the run; `loops`: JAX's loops, or
-    loops with checkpoints for reverse-mode differentiation; the others as in `begin`.
+    **Arguments:**
 
-    **Returns:** the run after the segment, and ``None`` without times, or a pair: the states at the
-    N times, whose leaves have an additional first axis, with each vector as three arrays; and
-    whether the run has reached each time, (N,). At other times its last state is repeated.
+    - `scheme`, `folded_scene`, `recorders`: as in `begin`.
+    - `now`: the run so far.
+    - `save_times`: (N,) s, not decreasing, times to save at, or ``None``. With times, `recorders`
+      must contain a `LatestAttempt` at the key `LATEST`.
+    - `t_end`: s, end of the run.
+    - `attempts`: largest number of attempts since the start of the run.
+    - `loops`: JAX's loops, or loops with checkpoints for reverse-mode differentiation.
+
+    **Returns:** the run after the segment, and a pair, or ``None`` if `save_times` is ``None``. The
+    pair contains the states at the N times, whose leaves have an additional first axis, with each
+    vector as three arrays; and whether the run has reached each time, (N,). A state at a time that
+    the run has not reached is meaningless.
     """
     method, system = scheme.method, scheme.system_of_packed(folded_scene)
     # Loops with checkpoints have a trial step of their own, whose derivatives are zero if its
@@ -204,7 +210,7 @@ class Run:
         loops with checkpoints for reverse-mode differentiation.
 
         **Returns:** a `Solution` of traced arrays. Saved states at times that the run did not reach
-        repeat the last state. Steps, impacts, sections and outputs are not kept.
+        are meaningless. Steps, impacts, sections and outputs are not kept.
         """
         # The end is a further time to save at, so that the run continues after the last of the
         # requested times.
@@ -216,7 +222,7 @@ class Run:
         final, result, _, _ = _end_of(*program, {}, {}, now.step, self.end)
         trajectory = count = None
         if saved is not None:
-            # Without the last row, the end of the run.
+            # Leave out the last row, the state at the end of the run, which was added above.
             states, reached = jax.tree.map(lambda leaf: leaf[:-1], saved)
             trajectory, count = Trajectory(save_at, pack(states)), reached.sum()
         counts = now.step.attempts, now.step.accepted
@@ -237,21 +243,21 @@ class Run:
 
         **Arguments:** `now`: the run before its first step; `save_at`: (N,) s, rising, times to
         save at, or ``None``; `max_steps`: largest number of attempts; `progress`: whether to show a
-        progress bar; `sections`: the Poincaré sections by name; `notes`: the settings, which the
-        solution contains.
+        progress bar; `sections`: the Poincaré sections by name; `notes`: the settings, for the
+        field `settings` of the solution.
 
-        **Returns:** the solution, whether Ctrl-C was pressed, which stops the run after the current
-        segment, and whether a journal has slid out of its bearing at the end.
+        **Returns:** the solution; whether Ctrl-C was pressed; and whether a journal has slid
+        out of its bearing in the final state. Ctrl-C stops the run after the current segment.
         """
         program, start = (self.scheme, self.folded_scene), float(now.step.t)
-        # In the precision of the run. Rounded to float32, an end time such as 0.02 s may become
-        # smaller, and a run in float32 would never reach the unrounded number.
+        # The end time in the precision of the run. Rounded to float32, an end time such as 0.02 s
+        # may become smaller, and a run in float32 would never reach the unrounded number.
         end = float(np.asarray(self.end, jnp.result_type(now.step.t)))
         saved_states: list[State] = []
         saved_count, wanted = 0, 0 if save_at is None else len(save_at)
         steps: list[TimedState] = []
         impacts: list[tuple[str | float, ...]] = []
-        # Runs of less than two seconds (`delay`) show no bar.
+        # No bar is shown in the first two seconds of computing (`delay`).
         bar = ProgressBar(
             total=end - start,
             desc="simulated",
@@ -274,7 +280,8 @@ class Run:
                 rest = self.recorders, now, times, self.end, limit
                 now, saved = segment_compiled(*program, *rest)
                 if saved is not None:
-                    # States at other times belong to the filling, or to the next segment.
+                    # Only the first `count` states are kept. The others are at times that the next
+                    # segment will reach, or belong to the filling.
                     states, reached = saved
                     count = int(np.sum(reached[: wanted - saved_count]))
                     saved_states.append(_first_rows(states, count))

@@ -40,18 +40,20 @@ from .recorders import ROWS, RowBuffer
 from .run_loop import AbstractRecorder, RunStart, StepOutcome
 
 RESOLVED_TRAVEL = 1e-8
-"""Smallest length of a step, times the entry speed, m, at which rates inside the step are computed
-from depths. In a shorter step, rounding errors of the depths dominate their differences."""
+"""Smallest product of a step's length and the contact's speed (`ContactInstant.speed`), m, for
+which rates inside the step are computed from depths. In a shorter step, the depths differ so little
+that rounding errors dominate the difference."""
 PIECES = 4
-"""Number of equal intervals into which a step is divided for the first search of its peak. If steps
-do not end at contact events, the contact may fill a small part of the step only."""
+"""Number of equal intervals into which a step is divided for a first search for the peak of a
+contact. There are several, because a contact may fill only a small part of a step that does not end
+at its onset or its end."""
 
 
 class ContactInstant(eqx.Module):
     """A contact at one instant.
 
-    - `gap`: depth, m, and its rate, m/s, positive while the surfaces approach; also the radii of
-      the surfaces, m, on which the force may depend.
+    - `gap`: depth, m, and its rate, m/s, positive while the surfaces approach; also the bearing's
+      radius and the clearance, m, on which the force may depend.
     - `second_rate`: second time derivative of the depth, m/s^2.
     - `entry_speed`: m/s, rate of the depth at the onset of the contact, zero in flight; ``None`` if
       the contact law does not use it.
@@ -85,8 +87,9 @@ def peak_in_step(
     **Arguments:** `law`: the contact law; `start`, `end`: the contact at the ends of the step. The
     entry speed at `start` is used in the whole step.
 
-    **Returns:** the largest normal force, N, as a point whose position is the part of the step's
-    time, 0 to 1, after which it occurs; and the largest depth, m, which may occur at another time.
+    **Returns:** the largest normal force, N, as a `Point`, whose position is the fraction of the
+    step's time, 0 to 1, after which this force occurs; and the largest depth, m, which may occur at
+    another time.
     """
     first, last = (Bend(at.gap.depth, at.gap.rate, at.second_rate) for at in (start, end))
     quintic = Quintic.through(first, last, h)
@@ -201,7 +204,8 @@ class ContactSoFar(eqx.Module):
         stronger = peak.value > row.peak_force
         before, after = _depths(law, start, end)
         over = end_in_step(law, start, end, h)
-        # End and exit speed are overwritten in each step, until the contact ends.
+        # `separation` and `exit_speed` are overwritten in each step, until the contact ends. If
+        # steps land at the ends of contacts, the rate there needs no interpolation.
         row = ImpactRow(
             row.onset,
             t0 + h * over,
@@ -253,9 +257,9 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
       records all.
     - `capacity`: number of rows of each contact's buffer. Further impacts are counted, but their
       rows are lost, so the caller must empty a full buffer, or repeat the run with more room.
-    - `wanted`: number of impacts that a sweep still asks for, by the contact's label such as
-      "pin V", from when the buffer was last emptied. Further impacts are neither recorded nor
-      counted. ``None``, as in a single run, for no such limit.
+    - `wanted`: by label of the contact, such as "pin V", the largest number of impacts to record
+      until the contact's buffer is emptied; a sweep may need no more. Unlike impacts beyond
+      `capacity`, further ones are not counted. ``None``, as in a single run, for no such limit.
     """
 
     joint: str | None = eqx.field(default=None, static=True)
@@ -299,9 +303,8 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
     def _instants(
         self, method: Method, system: System, now: Instant, step: Step
     ) -> dict[str, dict[str, ContactInstant]]:
-        """Return the gap of each recorded contact after a step, the second time derivative of its
-        penetration, m/s^2, and its entry speed, m/s, by joint and contact; `now` is the same
-        instant as `step`."""
+        """Return each contact to record, as a `ContactInstant` at the end of `step`, by joint and
+        contact. `now` is the same instant as `step`."""
         names = now.contacts if self.joint is None else [self.joint]
         second_rates = _second_rates(method, system, step)
 
@@ -332,10 +335,10 @@ def _second_rates(method: Method, system: System, step: Step) -> ByLabel[Scalar]
 
 
 def most(record: ImpactRecord) -> int:
-    """Return the number of impacts of the contact that has most of them.
+    """Return the number of impacts of the contact that has most of them; zero without contacts.
 
-    Impacts for which its buffer had no room are counted too, so that the result is the number of
-    rows that the buffers need.
+    Impacts for which a buffer had no room are counted too, so that the result is the number of rows
+    for which each buffer needs room.
     """
     counts = (int(one.rows.count) for family in record.values() for one in family.values())
     return max(counts, default=0)
@@ -348,8 +351,8 @@ def impact_rows_of(record: ImpactRecord, origin: float = 0.0) -> list[tuple[str 
     numbers that `IMPACT_UNITS` names, in its order.
 
     **Arguments:** `record`: the record in NumPy arrays, whose buffers must have had room for all
-    impacts; `origin`: s, the time at which the clock of the run was zero, which is added to all
-    times.
+    impacts; `origin`: s, the scene's time at which the clock of the run was zero, which is added
+    to all times.
     """
     rows: list[tuple[str | float, ...]] = []
     for joint, family in record.items():

@@ -97,8 +97,8 @@ class LatestAttempt(AbstractRecorder[Attempt]):
     are computed by dense output."""
 
     def start(self, start: RunStart) -> Attempt:
-        """Return an attempt that ends at the start of the run and is zero otherwise, since the
-        state there may be needed before the first step."""
+        """Return an attempt that ends at the start of the run with the initial state, which may be
+        needed before the first step. Its other numbers are zero."""
         return start.blank_attempt
 
     def after(self, record: Attempt, step_outcome: StepOutcome) -> Attempt:
@@ -111,8 +111,8 @@ class LatestDenseStep(AbstractRecorder[DenseStep]):
     output. The solver must be an explicit Runge-Kutta method."""
 
     def start(self, start: RunStart) -> DenseStep:
-        """Return a step that ends at the start of the run and is zero otherwise, since the state
-        there may be needed before the first step."""
+        """Return a step that ends at the start of the run with the initial state, which may be
+        needed before the first step. Its other numbers are zero."""
         return DenseStep.of(start.blank_attempt)
 
     def after(self, record: DenseStep, step_outcome: StepOutcome) -> DenseStep:

@@ -132,10 +132,12 @@ def check_structure(
     **Returns:** the names of the redundant constraints.
 
     **Raises:** `ValueError` if the state violates a constraint, if a joint holds a wrong
-    orientation, if a journal is far outside its bearing, if redundancy cannot be decided, or if the
-    coordinates cannot represent the state or have no variable.
+    orientation, if a contact is deeper than its joint allows, as for a journal far outside its
+    bearing, if redundancy cannot be decided, or if the coordinates cannot represent the state or
+    have no variable.
 
-    **Warns:** `UnusualValueWarning` for a journal that is less far outside, but deep in the wall.
+    **Warns:** `UnusualValueWarning` for a contact that is deeper than the fraction `FAR_OUTSIDE` of
+    the depth that its joint allows.
     """
     if not scene.joints:
         return ()
@@ -180,7 +182,8 @@ def derivative_scheme(
 
 
 _recheck = cached_by_numbers(recheck)
-"""The checks of all numbers in a scene, repeated only for scenes with other numbers."""
+"""Check all numbers in a scene, unless a scene of the same structure with the same numbers has
+passed the check recently."""
 
 
 def _passes(
@@ -222,8 +225,8 @@ def assembled(
     scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
 ) -> tuple[Condition, StartRows, MotionVariables]:
     """Evaluate whether a state satisfies the constraints of a scene and their time derivatives, at
-    a time t, s, and whether the coordinates of a run can represent it. A compiled program, which
-    can't raise the errors of `check_structure`, makes the same checks by this function.
+    a time t, s, and whether the coordinates of a run can represent the state. Compiled programs,
+    which can't raise errors, use this function for these checks of `check_structure`.
 
     **Returns:** the condition, the constraint equations, and the variables of the state.
     """
@@ -271,7 +274,8 @@ class _Starts:
         """Return the names of the redundant constraints of a start that passes all checks.
 
         The result is ``None`` if the start fails a check, if redundancy is uncertain, or if there
-        is no native program for its structure. `t` is the start time, s.
+        is no native program for its structure, as for the first starts of a structure. `t` is the
+        start time, s.
 
         **Raises:** the error of a user-defined class in the scene whose check fails.
         """

@@ -1,10 +1,10 @@
 """The loop of a run: begin, try a step, update the recorders, repeat, and return the final state.
 
 Single runs, runs with derivatives and lanes of sweeps all use `RunLoop`. They differ in their
-recorders, which collect data during the run. JAX's loops repeat the body of the loop in single
-runs, and the scheduler of lanes repeats it in sweeps. A lane is one run of a sweep. Compiled code
-advances several lanes side by side; a lane that waits, for example because one of its buffers is
-full, stays unchanged in the meantime.
+recorders, which collect data during the run. In sweeps the scheduler of lanes repeats the body of
+the loop; in other runs JAX's loops do so. A lane is one run of a sweep. Compiled code advances
+several lanes side by side; a lane that waits, for example because one of its buffers is full, stays
+unchanged in the meantime.
 
 Times are on the clock of the run's `System`, which counts the time from the system's `origin`, s;
 without an origin it shows the scene's time.
@@ -55,8 +55,8 @@ class RunStart:
 
     @cached_property
     def blank_attempt(self) -> Attempt:
-        """An `Attempt` that contains the state at the start and is zero otherwise, as the first
-        record of recorders that keep attempts."""
+        """An `Attempt` that contains the state at the start, and zeros in its other fields, as the
+        first record of recorders that keep attempts."""
         loop = self.loop
         return blank_attempt(
             loop.method, loop.system, self.step, loop.t_end, loop.family, loop.attempt
@@ -216,10 +216,13 @@ def begin_run(
 ) -> Step:
     """Return the complete state of a run before its first step.
 
-    **Arguments:** `state`: the initial state, whose vectors are arrays (3,). The run continues from
-    its entry speeds, bristles and energy ledger (the integrals of powers, which are left out if the
-    formulation keeps none); those that the state lacks are initialised; `t0`, `t_end`: s, start and
-    end; `first_step`: s, length of the first step.
+    **Arguments:** `method`: solver and step control; `system`: the system to integrate; `state`:
+    the initial state, whose vectors are arrays (3,); `t0`, `t_end`: s, start and end of the run;
+    `first_step`: s, length of the first step.
+
+    The run continues from the state's entry speeds, bristles and energy ledger (the integrals of
+    powers). Entries that the state lacks are initialised. The ledger is left out if the formulation
+    keeps none.
     """
     motion = system.encode(unpack(state.bodies))
     work = state.work if system.formulation.ledger else {}

@@ -145,12 +145,12 @@ def start_with_tangents(
 
 
 def look_at_tangents(method: Method, attempt: Attempt, t: Scalar) -> tuple[Variables, EntrySpeeds]:
-    """Return the derivatives of variables and entry speeds with respect to p parameters at a time
-    t, s since the start of the run, of the accepted step of an `attempt`.
+    """Return the derivatives of variables and entry speeds with respect to p parameters, at a time
+    t, s since the start of the run, in the accepted step of an `attempt`.
 
     Inside the step they are derivatives of dense output, and at its end those of the stored state.
-    The correction by which `look_inside` then makes the variables satisfy the constraints is not
-    differentiated here. Each leaf has an additional first axis of length p.
+    `look_inside` also corrects the variables so that they satisfy the constraints; this correction
+    is not differentiated here. Each leaf has an additional first axis of length p.
     """
     end, inside, last = attempt.step.t, attempt.tangents, attempt.step.tangents
     assert inside is not None and last is not None
@@ -182,11 +182,10 @@ def run_with_tangents(
     - `scheme`: integration method and formulation of the equations of motion.
     - `family`: scene and initial state as functions of the p parameters.
     - `outputs`: the quantities to evaluate, by name.
-    - `times`: (N,) s, not decreasing, not before `t0`. The last one must be `t_end` or later, as
-      `padded` ensures: the run ends with the step that reaches the last of them, and counts as
-      unfinished (`max_steps_reached`) if that is before `t_end`. Times after `t_end` are not
-      reached.
-    - `t0`: s, start of the run; `t_end`: s, time beyond which no step goes.
+    - `times`: (N,) s, not decreasing, not before `t0`. The run goes no further than the step that
+      reaches the last time. So this time must be `t_end` or later, as `padded` ensures; otherwise
+      the run counts as unfinished (`max_steps_reached`). Times after `t_end` are not reached.
+    - `t0`, `t_end`: s, start and end of the run; no step goes past the end.
     - `first_step`: s, length of the first step that is tried.
     - `max_steps`: largest number of attempts.
     - `kept`: results to keep besides the values of the quantities. If a contact has more impacts
@@ -228,8 +227,9 @@ def run_with_tangents(
         ) -> tuple[dict[str, Scalar], None]:
             """Return the quantities at the time for the variables `y` of dense output, and
             ``None``, the auxiliary result, which `systems.with_derivatives` expects."""
-            # `dense` is corrected already, but its derivatives, `along`, are not. The correction is
-            # repeated here, where it is differentiated.
+            # The variables from `look_inside` are corrected already, but their derivatives from
+            # `look_at_tangents` are not. The correction is repeated here, where it is
+            # differentiated.
             y = stabilised(system, y, time)
             instant = Instant(system, time, y.motion, entry_speeds, y.work, y.bristles)
             return {name: jnp.asarray(of(instant), float) for name, of in outputs.items()}, None
@@ -297,8 +297,8 @@ sampled_compiled: Native[..., Sampled] = Native(run_with_tangents)
 def recorded_run(
     arguments: tuple[PyTree, ...], states: bool, impacts: bool, sections: dict[str, SectionRecorder]
 ) -> Sampled:
-    """Run `run_with_tangents`, again with larger buffers if it had no room for all impacts, and
-    return its result as NumPy arrays.
+    """Call `run_with_tangents`, with larger buffers each time until they have room for all impacts,
+    and return its last result as NumPy arrays.
 
     **Arguments:** `arguments`: all arguments of `run_with_tangents` except `kept`; `states`,
     `impacts`: whether to keep states and impacts; `sections`: recorders of crossings, by name of

@@ -43,10 +43,10 @@ class Saving:
     - `outputs`: reductions by name, such as `Peak`, which are updated at every accepted step. Their
       results are in `solution.outputs`.
 
-    **Raises:** `ValueError` for times that are not finite or do not rise strictly, for an empty
-    array of times, and for fields of other types; for a name of a section or an output that is not
-    a non-empty string, contains a slash or backslash, or begins with "." or "__", since names
-    become those of arrays in files. Times that JAX traces are not checked.
+    **Raises:** `ValueError` for times that are not finite or do not rise strictly, for an array of
+    times that is empty or not one-dimensional, and for fields of other types; for a name of a
+    section or an output that is not a non-empty string, contains a slash or backslash, or begins
+    with "." or "__", since arrays in files get these names. Times that JAX traces are not checked.
 
     >>> cj.Saving(np.linspace(0.0, 1.0, 1001), impacts=True).impacts
     True

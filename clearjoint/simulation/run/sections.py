@@ -6,8 +6,8 @@ quantity is a scalar function of an `Instant`, a scene with its motion at one ti
 
 Single runs and runs with derivatives compute the channels at each crossing. Lanes, which are the
 runs of a sweep, record the state at each crossing, from which the channels are computed after the
-run. Lanes are computed side by side, and in the run every lane would have to compute the channels
-in every step.
+run. Since lanes are computed side by side, the run would otherwise have to compute the channels in
+every step of every lane.
 """
 
 import math
@@ -79,8 +79,8 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
     """Recorder of the crossings of a section.
 
     - `quantity`: function of an `Instant`; its value is called the level. A step contains a
-      crossing if the level is negative at its start, and positive or zero at its end. Further
-      crossings inside the same step are not found.
+      crossing if the level is negative at its start, and positive or zero at its end. If the level
+      passes through zero several times in a step, at most one crossing is found.
     - `earliest`: s, time of the scene before which crossings are ignored.
     - `channels`: pairs of a name and a quantity. A row of the record contains the time and the
       values of all quantities, by name. If `channels` is ``None``, as in lanes, a row is a

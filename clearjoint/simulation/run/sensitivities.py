@@ -3,8 +3,9 @@
 Automatic differentiation of an adaptive solver gives the derivatives of its computed steps. Near
 impacts these differ from the derivatives of the exact motion. Here, instead, the variational
 equations (the equations of motion, differentiated with respect to the parameters) are integrated
-together with the state, under the same error control. Entry speeds of contacts are differentiated
-at the true onset of a contact, and steps end at onsets, by default within 1e-13 m of penetration.
+together with the state, under the same error control. The entry speed of a contact, its penetration
+rate at the onset, is differentiated at the true time of the onset. Steps end at the onset and the
+end of each contact, by default within 1e-13 m of penetration.
 `studies.speed_accuracy` measures the accuracy, and `studies.benchmark` the cost.
 """
 
@@ -171,8 +172,9 @@ def sensitivities(
     **Raises:** `ValueError` for invalid arguments, and for a joint, driver or force that may jump
     or have a kink at some time (it compares, rounds or clips a number that depends on time) but
     declares no `breakpoints`, because derivatives would lack the effect of a shift of these times;
-    `SimulationError` for a run that fails, if `throw` is true. If a user-defined force jumps at a
-    state of the motion, the run ends there with `RESULTS.force_jumped`.
+    `SimulationError` for a run that fails, if `throw` is true. A run fails with the result
+    `RESULTS.force_jumped` if the force of a user-defined class jumps at a time that depends on the
+    motion.
 
     **Warns:** `UnusualValueWarning` for a journal that starts deep in the wall of its bearing.
 
@@ -245,8 +247,8 @@ def sensitivities(
 def check_outputs(outputs: Mapping[str, Quantity], scene: Scene) -> None:
     """Check that outputs are functions by name, and that the scene has the elements that they name.
 
-    **Raises:** `ValueError` that names the first invalid output, for an empty mapping, and for
-    names that are not non-empty strings.
+    **Raises:** `ValueError` if `outputs` is not a mapping, is empty, or has a name that is not a
+    non-empty string; and for the first output that is invalid, whose name is in the message.
     """
     example = 'pass for example {"x": cj.quantities.Position("arm", "x")}'
     require_names("outputs", outputs, example)

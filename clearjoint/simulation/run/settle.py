@@ -62,18 +62,20 @@ class Settled:
       larger multiple than was tried. No finite run can exclude that it is a long transient whose
       statistics are constant.
     - `time`, `state`: the time in s at which the last run ended, and the `State` then. Continue
-      with ``simulate(scene, settled.state, end_time, start_time=settled.time)``. If drivers and
-      loads repeat with the period, the motion may be continued from `start_time` instead, which is
-      a whole number of periods before `time`.
+      with ``simulate(scene, settled.state, end_time, start_time=settled.time)``. If a `period` was
+      given and no run failed, the simulated time is a whole number of periods. If all drivers and
+      loads repeat with the period, a further run may then start from `state` at the first run's
+      `start_time` instead.
     - `start_time`: s, the start of the first run.
     - `periods`: number of periods, or of times between crossings of the section, that were
       simulated in runs without a failure.
     - `multiple`: number of these periods in one period of the motion; ``None`` unless periodic.
     - `period`: s, the given period, or the mean time between the last crossings of the section;
       ``None`` with fewer than two crossings.
-    - `changes`: (n,), the largest change of the motion since `multiple` periods earlier (one period
-      if not periodic), relative to the sizes named at `tolerance` of `settle`; for each period
-      except the first ones, which have no earlier one to compare with.
+    - `changes`: (n,), one number for each period, in the order of time: the largest difference from
+      the period that was `multiple` periods earlier (one earlier if the motion is not periodic).
+      The argument `tolerance` of `settle` says what differences are relative to. The first
+      `multiple` periods (or the first one) have no earlier period, and therefore no number.
     - `result`: the `RESULTS` code of the last run.
 
     >>> settled = cj.settle(scene, state, period=0.2 * np.pi, periods=20, progress=False)
@@ -129,7 +131,8 @@ class Strobe:
     """A motion as D numbers for each of n periods, in which `settle` looks for repetition.
 
     - `rows`: (n, D), the numbers, such as positions and velocities at some phases of the period.
-    - `scales`: (D,), for each column the range of the motion by which its changes are divided.
+    - `scales`: (D,), for each column of `rows`, the number by which changes in it are divided, such
+      as the range of the motion.
     """
 
     rows: Float[np.ndarray, "n D"]
@@ -160,8 +163,8 @@ class Strobe:
 
     def statistics_settled(self) -> bool:
         """Return whether means and standard deviations in the third and the last quarter of the
-        periods differ by at most `SETTLED_STATISTICS` of the range; ``False`` for fewer than eight
-        periods. The transient is assumed to have ended after the first half."""
+        periods differ by at most `SETTLED_STATISTICS` times `scales` in each column; ``False`` for
+        fewer than eight periods. The transient is assumed to have ended after the first half."""
         quarter = len(self.rows) // 4
         # The standard deviation of a single period would be zero.
         if quarter < 2:
@@ -230,8 +233,8 @@ def stillness(states: State, last: int) -> float:
 
 
 def section_strobe(times: Float[np.ndarray, " n"], values: list[np.ndarray]) -> Strobe:
-    """Return a motion as a table with one row for each crossing of a Poincaré section except the
-    first.
+    """Return a motion as a table with one row for each crossing of a Poincaré section. The first
+    crossing has no row.
 
     A row contains the time since the previous crossing, s, and the value of each channel of the
     section. The scales are the mean time between crossings (1 s with fewer than two crossings), and
@@ -267,8 +270,10 @@ def settle(
     states one period before, two periods before, and so on up to `largest_multiple`. With a
     `section`, the values of its channels at each crossing, and the time since the last crossing,
     are compared with those one crossing before, two crossings before, and so on. A motion that
-    does not repeat within all `periods` is stationary if its means and standard deviations in the
-    third and the last quarter of them differ by at most a tenth of its range.
+    does not repeat within all `periods` is stationary if the means and standard deviations in the
+    third quarter of the periods (or crossings) differ from those in the last quarter by at most a
+    tenth of the sizes to which changes are relative (see `tolerance`). At least eight periods, or
+    nine crossings, are needed for this.
 
     ```python
     import math
@@ -294,20 +299,21 @@ def settle(
     - `periods`: largest number of periods to simulate; with a section, largest number of spans. It
       is rounded up to a multiple of 10.
     - `largest_multiple`: largest number of periods after which the motion may repeat.
-    - `tolerance`: relative. A motion repeats if its change is not above `tolerance` for at least
-      three periods. Changes are relative to the ranges of positions, velocities and spins in the
-      last three periods: for a motion over 0.1 m, 1e-5 is a micrometre. With a section, they are
-      relative to the mean time between crossings and to the largest magnitude of each channel. A
-      motion is at rest if its ranges in the last three periods are at most `tolerance` times those
-      of the whole motion. `settings.rtol` must be well below `tolerance`.
+    - `tolerance`: relative. A motion repeats after m periods if each of the last m periods, and at
+      least of the last three, differs from the one m periods earlier by at most this. Changes are
+      relative to the ranges of positions, velocities and spins in the last three periods: for a
+      motion over 0.1 m, 1e-5 is a micrometre. With a section, they are relative to the mean time
+      between crossings and to the largest magnitude of each channel. A motion is at rest if its
+      ranges in the last three periods are at most `tolerance` times those of the whole motion.
+      `settings.rtol` must be well below `tolerance`.
     - `progress`: show a progress bar.
 
     **Returns:** a `Settled`. A motion that does not settle, or a run that fails, raises no error;
     `kind` of the result tells.
 
     **Raises:** `ValueError` unless either `period`, or `section` with `span`, is given; for a
-    section that is crossed 16 times or more in a span; and for other invalid arguments, such as an
-    initial state that violates the constraints. `RunInterrupted`, a `KeyboardInterrupt` with the
+    section that is crossed 160 times or more in ten spans; and for other invalid arguments, such as
+    an initial state that violates the constraints. `RunInterrupted`, a `KeyboardInterrupt` with the
     motion so far, after Ctrl-C.
     """
     require_count("periods", periods, "allow some hundred")

@@ -131,7 +131,8 @@ def simulate(
     # the compiled program.
     folded_scene = fold_constants(scene)
     # Without tracers, the scheme is made of NumPy arrays and kept for equal settings, which saves
-    # most of the time of a call. Redundant constraints need another solution of the equations.
+    # most of the time of a call. With redundant constraints, the equations of motion are solved by
+    # another method.
     scheme = (Scheme.of if traced else Scheme.on_host)(settings, bool(redundant))
     first_step = settings.length_of_first_step(start_time, end_time)
 

@@ -34,7 +34,8 @@ class _Watch:
 
     - `usual`: the bars that are shown, with their texts while nothing is being compiled.
     - `thread`: the thread; ``None`` if there is none.
-    - `lock`: held while these change, and while a text is written, so that no bar is closed then.
+    - `lock`: held while `usual` or `thread` changes, and while the thread writes texts, so that no
+      bar is closed in the meantime.
     """
 
     def __init__(self) -> None:
@@ -58,8 +59,9 @@ class _Watch:
             del self.usual[bar]
 
     def _update(self) -> None:
-        """Show the time spent compiling in all bars, every `TICK` seconds until no bar is
-        left."""
+        """Update the texts of all bars every `TICK` seconds, until no bar is left. While a program
+        is being compiled, the text is the time that this has taken; afterwards, it is the usual
+        one."""
         while True:
             time.sleep(TICK)
             seconds = seconds_of_compiling()
@@ -89,8 +91,8 @@ class ProgressBar(tqdm):
 
     # The default lock of tqdm is a semaphore of the system, which a killed process leaves behind.
     _lock = threading.RLock()
-    # Otherwise tqdm adds these and a monitor to the class, which then counts as changed code (see
-    # `compilation`).
+    # Otherwise tqdm may set attributes of the class at run time, such as a monitor thread, and the
+    # class would count as changed code (see `compilation`).
     _instances = WeakSet()
     monitor_interval = 0
     seconds_left: float | None = None

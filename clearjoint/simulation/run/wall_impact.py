@@ -29,7 +29,8 @@ LONGEST = 100.0
 """Longest duration of a contact that is simulated, s."""
 INSIDE = 1e-300
 """Penetration at the start, m, counted from the onset of the law's force. It is positive, so that a
-law whose force jumps at the onset has a force from the start."""
+law whose force jumps at the onset has a force from the start. For a law with a nonzero
+`onset_offset`, it is lost to rounding."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,8 @@ class FreeImpact:
 
     - `restitution`: rebound speed over entry speed.
     - `peak_force`: N, largest normal force.
-    - `largest_penetration`: m.
+    - `largest_penetration`: m, counted from where the surfaces touch. The force of a law with an
+      `onset_offset` begins earlier.
     - `duration`: s, time from the beginning of the force to its end.
 
     >>> impact = cj.free_impact(cj.laws.HuntCrossley(0.8, 1e9), mass=1.0, entry_speed=0.1)
@@ -122,10 +124,10 @@ def _contact(
     **Arguments:** `bearing_radius`, `clearance`: m, or ``None``, as in `free_impact`;
     `longest_step`: s.
 
-    **Returns:** diffrax's solution with the start and the end times `ts` of all steps, (N,) s, and
-    the penetrations, m, and their rates, m/s, in `ys`, (N, 2). Rows of steps that were not taken,
-    up to the limit of steps, are infinite. `result` is `event_occurred` if the force ended within
-    `LONGEST`.
+    **Returns:** diffrax's solution. Its `ts`, (N,) s, are the start of the motion and the ends of
+    all steps; `ys`, (N, 2), are the penetration, m, and its rate, m/s, at these times. N follows
+    from the limit of steps, and rows of steps that were not taken are infinite. `result` is
+    `event_occurred` if the force ended within `LONGEST` and within the limit of steps.
     """
 
     def rates(t: Single, y: Float[jax.Array, "2"], args: None) -> Float[jax.Array, "2"]:

@@ -61,9 +61,9 @@ def decide_step(
     event.
 
     **Arguments:** `method`: solver, step-size controller, and `landing`, the rule by which steps
-    end at contact events, ``None`` if they go across them; `system`: the scene and its equations of
-    motion; `step`: the state before the trial; `trial`: the trial as the solver computed it;
-    `t_end`: end of the run, s.
+    end at contact events (``None`` if steps go across events); `system`: the scene and its
+    equations of motion; `step`: the state before the trial; `trial`: the trial as the solver
+    computed it; `t_end`: end of the run, s.
 
     **Returns:** whether the trial is accepted; the step to try next; and the result code of the run
     so far.

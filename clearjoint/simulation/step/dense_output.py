@@ -2,11 +2,11 @@
 
 Where the stabilisation projects states onto the constraints, interpolated states are projected too.
 Times are on the clock of a run's `System`, which counts the time from the system's `origin`, s;
-without an origin it shows the scene's time. A `Method` contains the solver; it is the one with
-which the step was made. An `Attempt` is a trial step with its data for dense output. The entry
-speed of a contact is its penetration rate at its onset. A time map gives the part of a step's time
-that has elapsed at each of the solver's stages; without one, this part is the node of the solver's
-tableau, and time is called uniform in the step.
+without an origin it shows the scene's time. Functions that take a `Method` need the one with which
+the step was made, because it contains the solver. An `Attempt` is a trial step with its data for
+dense output. The entry speed of a contact is its penetration rate at its onset. A time map gives
+the part of a step's time that has elapsed at each of the solver's stages; without one, this part is
+the node of the solver's tableau, and time is called uniform in the step.
 """
 
 from collections.abc import Callable, Mapping
@@ -81,14 +81,15 @@ def stabilised(system: System, y: Variables, t: Scalar) -> Variables:
 
 def on_constraints(system: System, y: Variables, t: Scalar) -> Variables:
     """Return the variables at a time t, s, inside a step, with the motion corrected by the
-    stabilisation. The energy ledger stays, because such a correction does not enter later steps."""
+    stabilisation. The energy ledger is not changed, because the correction of a state inside a step
+    does not enter later steps."""
     return replace(y, motion=stabilised(system, y, t).motion)
 
 
 def require_dense(solver: diffrax.AbstractSolver) -> None:
-    """Check that the solver of a `Method` is an explicit Runge-Kutta method, which has there the
-    class `UnrolledExplicit`. Only for these does the package compute quantities and derivatives
-    inside steps.
+    """Check that the solver of a `Method` is an `UnrolledExplicit`, the form that explicit
+    Runge-Kutta methods have there. The package computes quantities inside steps, and derivatives,
+    with these solvers only.
 
     **Raises:** `ValueError` that names the solver's class.
     """

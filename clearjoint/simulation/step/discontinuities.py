@@ -4,15 +4,16 @@ programs and in accepted steps.
 If an element switches a force on where t > t_s, the force is constant before and after t_s. JAX's
 derivative of the comparison by t_s is zero, so the derivative of the motion lacks a term, and no
 run would show that it is missing. Therefore the traced program (jaxpr) of each element is searched
-for operations that compare, round or clip a number which depends on time or on the motion. An
-element declares the times at which it changes abruptly by its method `breakpoints`.
+for operations that compare, round or clip a number which depends on time. An element declares the
+times at which it changes abruptly by its method `breakpoints`.
 
 If a torque jumps at some angle, the instant of the jump depends on the parameters, and derivatives
 of the motion have a term for the shift of this instant (see `.saltation`). Contact laws declare
 such events. A user-defined element cannot declare them, and a step across its jump looks like any
-other. Therefore each accepted step of a scene with an element that may jump is checked: if the
-rates change by more than their slopes at both ends of the step allow, the run ends with the result
-code `force_jumped`.
+other. Therefore user-defined elements are searched for operations that compare or round a number
+which depends on the motion. If a scene has such an element, or a user-defined contact joint, each
+accepted step of a run with derivatives is checked: if the rates change by more than their slopes at
+both ends of the step allow, the run ends with the result code `force_jumped`.
 """
 
 from functools import reduce
@@ -58,7 +59,7 @@ BREAKPOINTS = "`breakpoints` that returns the times in s at which it jumps or ha
 
 def require_declared(scene: Scene) -> None:
     """Check that every element of a scene that may change abruptly at some time, because it
-    compares or rounds a number that depends on time, declares its breakpoints.
+    compares, rounds or clips a number that depends on time, declares its breakpoints.
 
     **Raises:** `ValueError` that names the first such element whose class, or the class of a
     function of time in it, does not define the method `breakpoints`.
@@ -108,11 +109,12 @@ def compares_time(part: AbstractFunctionOfTime | AbstractElement) -> bool:
 
 
 def _program_of_element(element: AbstractElement) -> Jaxpr:
-    """Return the traced program (jaxpr) of an element's forces or constraint rates. The vectors of
-    the element are three separate scalars each.
+    """Return the traced program (jaxpr) of an element's forces or constraint rates.
 
     The program has two arguments: the time, and one number that stands for every component of the
     motion. For the search it does not matter on which component a comparison depends.
+
+    **Arguments:** `element`: the joint or force, with three separate scalars for each vector.
     """
 
     def outputs(t: Scalar, number: Scalar) -> PyTree[Scalar]:
@@ -130,9 +132,9 @@ def _program_of_element(element: AbstractElement) -> Jaxpr:
 
 
 def _depends_on_primitive(program: Jaxpr, chosen: list[bool], primitives: frozenset[str]) -> bool:
-    """Return whether the results of a program depend on one of `primitives`, or on an operation
-    whose result is not a float, such as a comparison, applied to a variable that depends on one of
-    the `chosen` arguments.
+    """Return whether the results of a program depend on one of certain operations, applied to a
+    variable that depends on one of the `chosen` arguments. These operations are those named in
+    `primitives`, and all whose result is not a float, such as comparisons.
 
     **Arguments:** `program`: the traced program; `chosen`: for each of its arguments whether it is
     chosen; `primitives`: names of JAX primitives.

@@ -121,8 +121,8 @@ def _attempt_with_finite_derivatives(
 def _attempt_jvp(
     primals: tuple[PyTree, ...], tangents: tuple[PyTree, ...]
 ) -> tuple[Attempt, Attempt]:
-    """Return the attempt and its tangents. For a trial that overflowed, the step keeps the tangents
-    from before the trial, and all others are zero.
+    """Return the attempt and its tangents. For a trial that overflowed, the field `step` of the
+    attempt keeps the tangents from before the trial, and the tangents of all other fields are zero.
 
     Such a trial is rejected, so its tangents are multiplied by zero. In the reverse pass, zero
     times the infinite derivatives of the trial would be NaN.

@@ -1,6 +1,6 @@
 """Ready-made `Settings` of runs, by purpose.
 
-    cj.simulate(scene, start, end_time, cj.presets.accurate)
+    cj.simulate(scene, state, end_time, cj.presets.accurate)
 
 In order of accuracy: `preview`, `default`, `accurate`, `reference`. The first three share one
 compiled program. `derivatives` and `identification` are for runs with derivatives.

@@ -10,9 +10,9 @@ state y + (f+ - f-) tau has the derivatives of the motion across the event (the 
 R. I. Leine, H. Nijmeijer 2004, section 7.3), in forward and in reverse mode.
 
 The contact force in f+ is a mean over the time tau. If the force is continuous and only its slope
-K, N/m, jumps, as for a spring, this mean is K delta/2 for the penetration delta, m, at t1. Without
-this term, derivatives have an error proportional to tau, which is visible if two contacts of a
-stiff spring begin a millionth of the contact time apart.
+K, N/m, jumps, as for a spring, this mean is K delta/2 for the penetration delta, m, at t1. If the
+force at the event, which is zero, were used instead, derivatives would have an error proportional
+to tau. It is visible if two contacts of a stiff spring begin a millionth of the contact time apart.
 
 The entry speed of a contact is its penetration rate at its onset. Bristles are deflections of the
 surfaces in friction laws that can stick.

@@ -63,8 +63,8 @@ class Settings:
     - `derivative_tolerance`: factor by which the tolerances of derivatives are larger than those of
       the variables. The table shows its effect on the double pendulum after five impacts at each
       base of the journal, with three parameters and an `rtol` of 1e-9. Errors are relative. The
-      motion alone takes 823 attempted steps, more than with 1e5, since runs without derivatives
-      place the stages of the solver at other times in contacts:
+      motion alone takes 823 attempted steps. These are more than with 1e5, because during contacts
+      runs without derivatives place the solver's stages at other times in a step:
 
       | `derivative_tolerance` | steps | error of a position's derivative | of an entry speed's |
       |---|---|---|---|
@@ -85,7 +85,7 @@ class Settings:
     - `max_steps`: largest number of attempted steps of a run, accepted and rejected.
     - `allow_float32`: whether runs may compute in single precision, JAX's default.
 
-    **Raises:** `ValueError` that names the setting: for a value of another type; for a solver of
+    **Raises:** `ValueError` that names the setting: for a value of a wrong type; for a solver of
     stochastic equations or one that splits the equations; for a `diffrax.ClipStepSizeController`
     with `step_ts` or `jump_ts`; for a number that is negative, not finite, or zero (only one of
     `rtol` and `atol` may be zero); and for `max_steps` below 1.

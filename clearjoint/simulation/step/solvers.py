@@ -134,9 +134,10 @@ class DenseOutput(eqx.Module):
     """Dense output of a step: the variables between its start `t0` and its end `t1`, s.
 
     The polynomials are diffrax's. Sums over the stages are written out: a reduction of an array
-    would be a loop between scalar operations, and XLA repeats expressions that it has computed
-    before a loop at each use after the loop. One derivative of one acceleration of the double
-    pendulum had 59 MB of LLVM text and never compiled; without reductions it has 11 MB.
+    would be a loop between scalar operations. XLA does not keep the value of an expression from
+    before a loop, but computes it again at each use after the loop. One derivative of one
+    acceleration of the double pendulum had 59 MB of LLVM text and never compiled; without
+    reductions it has 11 MB.
 
     **Arguments:** `method`: diffrax's solver; `y0`: variables at `t0`; `stages`: for each stage,
     the rates, per s, multiplied by the slope of the time map if the step has one.

@@ -3,8 +3,8 @@ try.
 
 A run tries a step, accepts or rejects it, and tries the next one. Steps end at events: the onset or
 the end of a contact, or a breakpoint, a time at which a driver or load is declared to change
-abruptly. The tangents of a run are derivatives of its variables with respect to p parameters, which
-are integrated together with the variables. Times are on the clock of the run's `System`, which
+abruptly. The tangents of a run are the derivatives of its variables with respect to p parameters.
+They are integrated together with the variables. Times are on the clock of the run's `System`, which
 counts the time from the system's `origin`, s; without an origin it shows the scene's time.
 """
 
@@ -57,7 +57,7 @@ class Variables(eqx.Module):
     - `motion`: coordinates and velocities of the bodies, as the formulation defines them, in SI
       units.
     - `work`: integrals of the energy ledger by name, J; empty without a ledger.
-    - `bristles`: deflections of the surfaces by friction laws that can stick, m, as
+    - `bristles`: deflections of the surfaces in friction laws that can stick, m, as
       `bristles[joint][contact]`; empty without such laws.
     """
 
@@ -111,7 +111,7 @@ class Step(eqx.Module):
     - `t`: end of the latest accepted step, s.
     - `y`: the integrated variables at t.
     - `entry_speeds`: m/s, by joint and contact; the penetration rate at the onset of the present
-      contact, zero without contact. Only contacts whose law uses it have one.
+      contact, zero without contact. Contacts whose law uses no entry speed have no entry.
     - `contact_gaps`: penetration, m, and its rate, m/s, of each contact at t.
     - `second_rates`: second time derivative of each penetration at t, m/s^2, by joint and contact;
       zero if the solver keeps no rates.

@@ -12,8 +12,8 @@ Terms: rates are time derivatives of the integrated variables. The entry speed o
 penetration rate at its onset, m/s. Bristles are deflections of the surfaces in friction laws that
 can stick. Tangents are derivatives of the variables with respect to p parameters. A breakpoint is a
 declared time at which a driver or load changes abruptly. The energy ledger consists of integrals of
-dissipated and supplied powers, J, which are computed with the motion. The clock of a `System`
-counts the time from its `origin`, s; without an origin it shows the scene's time.
+dissipated and supplied powers, J, which are computed with the motion. Times on the clock of a
+`System` are counted from its `origin`, s; without an origin they are the scene's times.
 """
 
 import warnings
@@ -65,10 +65,10 @@ MANY_OPERATIONS = 50_000
 """Number of operations in the equations of motion above which `shapes_of` warns, because compiling
 takes half a minute or more.
 
-Native code, in which a large right-hand side is one function for all stages, took 2, 5 and 23 s of
-processor time for chains of 12, 24 and 48 ideal revolute joints about parallel axes (2800, 11 000
-and 55 000 operations). XLA writes out all stages: it took 53 and 264 s for the first two chains,
-and more than 8 GB of memory for the last.
+Compiling to native code, in which a large right-hand side is one function for all stages, took 2, 5
+and 23 s of processor time for chains of 12, 24 and 48 ideal revolute joints about parallel axes
+(2800, 11 000 and 55 000 operations). XLA, which repeats the right-hand side for each stage, took 53
+and 264 s for the first two chains, and more than 8 GB of memory for the last.
 """
 
 
@@ -108,8 +108,9 @@ def start(
     zero, begins_contact = jnp.zeros((), dtype=int), begins_at_start(contact_gaps)
     # The onset of a contact that exists already is unknown, and counts as long past.
     since_onset = jnp.where(begins_contact, 0.0, jnp.inf)
-    # No step has begun with an onset yet, so the first step's length stands for `entry_length`. It
-    # may be too short, but the first step after each onset may be twice as long as after the last.
+    # `entry_length` limits the first step after an onset to twice its value. No step has begun with
+    # an onset yet, so the length of the run's first step is taken. If that is too short,
+    # `entry_length` grows up to twofold with each onset.
     step = Step(
         t=t0,
         y=y,
@@ -140,9 +141,9 @@ def _initial_ledger(
     """Return the integrals of the energy ledger at the start of a run, J, by name; empty without a
     ledger.
 
-    Integrals that `y.work` contains are kept; the others start at zero. "friction" is an exception:
-    it starts at the energy stored in the bristles, because the ledger counts under "friction" all
-    energy that friction takes from the motion, including the part that bristles will return.
+    Integrals that `y.work` contains are kept. Of the others, "friction" starts at the energy stored
+    in the bristles, because the ledger counts under "friction" all energy that friction takes from
+    the motion, including the part that bristles will return. The rest start at zero.
 
     **Arguments:** `t`: s, the start; `y`, `entry_speeds`: variables and entry speeds there;
     `derivatives`: whether the run has tangents.
@@ -236,7 +237,8 @@ def _accepted_state(
 
     Entry speeds are updated first, since they depend on the penetrations as the solver found them.
     Then the variables are corrected for discontinuities of forces at the end of the step. If the
-    trial is rejected, the result is not used, and a single run skips parts of the work.
+    trial is rejected, the result is not used, and a run that is not in a batch skips parts of the
+    work.
 
     **Arguments:** `step`: the state before the trial; `keep`: whether the trial is accepted.
     """
@@ -307,9 +309,9 @@ def _across_discontinuities(
 
     See `.saltation` and `.breakpoint_events`. The corrections change the variables by rounding
     errors only, with two exceptions. Velocities jump where the angle or distance that a driver
-    prescribes has a kink. Bristle deflections become zero in open contacts and, if steps end at
-    onsets, get the displacement since the onset in contacts that began in the step. The corrections
-    of the tangents are not small.
+    prescribes has a kink. Bristle deflections become zero in open contacts. If steps end at onsets,
+    bristles of contacts that began in the step also get the displacement since the onset added. The
+    corrections of the tangents are not small.
 
     **Arguments:** `step`: the state before the trial; `keep`: whether the trial is accepted.
     """
@@ -355,8 +357,8 @@ def _second_rates(
 ) -> ByLabel[Scalar]:
     """Return the second time derivatives of all penetrations, m/s^2, by joint and contact.
 
-    They follow from the rates of the variables `y`, which `UnrolledExplicit` keeps as its state.
-    With other solvers the result is zero.
+    They follow from the variables `y` and their rates. `UnrolledExplicit` keeps these rates as its
+    state; with other solvers the result is zero.
 
     **Arguments:** `gaps`: penetration and its rate of each contact, of which only the structure is
     used.
@@ -377,7 +379,8 @@ def blank_attempt(
     """Return an `Attempt` that contains `step` and is zero otherwise. It is the initial value in a
     loop over attempts, which needs the structure and shapes of an attempt.
 
-    **Arguments:** `attempt`: the function that tries a step; the others are its arguments.
+    **Arguments:** `attempt`: the function that tries a step. The other arguments are those with
+    which the loop calls it.
     """
     if isinstance(method.solver, UnrolledExplicit):
         # The structure is known. To trace an attempt only for its shapes would take as long as

@@ -111,9 +111,9 @@ class WithinContact(AbstractTimeMap):
           infinite if none is expected to end.
         """
         # The map follows the onset or the end of a contact, whichever is nearer. If a contact
-        # begins now, `since` is zero except for the small time by which the step before ended
-        # beside the onset. The map then starts from exactly zero, and does not follow a predicted
-        # end, however near.
+        # begins now, `since` is not exactly zero, because the step before ended slightly after the
+        # onset. The map then starts from exactly zero, and does not follow a predicted end, however
+        # near.
         nears_end = ~begins & (until_end < since)
         known = touches & jnp.isfinite(jnp.minimum(since, until_end))
         start = jnp.where(nears_end, until_end, jnp.where(begins, 0.0, since))
@@ -135,8 +135,11 @@ class WithinContact(AbstractTimeMap):
         return pace + 2.0 * x * (1.0 - pace)
 
     def fraction(self, elapsed: Scalar) -> Scalar:
-        """Return the root x of the quadratic equation `elapsed(x) = elapsed`, in a form that avoids
-        the cancellation of nearly equal terms."""
+        """Return the fraction x at which a part `elapsed` of the step's time has passed.
+
+        It is a root of a quadratic equation, in a form that avoids the cancellation of nearly equal
+        terms.
+        """
         pace = self._initial_slope()
         square = pace * pace + 4.0 * (1.0 - pace) * elapsed
         return 2.0 * elapsed / (pace + jnp.sqrt(jnp.maximum(square, TINY)))
@@ -144,11 +147,10 @@ class WithinContact(AbstractTimeMap):
     def next_length(self, proposed: Scalar, keep: Condition) -> Scalar:
         """Return the length of the step to try next, s.
 
-        The error of a step is smooth in the square root of time in which this map is linear.
-        Therefore the controller's ratio of lengths, `proposed / length`, is applied to the
-        difference of the square roots over this step, and the result is the length of a step with
-        that difference. If such a step would go past the end of the contact, `proposed` is
-        returned.
+        The rates are smooth in the square root of time in which x is linear, not in time. Therefore
+        the controller's ratio of lengths, `proposed / length`, is applied to the difference of the
+        square roots over this step. The result is the length of a step with the new difference. If
+        such a step would go past the end of the contact, `proposed` is returned.
         """
         change = proposed / self.length * (self.end - self.start)
         root = jnp.where(keep, self.end, self.start)
@@ -158,6 +160,6 @@ class WithinContact(AbstractTimeMap):
         return jnp.where(root + change >= 0.0, alike, proposed)
 
     def _initial_slope(self) -> Scalar:
-        """Return the slope of the map at the start of the step: 0 at an onset, 1 if time is
-        uniform."""
+        """Return the slope of the map at the start of the step: 0 at an onset, below 1 after
+        it, 1 if time is uniform, and up to 2 before the end of a contact."""
         return 2.0 * self.start / (self.start + self.end)

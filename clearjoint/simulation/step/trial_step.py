@@ -144,7 +144,7 @@ def try_step(
     """Compute the solver's step from `step` to `t1`, s, correct its result by the stabilisation of
     the constraints, and normalise the variables.
 
-    **Arguments:** `family`: the systems as functions of the parameters; ``None`` in runs without
+    **Arguments:** `family`: the system as a function of the parameters; ``None`` in runs without
     tangents.
     """
     # With the Python value False, the solver reuses the rates of the last step without a branch.
@@ -160,10 +160,11 @@ def try_step(
         """Return the result of the step, and the solver's result code, as a function of all that
         depends on the parameters."""
         if slopes_may_jump(method, system.scene):
-            # The solver has kept the rates with the contacts of the last step. Where a contact has
-            # begun or ended, they agree with the new rates, but their derivatives do not, because
-            # the slope of a force jumps. There the solver's state is computed anew. In this
-            # function, `start` are the arguments of the solver's method `init` after the term.
+            # The solver has kept the rates at the end of the last step, computed with the contacts
+            # that were closed in that step. If a contact has begun or ended, the kept rates still
+            # hold, but their tangents do not, because the slope of a force jumps. The solver's
+            # state is then computed anew. In this function, `start` are the arguments of the
+            # solver's method `init` after the term.
             kept, start = solver_state, (step.t, t1, y, (system, entry_speeds))
             solver_state = jax.lax.cond(
                 step.proposal.made_jump,
@@ -239,8 +240,8 @@ def may_jump(method: Method, scene: Scene) -> bool:
 
     Rates are discontinuous at breakpoints and where a contact begins to drag bristles. If steps end
     at contact events, they are also discontinuous where a force jumps at the onset or end of a
-    contact; a new entry speed does not change them, because the force at an onset that does not
-    jump is still zero. If steps go across contact events, a new entry speed changes them.
+    contact; if the force does not jump, it is still zero at the onset, and a new entry speed does
+    not change the rates. If steps go across contact events, a new entry speed changes them.
     """
     if bool(breakpoints(scene)) or bool(scene.bristle_laws()):
         return True
@@ -251,8 +252,8 @@ def slopes_may_jump(method: Method, scene: Scene) -> bool:
     """Return whether rates are continuous from step to step, but their slopes may jump where a
     contact begins or ends. There the tangents of the rates that the solver has kept are not valid.
 
-    The result is ``False`` if steps go across the events of contacts, and with a solver other than
-    `UnrolledExplicit`, the only one in runs with tangents.
+    The result is ``False`` if steps go across the events of contacts. It is also ``False`` with
+    solvers other than `UnrolledExplicit`, since runs with tangents use no other.
     """
     lands = method.landing is not None and isinstance(method.solver, UnrolledExplicit)
     return lands and slopes_jump(scene) and not may_jump(method, scene)

@@ -3,8 +3,8 @@
 A store holds the results of a sweep on disk. A lane is one run of the sweep, and a chunk a group of
 lanes that are stored together.
 
-A file ends with a checksum of its content and of its path in the store. So damaged files and files
-that were exchanged are detected, and don't affect the others.
+A file ends with a checksum of its content and of its path in the store. So a damaged file, or one
+that was moved to the place of another, is detected. Intact files can still be read.
 """
 
 from collections.abc import Iterator
@@ -39,10 +39,10 @@ def opened_group(path: Path, mode: Literal["r", "r+"]) -> "zarr.Group":
 
 @cache
 def checked_files() -> "type[LocalStore]":
-    """Return a class of Zarr's stores whose chunks have checksums.
+    """Return a subclass of Zarr's `LocalStore` that writes and checks the checksums of chunks.
 
-    Its `get` raises `ValueError` for a chunk that is damaged or belongs to another path. The class
-    is made when it is first needed, because importing zarr takes long.
+    Its method `get` raises `ValueError` for a chunk that is damaged or belongs to another path. The
+    class is made at the first call of this function, because importing zarr takes long.
     """
     from zarr.core.buffer import default_buffer_prototype
     from zarr.storage import LocalStore
@@ -82,11 +82,11 @@ def _is_metadata(key: str) -> bool:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Lock a folder against other processes within the context, in which the store is changed.
+    """Context in which this process holds the lock of a folder, so that it can change the store.
 
     Before the context begins, wait until no other process holds the lock. The lock of a process
-    that dies is released. If the system has no locks, or the folder can't be written to, processes
-    don't wait for each other.
+    that dies is released. If the system has no locks, or the folder can't be written to, the
+    context begins at once and without a lock.
     """
     try:
         import fcntl
@@ -104,7 +104,7 @@ def locked(folder: Path) -> Iterator[None]:
 def opened(group: "zarr.Group", name: str) -> "zarr.Array":
     """Open the array with the given name in a group.
 
-    A chunk that is written to it has a file even if it contains fill values only.
+    A chunk that is written to this array gets a file even if all its values are the fill value.
     """
     import zarr
 

@@ -39,8 +39,9 @@ ROOT = "zarr.json"
 def unfinished(path: Path) -> Iterator[Path]:
     """Yield a new path beside that of a store, for a store or grid that is being written.
 
-    Within the context the caller writes to this path, and moves the complete folder, or its files,
-    to their final place. When the context ends, also by an error, all that is left is removed.
+    Within the context the caller writes a folder at this path, and moves the complete folder, or
+    its files, to the final place. When the context ends, also by an error, whatever is left at the
+    new path is removed.
     """
     new = path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
     try:
@@ -50,7 +51,8 @@ def unfinished(path: Path) -> Iterator[Path]:
 
 
 def move(file: Path, to: Path) -> None:
-    """Move a file in place of an earlier one, also to a folder that does not exist yet."""
+    """Move a file to the path `to`: an earlier file there is replaced, and missing folders are
+    made."""
     to.parent.mkdir(parents=True, exist_ok=True)
     file.replace(to)
 
@@ -58,9 +60,10 @@ def move(file: Path, to: Path) -> None:
 def write_grid(path: Path, results: "xr.Dataset") -> None:
     """Write results as the grid of the store at a path, in place of an earlier grid.
 
-    If the arrays differ in names, shapes or attributes from those of the earlier grid, a program
-    that opens the grid in the meantime finds none. Otherwise files are replaced one by one, with
-    the result codes last, so that a lane whose code says that it is done has all its numbers.
+    If the arrays differ in names, shapes or attributes from those of the earlier grid, that grid is
+    removed first, and a program that opens the grid before the new one is complete finds none. If
+    they don't differ, files are replaced one by one, with the result codes last, so that a lane
+    whose code says that it is done has all its numbers.
 
     **Arguments:** `path`: folder of the store; `results`: results along the axes of the sweep.
     """
@@ -128,10 +131,10 @@ if TYPE_CHECKING:
     import zarr
 
 _OWN = "sweep_"
-"""Beginning of the names of the store's attributes that are not settings or notes of the sweep."""
+"""Prefix of the store's own attributes, which are neither settings nor notes of the sweep."""
 _FORMAT, _VERSION = "sweep_format", 3
 _DIGEST = "sweep_digest"
-"""Name of the attribute with a digest of all metadata."""
+"""Name of the attribute with a digest of all other metadata of the group `by_lane`."""
 ADDED = "sweep_added"
 """Name of the attribute that lists the variables added when some lanes were already done."""
 ABANDONED_AFTER = 3600.0
@@ -275,11 +278,16 @@ def _digest(root: Mapping[str, Any]) -> str:
 
 
 def _write(path: Path, contents: Contents) -> None:
-    """Write the group `by_lane` of a new store, without results, to a folder."""
+    """Write the group `by_lane` of a new or extended store, without results.
+
+    **Arguments:** `path`: folder of the group, not that of the store; `contents`: contents of the
+    store.
+    """
     import zarr
 
     layout, identity, order, added = contents
-    # Another order has another name, so that a concurrent reader finds the array of its own order.
+    # The array with the order has a digest of the order in its name. An extended store has another
+    # order, in an array of another name, so that a concurrent reader still finds the earlier one.
     order_name = f"sweep_order_{digest(order.tobytes())}"
     # The digests of the runs themselves have an empty name.
     digests = {name: f"sweep_lanes_{name}" if name else "sweep_lanes" for name in identity.lanes}

@@ -1,4 +1,5 @@
-"""Fingerprints of functions, and the digests by which a store recognises its sweep.
+"""Fingerprints (digests of the traced code) of functions, and the digests by which a store
+recognises its sweep.
 
 A lane is one run of a sweep. A run is determined by its program and by the numbers from which it
 starts. A store therefore compares digests of both instead of source texts or names of functions. A
@@ -9,11 +10,11 @@ arguments of a program, and the numbers of solver, controller and outputs are co
 
 A store compares fingerprints to detect that the code of a sweep has changed. The digest of a value
 combines the operation that computes the value, the operation's parameters and the digests of its
-operands. The digest of a constant is that of its numbers, and the digest of an argument that of its
-place among the arguments and its type. The digest of a result therefore doesn't depend on names of
-variables and functions, on the order of independent operations, on unused operations, on `jax.jit`
-around parts of the function, or on the process. All that globals, helpers, base classes and
-properties contribute is part of it, because it appears in the traced program.
+operands. The digest of a constant is computed from its numbers and their type, and that of an
+argument from its place among the arguments and its type. The digest of a result therefore doesn't
+depend on names of variables and functions, on the order of independent operations, on unused
+operations, on `jax.jit` around parts of the function, or on the process. It does depend on the code
+of globals, helpers, base classes and properties, as far as this code is in the traced program.
 """
 
 import dataclasses
@@ -61,8 +62,8 @@ programs are practically excluded."""
 _ADDRESS = " at 0x"
 """Text that marks an address in the `repr` of a Python function; it differs between processes."""
 _WITHOUT_RESULT = {"debug_callback", "debug_print"}
-"""Names of primitives that print or call a Python function, but return nothing. They are left out,
-since they change no result."""
+"""Names of primitives that print or call a Python function, but return nothing. Digests don't
+depend on them, since they change no result."""
 
 
 class Fingerprints(NamedTuple):
@@ -159,7 +160,7 @@ def _setting(operation: str, value: object) -> str:
     **Arguments:** `operation`: name of the operation, for error messages; `value`: the parameter
     or the collection.
 
-    **Raises:** `ValueError` for a Python function, which would differ between processes.
+    **Raises:** `ValueError` for a Python function, since a change of its code would not be noticed.
     """
     # The body of a loop or a branch is a program, too. Its inputs are known by position only.
     if isinstance(value, ClosedJaxpr | Jaxpr):
@@ -233,8 +234,8 @@ class Identity(NamedTuple):
     """Digests that identify a sweep of n lanes.
 
     - `programs`: digests of the traced programs by name, from the function `programs`.
-    - `lanes`: under the key `RUN`, digests (n,) of the numbers from which each lane starts; under
-      the name of an output, digests (n,) of the times at which it is saved.
+    - `lanes`: under the key `RUN`, digests (n,) of the numbers from which each lane starts; if
+      there is an output at given times, under its name, digests (n,) of its times in each lane.
     """
 
     programs: Mapping[str, str]
@@ -248,10 +249,11 @@ def programs(
     start_time: float,
     channels: dict[str, dict[str, Quantity]],
 ) -> dict[str, str]:
-    """Return digests of the program of the run, under `RUN`, and of the variables of outputs.
+    """Return digests of the program of the run, under `RUN`, and of the programs that compute the
+    variables of the outputs, each under the variable's name.
 
-    Each variable has a digest of its own, under its name, so that outputs can be added to a store
-    whose lanes stay valid.
+    Since each variable has its own digest, an output can be added to a store without making the
+    stored lanes invalid.
 
     **Arguments:**
 
@@ -259,8 +261,8 @@ def programs(
     - `folded_scene`, `state`: scene and initial state of a lane. Numbers that are marked as
       constants in the scene become part of the programs.
     - `start_time`: s, start of all runs.
-    - `channels[name][key]`: quantities that the output `name` records; the name of the variable
-      of each is `variable_name(name, key)`.
+    - `channels[name][key]`: quantities that the output `name` records, each as the variable
+      `variable_name(name, key)`.
 
     **Raises:** `ValueError` for a scene or an output that calls a Python function that JAX doesn't
     trace.
@@ -348,11 +350,12 @@ class _Traced:
         }
 
     def instant(self, numbers: PyTree, row: Snapshot, inside: Snapshot) -> Instant:
-        """Return the instant of a snapshot, from which quantities are computed. A snapshot has the
-        time, the variables and the entry speeds.
+        """Return the instant of the snapshot `row`, from which quantities are computed. A snapshot
+        has the time, the variables and the entry speeds.
 
-        A quantity may evaluate the dense output at a fraction of the step. The values there are the
-        fraction times the snapshot `inside`, so that the fraction appears in the traced program.
+        A quantity may evaluate the dense output at a fraction of the step. Here the values at this
+        fraction are replaced by the fraction times the snapshot `inside`, so that the fraction
+        appears in the traced program.
         """
         system = self.plan.scheme.system(self.scene(numbers))
 
@@ -370,11 +373,11 @@ class _Traced:
     def outputs(
         self, numbers: PyTree, row: Snapshot, inside: Snapshot, tallies: dict[str, PyTree]
     ) -> dict[str, PyTree]:
-        """Return for each variable all values that its output computes at the end of a step, so
-        that its digest depends on all of the output's code.
+        """Return for each variable the values that its output computes for it at the end of a step,
+        so that the variable's digest depends on all code that computes it.
 
-        `row` and `inside` are those of `instant`; `tallies` has the structure that the function
-        `tallies` returns.
+        **Arguments:** `row`, `inside`: as in `instant`; `tallies`: tallies of the structure that
+        the method `tallies` returns.
         """
         now, computed = self.instant(numbers, row, inside), {}
         for name, reduction in self.plan.reductions.items():

@@ -46,19 +46,20 @@ from .program import RUN, Identity, matching_lanes
 _SHOWN = 60
 """Number of characters of a text that a message shows."""
 Part = str | int | np.ndarray
-"""Part of a layout in which two sweeps may differ: a setting, or an array of labels."""
+"""Part of a layout in which two sweeps may differ: a text, such as a setting or a unit; the number
+of lanes in a chunk; or an array of labels."""
 
 
 def differences(stored: Contents, wanted: Contents, kept: np.ndarray) -> list[str]:
     """Return one line for each difference that prevents the store from taking the wanted sweep.
 
-    Additional lanes, axes and variables are not differences, because a store can be extended.
-    Differences between notes, texts for readers such as the numbers that all lanes share, are
-    listed only if there are other differences, which they may explain.
+    Lanes, axes and variables that only the wanted sweep has are not differences, because the store
+    can be extended by them. Notes are texts for readers, such as the numbers that all lanes share.
+    Notes that differ are listed only beside other differences, which they may explain.
 
-    **Arguments:** `stored`, `wanted`: contents of the store, and of a store of the wanted sweep;
-    `kept`: (rows of the store,) lane of the wanted sweep that each row holds, -1 if the wanted
-    sweep lacks the row's lane.
+    **Arguments:** `stored`: contents of the store; `wanted`: contents that a store of the wanted
+    sweep would have; `kept`: (rows of the store,) lane of the wanted sweep that each row holds, -1
+    if the wanted sweep lacks the row's lane.
 
     **Returns:** the lines; an empty list if the store can take the wanted sweep.
     """
@@ -69,8 +70,8 @@ def differences(stored: Contents, wanted: Contents, kept: np.ndarray) -> list[st
         *_compared(parts, {name: wanted_parts[name] for name in parts if name in wanted_parts}),
         *_lost(stored, wanted.layout, kept),
     ]
-    # Settings are part of the program of the run. If a setting differs, the program differs too,
-    # and a second line about it would mislead.
+    # A difference that already has a line, such as that of a setting, may change the program of the
+    # run too. A second line about this program would mislead.
     lines += _programs(stored, wanted, without_run=bool(lines))
     lines += _save_times(stored, wanted, kept)
     notes = [name for name in stored.layout.notes if name in wanted.layout.notes]
@@ -86,7 +87,8 @@ def _settings(layout: Layout) -> dict[str, Part]:
 
 
 def _parts(layout: Layout) -> dict[str, Part]:
-    """Return the parts of a stored layout that another layout must have, by name."""
+    """Return the units, labels and variables of a layout, by the names that messages show. A sweep
+    must have all of the stored ones."""
     parts: dict[str, Part] = {f"unit of axis {axis.name}": axis.unit for axis in layout.axes}
     parts |= {f"coordinate {c.name}": c.values for c in layout.coordinates}
     parts |= {f"unit of coordinate {c.name}": c.unit for c in layout.coordinates}
@@ -143,8 +145,8 @@ def _shown(value: object, start: int = 0) -> str:
 
 
 def _lost(stored: Contents, wanted: Layout, kept: np.ndarray) -> Iterator[str]:
-    """Yield a line for each axis with stored values that the wanted sweep lacks, and a line if it
-    lacks stored lanes.
+    """Yield a line for each axis with stored values that the wanted sweep lacks, and one line if
+    the wanted sweep lacks any stored lanes.
 
     **Arguments:** `kept`: as in `differences`.
     """
@@ -253,15 +255,16 @@ class SweepStore:
         """Open the store of a sweep at a path, or create it if there is nothing at the path.
 
         A store with fewer lanes or variables than the requested sweep is extended, and one with the
-        same lanes along other axes gets the axes of the requested sweep.
+        same lanes along other axes gets the axes of the requested sweep, unless it is read only.
 
         **Arguments:** `layout`: axes, variables and settings of the requested sweep; `identity`:
         digests of its programs and lanes.
 
-        **Raises:** `ValueError` if there is something other than a store at the path, if the store
-        is of another version or its metadata are damaged, or if the stored sweep has lanes or
-        variables that the requested sweep lacks, or another difference that `differences` lists,
-        such as a setting, a program, or the number of lanes in a chunk.
+        **Raises:** `ValueError` if there is something other than a store at the path; if the store
+        is of another version, or its metadata are damaged; if the stored sweep has lanes or
+        variables that the requested sweep lacks; or if the two sweeps differ in another way that
+        `differences` lists, such as in a setting, a program, or the number of lanes in a chunk.
+        `OSError` if the store can't be created or extended, for example without permission.
         """
         path = Path(path)
         # Processes that were killed may have left partly written stores beside the path.
@@ -283,8 +286,8 @@ class SweepStore:
         return cls(path, extended)
 
     def missing(self) -> dict[int, list[int]]:
-        """Return the numbers of the lanes that have no results yet, or damaged ones, by number of
-        their chunk.
+        """Return the numbers of the lanes whose results are missing or damaged, by number of their
+        chunk.
 
         **Raises:** `PermissionError` if lanes are missing and the store can't be written to.
 
@@ -301,12 +304,13 @@ class SweepStore:
     def write(self, chunk: int, lanes: Sequence[int], results: LaneArrays) -> None:
         """Write results of some lanes of a chunk to disk.
 
-        When this returns, the lanes count as done, even if the process is killed afterwards. The
-        grid is written too if its last writing is long enough ago (`GRID_PERIOD`, `GRID_SHARE`).
+        When this method returns, the lanes count as done, even if the process is killed afterwards.
+        The grid is written too if its last writing is long enough ago (`GRID_PERIOD`,
+        `GRID_SHARE`).
 
         **Arguments:** `chunk`: number of the chunk; `lanes`: numbers of n lanes of this chunk, in
-        any order; `results`: results of these lanes: for every variable of `layout`, by its name,
-        an array (n, ...).
+        any order; `results`: an array (n, ...) of these lanes, in the same order, for every
+        variable of `layout` by name.
         """
         with locked(self._folder):
             # Another process may have extended the store since it was opened.
@@ -346,8 +350,8 @@ class SweepStore:
     ) -> dict[str, np.ndarray]:
         """Return all rows of a chunk: given results and, in the other rows, the stored ones.
 
-        If a file of the chunk is missing or damaged, the other rows are pending. If no stored row
-        is kept, the chunk's file of result codes is deleted, so that its lanes count as pending
+        If a file of the chunk is missing or damaged, the other rows are pending. If all stored rows
+        are pending, the chunk's file of result codes is deleted, so that its lanes count as pending
         until the caller has written the new results.
 
         **Arguments:** `group`: arrays of the store; `chunk`: number of the chunk; `span`: rows of
@@ -362,9 +366,9 @@ class SweepStore:
                 merged = {name: np.asarray(array[span]) for name, array in arrays.items()}
         except ValueError:  # A checksum does not agree.
             pass
-        # No stored row is kept, perhaps because a file is damaged or missing. Old result codes are
-        # removed first. If this process is killed before it has written all arrays, they would mark
-        # rows as done whose other values are missing.
+        # If all stored rows are pending, perhaps because a file is damaged or missing, old result
+        # codes are removed first: if this process were killed before it has written all arrays,
+        # they would mark rows as done whose other values are missing.
         if (merged[RESULT] == PENDING).all():
             chunk_file(self._folder, arrays[RESULT], chunk).unlink(missing_ok=True)
         for name, values in results.items():
@@ -374,8 +378,8 @@ class SweepStore:
     def write_grid(self) -> None:
         """Write the grid, the results along the axes for other programs, if the one on disk is
         outdated and the store can be written to."""
-        # A store that can only be read serves sweeps whose lanes are all done, and `missing`
-        # refuses others.
+        # A store that can't be written to serves only sweeps whose lanes are all done: `missing`
+        # raises an error for other sweeps.
         if not os.access(self.path, os.W_OK):
             return
         with warnings.catch_warnings():
@@ -401,16 +405,18 @@ class SweepStore:
 def open_sweep(path: str | os.PathLike) -> "xr.Dataset":
     """Read the results of a sweep's store, along its axes, also while the sweep is running.
 
-    Lanes that are not done have the `result` -1 (pending); their numbers are NaN, -1 in integers.
-    Lanes with damaged files are pending too, with a warning that names the files; the same call of
-    `sweep` computes them again. All results are read into memory.
+    Lanes that are not done have the `result` -1 (pending); their other results are NaN, or -1 for
+    integers. Lanes with damaged files are pending too. `sweep`, called with the arguments of the
+    first call, computes them again. All results are read into memory.
 
     ``xarray.open_zarr(path)`` opens the same results lazily. While a sweep is running, or after it
-    was killed, it may show lanes of the last minute, or of a longer time if the results are large,
-    as pending.
+    was killed, this may show lanes as pending that were done in the last minute, or in a longer
+    time if the results are large.
 
     **Raises:** `ValueError` if there is no sweep's store at the path, or if it is of another
     version or its metadata are damaged.
+
+    **Warns:** `UserWarning` that names damaged files.
 
     >>> axis = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [100.0, 400.0])
     >>> outputs = {"speed": cj.Peak(cj.quantities.Velocity("ball"), "m/s")}
@@ -432,7 +438,8 @@ def _joined(path: Path, stored: Contents, wanted: Contents) -> Contents:
     **Arguments:** `path`: path of the store, for the error message; `stored`: contents of the
     store; `wanted`: contents that it should have, of which the `order` is not used.
 
-    **Raises:** `ValueError` that lists the differences, if the store holds another sweep.
+    **Raises:** `ValueError` that lists the differences, if there are any for which the store can't
+    take the wanted sweep.
     """
     # Lanes are recognised by the digests of the numbers from which they start.
     digests = wanted.identity.lanes[RUN]
@@ -450,7 +457,8 @@ def _joined(path: Path, stored: Contents, wanted: Contents) -> Contents:
 
 
 def _same_axes(one: Layout, other: Layout) -> bool:
-    """Return whether two sweeps have the same axes, values and order of both."""
+    """Return whether two sweeps have axes of the same names in the same order, each with the same
+    values in the same order, and are both zipped or both not."""
     if (one.zipped, len(one.axes)) != (other.zipped, len(other.axes)):
         return False
     return all(
@@ -503,7 +511,8 @@ def _arrays(path: Path, group: "zarr.Group", contents: Contents) -> dict[str, np
         arrays[name] = values[lanes]
         for chunk, fault in faults.items():
             span = layout.span(chunk)
-            # A variable that was added later has no files for lanes that were done before.
+            # Missing files of lanes that are not done, and those of a variable that was added when
+            # its lanes were already done, are no damage. The lanes are pending all the same.
             if done[span].any() and not (fault == MISSING and name in contents.added):
                 damaged.append(f"{chunk_file(folder, array, chunk)} is {fault}")
             codes[span] = PENDING
