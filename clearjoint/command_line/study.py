@@ -285,7 +285,7 @@ class StudyParts:
 
 
 def _concrete(module: ModuleType, family: type) -> list[type]:
-    """Return the subclasses of `family` in a module that are not abstract."""
+    """Return the classes in a module that are subclasses of `family` and are not abstract."""
     classes = [kind for kind in vars(module).values() if inspect.isclass(kind)]
     return [kind for kind in classes if issubclass(kind, family) and not inspect.isabstract(kind)]
 
@@ -402,6 +402,7 @@ def _require_known(keys: Keys, units: dict[tuple[str, ...], str], location: File
         known = [k[depth] for k in units if k[:depth] == keys[:depth] and len(k) > depth]
         names, parent = listed(dict.fromkeys(known)), written(keys[:depth]) or "the top"
         if depth == len(keys):
+            # All keys are known. If any names follow, the path leads to several numbers.
             if known:
                 location.refuse(parent, "the path of one number", f"append one of {names}")
         elif keys[depth] not in known:
@@ -450,8 +451,8 @@ class Study:
         return Path(self.location.file)
 
     def settings(self, section: str) -> Settings:
-        """Return the settings of the integration in a section: those of its preset, with the
-        entries of its `settings` replaced.
+        """Return the settings of the integration in a section: those of its preset, except for the
+        entries that its `settings` replace.
 
         A section [sweep] without `preset` and `settings` has the settings of [run]. The energy
         ledger is switched on if an output of the section needs it.

@@ -145,7 +145,8 @@ def check_confidence(confidence: float) -> None:
 
 
 def unit_cube(dimensions: int, count: int, method: str, seed: int) -> Float[np.ndarray, "n d"]:
-    """Return points (count, dimensions) in the unit cube, by `scipy.stats.qmc` unless "random".
+    """Return points (count, dimensions) in the unit cube, from `scipy.stats.qmc` unless `method` is
+    "random".
 
     **Arguments:** `method`: one of `METHODS`, of which "random" draws independent points; `seed`:
     of the random numbers, which scramble the points or, for "random", are their coordinates.
@@ -202,8 +203,9 @@ def design(
 
     **Returns:** an `Axis` of `count` values by name.
 
-    **Raises:** `ValueError` for an unknown `method`, a `count` below 1, an empty `uncertain`, and
-    numbers that are not `Uncertain`.
+    **Raises:** `ValueError` for an unknown `method`, a `count` below 1, an empty `uncertain`,
+    entries that are not `Uncertain`, and a nominal value or bound that the parameter's scale does
+    not allow.
 
     **Warns:** `UserWarning` for "sobol" and a `count` that is not a power of two.
 
