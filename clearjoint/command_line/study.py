@@ -47,7 +47,7 @@ from ..scene_files.documents import (
     written,
 )
 from ..scene_files.files import scene_of_document
-from ..scene_files.reading import Reader, number_of_text
+from ..scene_files.reading import KIND, Reader, number_of_text
 from ..scene_files.schema import Catalogue, Schema, scene_properties
 from ..simulation.reductions import joints
 from ..simulation.reductions import quantities as of_quantities
@@ -470,7 +470,9 @@ class Study:
         # that it names replace settings of the preset.
         table = self.document.get(section)
         given = table.get("settings", {}) if isinstance(table, dict) else {}
-        changes = {key: getattr(part.settings, key) for key in given}
+        # The key `kind` names the class of a table; None stands for no settings.
+        named = [] if part.settings is None else [key for key in given if key != KIND]
+        changes = {key: getattr(part.settings, key) for key in named}
         if needs_ledger:
             changes["ledger"] = True
         return replace(getattr(presets, part.preset or "default"), **changes)

@@ -210,6 +210,10 @@ def test_settings_are_a_preset_with_changes(folder):
     study = read_study(Path("study.toml"))
     assert study.settings("run") == cj.Settings(rtol=1e-7, ledger=True)  # for MeanPowerLost
     assert study.settings("sweep") == cj.presets.preview
+    kind = ("run.settings = { kind = 'Settings', rtol = 1e-7 }",)
+    assert read_study(Path("study.toml"), kind).settings("run") == study.settings("run")
+    none = read_study(Path("study.toml"), ("run.settings = 'none'",)).settings("run")
+    assert none == cj.Settings(ledger=True)
     assert study.settings("fit") == cj.presets.identification
     changed('preset = "preview"', "")
     assert read_study(Path("study.toml")).settings("sweep") == cj.Settings(rtol=1e-7)
