@@ -596,7 +596,8 @@ def _set(study: Document, scene: Document, change: str) -> tuple[bool, Keys]:
     except tomllib.TOMLDecodeError:
         value = text.strip()  # a text without quotation marks, such as 0.2mm
     # The keys before the last one must exist and lead to the table or list that is changed. The
-    # last key may be new in a table, but not in a list.
+    # last key may be new in a table, but not in a list. `found` are the leading keys that exist,
+    # with indices of lists as integers, and `table` is where those before the last one lead.
     tables = study if is_in_study else scene
     found, last = existing(tables, keys), len(keys) - 1
     table: PyTree = reduce(getitem, found[:last], tables)  # pyright: ignore

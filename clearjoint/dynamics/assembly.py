@@ -267,7 +267,8 @@ def require_representable(scene: Scene, state: State, coordinates: AbstractCoord
 
     A state that satisfies all constraints need not be representable. For example, parallel and
     antiparallel axes both satisfy the constraints of a revolute joint, but its angle as variable
-    represents only parallel axes. Only the orientations of the bodies are compared.
+    represents only parallel axes. The state is converted to the coordinates and back, and must keep
+    its orientations; other differences are not checked.
 
     **Raises:** `ValueError` that names the body, or the coordinates if they have no variable.
     """

@@ -262,9 +262,10 @@ def _continued(
 def depth_at_wall(law: AbstractContactLaw) -> Scalar:
     """Return the depth, m, at which a law is evaluated to obtain its force right after the onset.
 
-    The law has no force exactly at its onset, where the depth is minus `onset_offset`, the distance
-    of the surfaces there. The returned depth is larger by `INSIDE`, or by the relative amount
-    `EPSILON` if the offset is not zero, so that practically all of the force is the jump.
+    At the onset the depth is minus `onset_offset`, since the force may begin while the surfaces are
+    still apart. Exactly there the law has no force yet. The returned depth is therefore slightly
+    larger: by `INSIDE`, or by the relative amount `EPSILON` if the offset is not zero. The force at
+    this depth is practically the jump of the force at the onset.
     """
     # The sum of a nonzero offset and `INSIDE` would be rounded to the offset.
     return INSIDE - law.onset_offset() * (1.0 - EPSILON)

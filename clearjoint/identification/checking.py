@@ -380,10 +380,11 @@ class LikelihoodCheck:
     the fit moves to a lower minimum.
 
     - `test`: the rise of chi squared at points some standard errors away, predicted and actual, and
-      the time up to which they agree.
+      the length of the record up to which they agree.
     - `exploration`: more points and minima with their chi squared; ``None`` if the test passed.
-    - `searches`: the local searches of the exploration. If the chi squared of its lowest minimum is
-      more than 0.5 below that of the fit's own search, a more accurate search from there is last.
+    - `searches`: the local searches of the exploration. If they find a minimum whose chi squared is
+      more than 0.5 below that of the fit's own search, a more accurate search starts from this
+      minimum; it is the last entry.
     - `posterior`: a small `Posterior`, of few points, around the lowest minimum. The fit's
       intervals come from it. ``None`` if the test passed, if noise doesn't explain chi squared, if
       more runs would be needed than 75 times the argument `check_runs` of `identify`, if no points

@@ -553,8 +553,9 @@ class ClearanceJoint(AbstractCentredJoint):
         """Return the friction force on the journal's body, N in global axes; ``None`` without
         friction.
 
-        For a law with bristles it is that of steady sliding. The force of a shoulder has a
-        component along the axis, which stands for its moment (see `Contact.face_radius`).
+        For a law with bristles it is that of steady sliding. For a shoulder, only the components
+        across the axis are a force. The component along the axis, times the mean radius of the
+        face (`Contact.face_radius`), is the moment of the friction about the axis.
 
         **Arguments:** `name`: label of the contact. `contact`: its geometry. `normal_force`: N.
         """

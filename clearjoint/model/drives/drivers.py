@@ -174,7 +174,9 @@ class AbstractDriveTorque(AbstractDrive, AbstractForce):
 
     The opposite torque, the reaction, acts on the first body.
 
-    A subclass defines the torque as a function of angle, speed and time, as this motor does:
+    A subclass declares the fields of `AbstractDrive` (`first`, `second`, `axis`, and `orientation`,
+    that of the second body at angle zero) and defines the torque as a function of the second body's
+    angle about the axis, its rate and time, as this motor does:
 
     ```python
     import clearjoint as cj

@@ -72,11 +72,13 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
       requested. In `saved` and `history`, the rows of times that the run did not reach repeat the
       last state.
     - `contacts[joint][contact]`: the `ContactTotals` of the whole run.
-    - `residual`: largest violation of the contact conditions (no approach without an impulse, no
-      pulling impulse, Coulomb's law) in any step that did not fail. A step solves two problems with
-      such conditions: one for the impulses, and one, along the normals only, for the velocities
-      that move positions out of penetrations. A violation is divided by the largest velocity at
-      closed contacts that its problem has to change, or by 1 m/s if there is none.
+    - `residual`: largest violation of the contact conditions in any step that did not fail. The
+      conditions are that no contact approaches after the impact faster than its restitution allows,
+      that impulses do not pull and vanish at contacts that open faster, and that friction obeys
+      Coulomb's law. A step solves two problems with such conditions: one for the impulses, and one,
+      along the normals only, for the velocities that move positions out of penetrations. The
+      violations in a problem are relative to the largest velocity at closed contacts that the
+      problem has to change, or to 1 m/s if there is none.
     - `formulation`: the formulation of the equations of motion: their coordinates, and how
       constraints are kept satisfied.
     - `redundant_constraints`: names of constraint equations that depend linearly on others. If
