@@ -357,11 +357,13 @@ class FoundPath:
 def find_path(
     texts: str | Sequence[str], scene: Scene, state: State, location: FileLocation
 ) -> FoundPath:
-    """Find the number at a path, or the numbers at several paths, which then all get the same
-    value.
+    """Find which number of the scene or of its initial state a path names. Several paths name
+    several numbers, to which the caller later gives one common value.
 
     **Arguments:** `texts`: a path, or several; `location`: their location in the file, for
     messages.
+
+    **Returns:** a `FoundPath`, which gives access to the number or numbers and has their unit.
 
     **Raises:** `ValueError` for an empty list of paths, for a text that is no path, for a name that
     does not exist (the message lists the existing names), for a path that leads to several numbers,

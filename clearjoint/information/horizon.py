@@ -431,6 +431,7 @@ def _wrong_guess(
     # A record is blocked if the misfit rises at any of the points between the truth and the guess.
     for fraction in np.linspace(0.0, 1.0, PATH_POINTS + 1)[1:]:
         run = run_at(truth + fraction * offset)
+        # Derivatives by the parameters come first; the others are not needed here.
         along = {name: run.derivatives[name][:, : len(offset)] @ offset for name in weights}
         values, slopes = _weighted(run.values, weights), _weighted(along, weights)
         blocked |= blocked_records(true_values, values, slopes)

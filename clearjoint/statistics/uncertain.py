@@ -163,7 +163,8 @@ def unit_cube(dimensions: int, count: int, method: str, seed: int) -> Float[np.n
     if method == "random":
         return rng.random((count, dimensions))
     if method == "sobol":
-        # Points are drawn up to a power of two, since SciPy's own warning has no advice.
+        # A full power of two is drawn and cut to `count`, so that SciPy does not issue its own
+        # warning, which has no advice.
         exponent = (int(count) - 1).bit_length()
         if count != 2**exponent:
             warnings.warn(

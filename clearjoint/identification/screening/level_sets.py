@@ -31,7 +31,7 @@ def reached(curves: np.ndarray, keep: int, excess: float) -> float:
     beyond = np.flatnonzero(_gap(curves, keep) > excess)
     if not beyond.size:
         return float(last)
-    # The gap exceeds the excess between this number of times and the next.
+    # Somewhere between this number of times and the next, the gap begins to exceed the excess.
     last_full, low, high = int(beyond[0]) - 1, 0.0, 1.0
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)

@@ -519,8 +519,13 @@ class PlanarMotion(AbstractTurning):
         return self._in_child(position[:2], position)
 
     def columns(self, position: Position) -> tuple[Twist, ...]:
-        """Return translations at 1 m/s along the two transverse axes of the parent's normal, and a
-        rotation at 1 rad/s about the normal; all in the child's axes.
+        """Return the columns of the motion subspace: the relative twist, in the child's axes, for
+        each speed equal to one and the others zero.
+
+        They are translations at 1 m/s along the two transverse axes of the parent's normal, and a
+        rotation at 1 rad/s about the normal through the child's point. The linear part of a twist
+        is the rate of the components of `displacement` in the child's axes, so that it is not zero
+        for the rotation.
         """
         directions = (self._in_child(axis, position) for axis in ((1.0, 0.0), (0.0, 1.0)))
         apart = self.displacement(position)
