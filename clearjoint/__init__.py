@@ -16,7 +16,7 @@ elements of your own in `clearjoint.extend`. All numbers are in SI units.
 | base | one of the two end circles of a journal, whose contacts are computed; named "V" and "W" |
 | bearing, journal | the hole and the pin of a revolute joint with clearance |
 | breakpoint | time at which a driver or load is declared to change abruptly; steps end there |
-| bristle | deflection of the surfaces in a friction law that sticks; a state of the contact |
+| bristle | elastic deflection of the surfaces in friction laws with sticking; a contact's state |
 | clearance | radius of the bearing less that of the journal, m; in other joints, the play |
 | constraint row | one scalar equation of a joint, with its Jacobian |
 | contact | one pair of surfaces of a clearance joint that may touch, with a label such as "V" |
@@ -49,12 +49,12 @@ elements of your own in `clearjoint.extend`. All numbers are in SI units.
 
 **From a clearance to its force**
 
-1. `simulation/run/simulate.py`: `simulate` hands the scene to a compiled program, which splits its
-   arrays into scalars (`unpack` in `math/vectors.py`).
+1. `simulation/run/simulate.py`: `simulate` hands the scene to a compiled program, which splits the
+   scene's arrays into scalars (`unpack` in `math/vectors.py`).
 2. `dynamics/system.py`: `System.dynamics`, called in every stage of a step, needs contact forces.
 3. `dynamics/contact_forces.py`: `contact_forces` asks each contact for its gap and its force.
-4. `model/clearance_joints/clearance.py`: `ClearanceJoint.contacts` finds the gap: the
-   eccentricity less the clearance is its penetration.
+4. `model/clearance_joints/clearance.py`: `ClearanceJoint.contacts` finds the gap, with
+   the penetration: the eccentricity less the clearance.
 5. `model/contact/laws.py`: `contact_normal_force` evaluates the law at that gap. The stiffness
    depends on the clearance too (`RavnStiffness` in `model/contact/laws.py`).
 

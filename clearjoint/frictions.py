@@ -1,8 +1,8 @@
 """Friction laws of contacts, passed as `friction=` to a joint with clearance.
 
-With regularised laws, whose force vanishes with the sliding speed, surfaces creep slowly instead of
-sticking. Surfaces stick only with the laws `Dahl`, `LuGre` and `ElastoPlastic`, which have
-bristles: elastic deflections of the surfaces.
+Regularised laws have no force at zero sliding speed, so surfaces creep slowly instead of sticking.
+Surfaces stick only with the laws `Dahl`, `LuGre` and `ElastoPlastic`, which have bristles: elastic
+deflections of the surfaces.
 """
 
 from .model.contact.friction import Ambrosio as Ambrosio

@@ -87,9 +87,9 @@ def configure(threads: int | None = None, cache: str | os.PathLike | None = None
     **Arguments:**
 
     - `threads`: number of threads that share the runs of a sweep. Default: one for each core that
-      the process may use, or for each accelerator.
-    - `cache`: folder of compiled programs; "~" at the beginning stands for the home folder. A path
-      with "://", as of a cloud storage, is passed on to JAX as it is. Default: the environment
+      the process may use or, if JAX computes on accelerators, one for each of these.
+    - `cache`: folder of compiled programs; "~" at the beginning stands for the home folder. A URL
+      of cloud storage, which contains "://", is passed on to JAX as it is. Default: the environment
       variable ``CLEARJOINT_CACHE``, or ``clearjoint`` in the user's cache folder.
 
     **Raises:** `ValueError` if `threads` is not a positive whole number, if `cache` is a file or
@@ -144,8 +144,8 @@ def _usable(cache: str) -> str | None:
     """Return the path of the folder `cache`, which is made if it does not exist; ``None``, with a
     warning, if it can't be made or if other users may write to it.
 
-    A "~" at the beginning stands for the user's home folder. A path with "://", as of a cloud
-    storage, is returned as it is: JAX handles it.
+    A "~" at the beginning stands for the user's home folder. A URL of cloud storage,
+    which contains "://", is returned as it is: JAX handles it.
 
     **Raises:** `ValueError` if the path is that of a file, or leads through a file.
     """

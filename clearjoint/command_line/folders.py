@@ -143,8 +143,9 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
     """Return the scene and the solution of a run in a folder, from which the figures of the run can
     be drawn again.
 
-    The solution has no accepted steps, since these are not stored. If the run ended with a message
-    that this version of the package does not know, the result code is `max_steps_reached`.
+    The field `steps` of the solution is None, since the accepted steps are not stored. If the run
+    ended with a message that this version of the package does not know, the result code is
+    `max_steps_reached`.
 
     **Raises:** `ValueError` for a folder without saved states or without the file of the scene, and
     for coordinates or a stabilisation of a class that this version does not know.

@@ -198,10 +198,11 @@ def wear(file: Path, changes: tuple[str, ...], out: Path | None, **options: str 
     """Compute how joints wear over many cycles of a periodic motion.
 
     The section [wear] of the study names the joints with their wear rates, the duration of a cycle,
-    and the number of cycles or the depth at which to end. The command prints the depths before each
-    stage. The folder of the results contains wear.zarr with all stages, stages.csv, profiles.csv
-    with the worn profiles, figures, worn.toml, the scene with the worn profiles, and the page
-    index.html. The same command continues an interrupted computation.
+    and the number of cycles or the depth at which to end. The computation proceeds in stages of
+    many cycles, and the command prints the depths before each of them. The folder of the results
+    contains wear.zarr with all stages, stages.csv, profiles.csv with the worn profiles, figures,
+    worn.toml, the scene with the worn profiles, and the page index.html. The same command continues
+    an interrupted computation.
     """
     from .wearing import wear as wear_study
 
@@ -211,7 +212,7 @@ def wear(file: Path, changes: tuple[str, ...], out: Path | None, **options: str 
 @command("report", "clearjoint report results/four_bar/run")
 @click.argument("folder", type=FOLDER)
 def report(folder: Path) -> None:
-    """Draw the figures of a folder of results again and write its page.
+    """Draw the figures of a folder of results again, and write its page index.html.
 
     The figures of a fit stay as they are.
     """
@@ -310,7 +311,7 @@ def _compute(
     printed line ends with the path of the page or, without results, with "nothing was written".
 
     **Arguments:** `command`: name of the command and of its section in a study; `function`:
-    function of the study and the folder of the results that computes and writes these; `file`: the
+    takes the study and the folder of the results, and computes and writes the results; `file`: the
     study or scene file; `out`: folder of the results, by default results/<name of the
     file>/<command>; `changes`, `options`: see `_read_study`.
     """

@@ -302,9 +302,9 @@ def stage_table(found: xr.Dataset) -> pd.DataFrame:
     A stage begins with a run of the mechanism as worn so far, whose wear is then extrapolated over
     many cycles. The last row is the worn state at the end; no run follows, so its forces are NaN.
 
-    **Returns:** a data frame with the number of cycles before the stage, the largest force in each
-    joint in the stage's run, N, and for each part (bearing or journal) that wears its largest and
-    its mean depth, m, and its volume, m^3, before the stage.
+    **Returns:** a data frame with the number of cycles before the stage; the largest force, N, in
+    each joint during the stage's run; and, for each bearing and journal that has worn, the largest
+    and the mean worn depth, m, and the worn volume, m^3, before the stage.
     """
     columns = {"cycles": found["cycles"].values}
     for joint in found["joint"].values:

@@ -221,7 +221,8 @@ def _outputs(
 
     The extremes that reductions have found are attributes of the values: "largest" and "smallest"
     in the quantity's unit, "largest_time" and "smallest_time" in s. A note is printed if the saved
-    values fall short of one of these extremes by more than 2 % of the range between the two.
+    values fall short of one of these extremes by more than 2 % of the difference between the
+    extremes.
     """
     saved, rows, found = solution.saved, ("time",), solution.outputs
     assert saved is not None

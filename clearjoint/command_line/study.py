@@ -285,7 +285,7 @@ class StudyParts:
 
 
 def _concrete(module: ModuleType, family: type) -> list[type]:
-    """Return the subclasses of `family` in a module that are not abstract."""
+    """Return the classes in a module that are subclasses of `family` and are not abstract."""
     classes = [kind for kind in vars(module).values() if inspect.isclass(kind)]
     return [kind for kind in classes if issubclass(kind, family) and not inspect.isabstract(kind)]
 
@@ -357,11 +357,13 @@ class FoundPath:
 def find_path(
     texts: str | Sequence[str], scene: Scene, state: State, location: FileLocation
 ) -> FoundPath:
-    """Find the number at a path, or the numbers at several paths, which then all get the same
-    value.
+    """Find which number of the scene or of its initial state a path names. Several paths name
+    several numbers, to which the caller later gives one common value.
 
     **Arguments:** `texts`: a path, or several; `location`: their location in the file, for
     messages.
+
+    **Returns:** a `FoundPath`, which gives access to the number or numbers and has their unit.
 
     **Raises:** `ValueError` for an empty list of paths, for a text that is no path, for a name that
     does not exist (the message lists the existing names), for a path that leads to several numbers,
@@ -402,6 +404,7 @@ def _require_known(keys: Keys, units: dict[tuple[str, ...], str], location: File
         known = [k[depth] for k in units if k[:depth] == keys[:depth] and len(k) > depth]
         names, parent = listed(dict.fromkeys(known)), written(keys[:depth]) or "the top"
         if depth == len(keys):
+            # All keys are known. If any names follow, the path leads to several numbers.
             if known:
                 location.refuse(parent, "the path of one number", f"append one of {names}")
         elif keys[depth] not in known:
@@ -450,8 +453,8 @@ class Study:
         return Path(self.location.file)
 
     def settings(self, section: str) -> Settings:
-        """Return the settings of the integration in a section: those of its preset, with the
-        entries of its `settings` replaced.
+        """Return the settings of the integration in a section: those of its preset, except for the
+        entries that its `settings` replace.
 
         A section [sweep] without `preset` and `settings` has the settings of [run]. The energy
         ledger is switched on if an output of the section needs it.
@@ -595,7 +598,8 @@ def _set(study: Document, scene: Document, change: str) -> tuple[bool, Keys]:
     except tomllib.TOMLDecodeError:
         value = text.strip()  # a text without quotation marks, such as 0.2mm
     # The keys before the last one must exist and lead to the table or list that is changed. The
-    # last key may be new in a table, but not in a list.
+    # last key may be new in a table, but not in a list. `found` are the leading keys that exist,
+    # with indices of lists as integers, and `table` is where those before the last one lead.
     tables = study if is_in_study else scene
     found, last = existing(tables, keys), len(keys) - 1
     table: PyTree = reduce(getitem, found[:last], tables)  # pyright: ignore

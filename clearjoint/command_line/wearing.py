@@ -86,7 +86,7 @@ def wear(study: Study, folder: Path) -> CommandResult:
 
 
 def check_wear_section(study: Study, part: WearPart) -> None:
-    """Check the entries of the section [wear] of a study without a run, for `clearjoint check`.
+    """Check the entries of a study's section [wear], without any run, for `clearjoint check`.
 
     **Raises:** `ValueError` for wrong entries; the message names the file and the section.
     """
@@ -109,9 +109,10 @@ def check_wear_section(study: Study, part: WearPart) -> None:
 def _summary(found: "xr.Dataset", part: WearPart, code: int) -> tuple[Summary, str]:
     """Return the entries of the summary, and the result as one line of text.
 
-    The entries tell how the computation ended. Entries and line have the numbers of stages and
-    cycles, and the depth of each bearing and journal that has worn. If the section [wear] names a
-    depth, they also tell after how many cycles the part has reached this depth.
+    The entries tell how the computation ended. Both the entries and the line have the numbers of
+    stages and cycles, and the depth of each bearing and journal that has worn. If the section
+    [wear] has a `depth`, they also tell after how many cycles each of these parts reached it. For a
+    part that has not reached it, the entry is "not reached", and the line leaves it out.
 
     **Arguments:** `found`: result of `clearjoint.wear`; `part`: the section [wear]; `code`: exit
     code of the command, which tells whether the computation was interrupted.

@@ -44,8 +44,8 @@ def keeps_programs() -> bool:
 
 
 def cache_in_use() -> Path | None:
-    """Return the folder of JAX's compilation cache; ``None`` if the cache is switched off, or if it
-    is at a URL, as of a cloud storage."""
+    """Return the folder of JAX's compilation cache; ``None`` if the cache is switched off, or if
+    its path is a URL, such as one of cloud storage."""
     cache = jax.config.jax_compilation_cache_dir  # pyright: ignore
     if not (cache and jax.config.jax_enable_compilation_cache):  # pyright: ignore
         return None
@@ -81,10 +81,10 @@ def prepare_folder(folder: Path) -> str | None:
 def is_private(folder: Path) -> bool:
     """Return whether only the user of this process and the administrator may write to a folder.
 
-    Anyone else who may write to it could have code executed by this process. The result is ``True``
-    on systems without POSIX permissions, such as Windows.
+    Anyone else who may write to it could have code executed by this process. On systems without
+    POSIX permissions, such as Windows, the result is always ``True``.
 
-    **Raises:** `OSError` if the folder doesn't exist.
+    **Raises:** `OSError` on systems with POSIX permissions if the folder doesn't exist.
     """
     if not hasattr(os, "getuid"):
         return True

@@ -257,10 +257,10 @@ def _on_host(leaf: PyTree) -> PyTree:
 def in_one_function(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
     """Wrap a function of PyTrees so that XLA's CPU compiler compiles it as one function.
 
-    Otherwise XLA starts a kernel for each group of operations, and recomputes in each kernel what
-    several of them need. A step of a run, with some thousand operations on scalars, would then take
-    forty times as long, and ten times as long to compile. On other devices the function is not
-    changed. `set_xla_metadata`, which gives attributes to a call, is experimental in JAX.
+    Without this wrapper, XLA starts a kernel for each group of operations, and recomputes in each
+    kernel what several of them need. A step of a run, with some thousand operations on scalars,
+    would take forty times as long, and ten times as long to compile. On other devices the function
+    is not changed. `set_xla_metadata`, which gives attributes to a call, is experimental in JAX.
     """
     call = eqx.filter_jit(function)
 

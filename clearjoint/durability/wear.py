@@ -54,13 +54,14 @@ CHANGE_BY_PENETRATION = 0.2
 """Default of the largest change of the worn depth in a stage, relative to the largest penetration
 beyond the onset of the force."""
 FIRST_STAGE = 0.1
-"""Factor by which the first stage has fewer cycles than the limits allow. It is shorter because
-there is no earlier stage from which the change of the wear rate could be estimated."""
+"""Number of cycles of the first stage, divided by the number that the limits allow. The first stage
+is shorter because there is no earlier one from which the change of the wear rate could be
+estimated."""
 FEWEST_SAMPLES = 8
 """Smallest number of angles. With 8 of them a cubic B-spline, which is four spacings wide, covers
 half of the circumference."""
 EXTREMES = {"penetration": "m", "force": "N"}
-"""Units of the largest values in a stage that are part of a result, by name."""
+"""Names and units of the quantities of which a result has the largest value in each stage."""
 STEPS_PER_SAMPLE = 16
 """Smallest number of quadrature steps in a cycle, divided by the number of angles. If a contact
 circles the wall once a cycle, so many steps resolve its motion from one angle to the next."""
@@ -90,7 +91,7 @@ def wear(
 
     The wear of a few cycles is computed by a run (Archard's law; see `clearjoint.WearRates`) and
     extrapolated over as many cycles as a limit on the change of depth allows. Then the profiles are
-    changed and the next stage begins, with the motion at the end of the run before. Two successive
+    changed, and the next stage begins with the state at the end of the run before. Two successive
     stages determine the rate of wear and its change (Adams-Bashforth method of second order). The
     first stage has no earlier one: its own rate is used, over a tenth of the cycles that the limit
     and `cycles` allow, unless `cycles` prescribes the stages.
@@ -115,8 +116,8 @@ def wear(
       stage begins.
     - `settle`: number of cycles of a run before the wear is measured; `measured`: number of cycles
       that are measured, even. Their first and second half must agree to the relative `tolerance`:
-      in the sum of the depths that wear off each joint, and in that of the derivatives by each
-      parameter. A motion that is not periodic needs many measured cycles.
+      in the sum of the depths that wear off each joint, and in the sum of the derivatives with
+      respect to each parameter. A motion that is not periodic needs many measured cycles.
     - `largest_change`: largest change of depth in a stage, m; by default a fifth of each
       joint's largest penetration in the stage, measured from the onset of the force. With larger
       changes the profile oscillates, since the material that carries the load in one stage is gone
@@ -139,10 +140,10 @@ def wear(
       angle). The angle is about the axis of the bearing or journal, from its x axis (see
       `clearjoint.quantities.JournalOffset`).
     - ``bearing_rate``, ``journal_rate``: depth per cycle in the stage, m, (joint, stage, angle);
-      NaN in the last stage, which has no run, or none that was used.
+      NaN in the last stage: the computation ended at its start, or its run failed.
     - ``bearing_depth_derivative``, ``journal_rate_derivative`` and so on: the derivatives of these
-      with respect to the parameters' coordinates, along the additional dimension "parameter". Only
-      with `parameters`.
+      depths and rates with respect to each parameter's coordinate (its value on its scale, such as
+      the logarithm for `Log`), along the additional dimension "parameter". Only with `parameters`.
     - ``penetration``, ``force``: largest penetration, m, and largest sum of the normal forces at
       the two ends of the journal, N, in the measured cycles of a stage, (joint, stage); NaN in the
       last stage.
@@ -419,10 +420,11 @@ class _CycleRun:
     def difference(self, found: "_Measured") -> float:
         """Return the largest relative difference of the two halves of the measured cycles.
 
-        The differences are those of the sum of the depths of each joint, and of the sum of all
-        derivatives with respect to each parameter. Each is relative to the sum of absolute values
-        in the half where this is larger, so that derivatives of both signs that cancel don't count
-        as different. It is zero without wear.
+        For each joint, the sums of its depths in the two halves are compared; for each parameter,
+        the sums of all derivatives with respect to it. The difference of two sums is divided by the
+        larger one of the two sums of magnitudes: derivatives of opposite signs may cancel in a sum,
+        which would make the difference relative to the sum itself too large. The result is zero
+        without wear.
         """
         values, slopes = found.halves[:, 0], found.halves[:, 1:]
         sums = [*values.sum(axis=(2, 3)).T, *slopes.sum(axis=(2, 3, 4)).T]
@@ -622,7 +624,8 @@ class _Stages:
         """Append the number of cycles and the depths after a stage of `length` cycles."""
         middle = rate = self.rates[-1]
         if len(self.rates) > 1:
-            # Rate at the middle of the stage, on the line through those of the last two stages.
+            # Rate at the middle of the stage, on the line through the rates that were measured at
+            # the beginnings of this stage and of the one before.
             before = self.cycles[-1] - self.cycles[-2]
             middle = rate + 0.5 * length / before * (rate - self.rates[-2])
         # Material doesn't grow again, even if the line leads to a negative rate. The depth stays
@@ -683,8 +686,8 @@ class _Store:
         """Replace the store by one of the dataset `found`, a result of `wear`.
 
         If the process is killed meanwhile, the old store (if there was one) or the new one is
-        complete. `_folder` returns its folder, which may be the one beside `path` with the suffix
-        "old".
+        complete. `_folder` returns the folder of this complete store: `path`, or the folder beside
+        it with the suffix "old".
         """
         new, old = _beside(self.path, "new"), _beside(self.path, "old")
         shutil.rmtree(new, ignore_errors=True)
@@ -917,9 +920,9 @@ def check_wear(
     tolerance: float,
     largest_change: float | None,
 ) -> None:
-    """Check these arguments of `wear`.
+    """Check arguments of `wear`, which have the same names there.
 
-    **Raises:** `ValueError` that names the argument.
+    **Raises:** `ValueError` for an argument that `wear` refuses; the message names the argument.
     """
     require(len(rates) > 0, "rates", dict(rates), "of one joint at least", "name a joint")
     known = [n for n, joint in scene.joints.items() if isinstance(joint, ClearanceJoint)]

@@ -1,4 +1,4 @@
-"""Specific wear rates of the two parts of a joint."""
+"""Specific wear rates of the two parts of a joint with clearance: bearing and journal."""
 
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -34,7 +34,7 @@ Archard, J. Appl. Phys. 24, 1953, 981)."""
 
 @dataclass(frozen=True)
 class WearRates:
-    """Specific wear rates of the two parts of a joint, m^2/N.
+    """Specific wear rates of the bearing and of the journal of a joint, m^2/N.
 
     A rate is the worn volume divided by the normal force and by the sliding distance. It equals
     Archard's coefficient over the hardness, k/H. Tables often have mm^3/(N m), which is 1e-9 m^2/N.

@@ -136,8 +136,8 @@ class AbsoluteMechanics(AbstractMechanics):
         """Return the generalised forces of wrenches, six numbers for each body: since H is the
         identity, the force, N, in global axes, and the moment, N m, in body axes.
 
-        **Arguments:** `wrenches`: by name of body; the numbers of a body without one are zero, and
-        one on the ground is ignored.
+        **Arguments:** `wrenches`: by name of body. A body without an entry gets six zeros, and an
+        entry for the ground is ignored.
         """
         loads = [wrenches.get(name, NO_WRENCH) for name in self._scene.bodies]
         return [part for load in loads for part in (*load.force, *load.moment)]
@@ -152,11 +152,11 @@ class AbsoluteMechanics(AbstractMechanics):
         return rates
 
     def bias(self, row: Row) -> Scalar:
-        """Return zero: if the rates of all speeds are zero, no body accelerates, and the second
-        time derivative of a constraint row's value is the row's own `bias`.
+        """Return zero.
 
-        In other coordinates bodies may accelerate then, and the result is the part of the second
-        time derivative that these accelerations cause.
+        In any coordinates, the result is a part of the second time derivative of a constraint row's
+        value: the part due to the accelerations that the bodies have if the rates of all speeds are
+        zero. In absolute coordinates, the bodies then have no accelerations.
         """
         return 0.0
 

@@ -38,7 +38,7 @@ TOLERANCE = 1e-12
 equations between directions. It is slightly above the rounding errors of lengths of a metre."""
 ACCEPTED_VIOLATION = 1e-6
 """Largest constraint value |Phi|, m or rad, and largest rate of Phi, m/s or rad/s, of a state from
-which a run may start. The value is far above rounding errors, and small beside a clearance."""
+which a run may start. This limit is far above rounding errors, and small beside a clearance."""
 REPRESENTED = 1e-3
 """Largest accepted difference of Euler parameters between a state and the same state after
 conversion to variables and back. Rounding errors are far smaller, and the difference of a state
@@ -98,8 +98,8 @@ def assemble(
 
     **Raises:** `ValueError`
 
-    - if `scene` or `state` has another type, if the state's bodies are not those of the scene, or
-      if a number of the state is not finite, or Euler parameters are far from unit norm;
+    - if `scene` is no `Scene` or `state` no `State`, if the state's bodies are not those of the
+      scene, if a number of the state is not finite, or if Euler parameters are far from unit norm;
     - if no state near the guess satisfies the constraints; the message names the worst constraint;
     - if a `FixedJoint` or `PrismaticJoint` would hold a wrong orientation, since the guess is
       turned too far;
@@ -163,8 +163,8 @@ def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
     matrix, that satisfies the linearised constraints. The result is therefore only approximately
     the nearest state. Entry speeds, work and bristles are unchanged.
 
-    **Raises:** `ValueError` that names the worst constraint if the iteration does not converge, or
-    a joint that would hold a wrong orientation, see `require_oriented`.
+    **Raises:** `ValueError` if the iteration does not converge (the message names the worst
+    constraint), or if a joint would hold a wrong orientation (see `require_oriented`).
     """
     # Redundant constraints make the equations of a correction singular. The flag selects a solver
     # for that case, so that they need not be known here.
@@ -204,11 +204,12 @@ def require_assembled(names: tuple[str, ...], values: np.ndarray, rates: np.ndar
 
 
 def require_oriented(scene: Scene, state: State) -> None:
-    """Check that fixed and prismatic joints hold the orientation that they declare.
+    """Check that the relative orientation in each fixed and prismatic joint is less than 90 degrees
+    from the one that the joint declares.
 
-    The rows of these joints are also zero after half a revolution about x, y or z and after cyclic
-    permutations of the axes, which are rotations by 180 and 120 degrees. A run would hold such an
-    orientation.
+    The constraint equations of these joints are zero at the declared orientation, but also after a
+    further rotation by half a revolution about x, y or z, or by 120 degrees (a cyclic permutation
+    of the axes). A run that starts from such a wrong orientation would hold it.
 
     **Raises:** `ValueError` that names the joint.
     """
@@ -266,7 +267,8 @@ def require_representable(scene: Scene, state: State, coordinates: AbstractCoord
 
     A state that satisfies all constraints need not be representable. For example, parallel and
     antiparallel axes both satisfy the constraints of a revolute joint, but its angle as variable
-    represents only parallel axes. Only the orientations of the bodies are compared.
+    represents only parallel axes. The state is converted to the coordinates and back, and must keep
+    its orientations; other differences are not checked.
 
     **Raises:** `ValueError` that names the body, or the coordinates if they have no variable.
     """

@@ -44,8 +44,9 @@ DRIVER_ROUNDINGS = 64.0
 """Tolerance of `drivers_are_smooth` for the driver's rates, in units of rounding error. It is wide,
 since a driver may compute its value and its rates by many operations."""
 ROUNDED_VALUE, ROUNDED_RATE = 1e-11, 1e-9
-"""Rounding errors of a driver's value, m or rad, and of its rate, per second. Differences in a
-table with large values at short intervals have errors of this size."""
+"""Rounding errors that are allowed in the change of a driver's value, m or rad, and of its rate,
+m/s or rad/s. They occur if a driver computes differences of large values in a table at short
+intervals of time."""
 
 
 def breakpoints(scene: Scene) -> dict[str, list[Scalar]]:
@@ -110,7 +111,7 @@ def since_breakpoints(
     a step is at its end. The returned time is then zero except for rounding; it is exactly zero if
     the step ends at no breakpoint. The time is needed for its derivatives by the parameters on
     which the breakpoint depends. If several breakpoints are at the end of the step, such as equal
-    ones in a table, it is the mean of the times since each of them.
+    ones in a table, the returned time is the mean of the times since each of them.
 
     **Arguments:** `start`, `t`: start and end of the step, s, on the clock of the system.
 
@@ -136,11 +137,11 @@ def drivers_are_smooth(
     """Return whether all drivers (constraints that depend on time) are smooth over a step, or
     ``None`` if there are no drivers.
 
-    A driver counts as smooth if the change of its value equals the integral of its rate, and the
-    change of its rate the integral of its second rate, within a tolerance. This test is needed
-    because the equations of motion use only second rates of a driver, at the solver's stages. A
-    kink or jump between the stages has no effect there: error estimates would not show it, and the
-    run would continue with the old speed.
+    A driver counts as smooth if, within a tolerance, the change of its value equals the integral of
+    its rate, and the change of its rate equals the integral of its second time derivative. This
+    test is needed because the equations of motion use only the second time derivative of a driver,
+    at the solver's stages. A kink or jump between two stages would have no effect on them: error
+    estimates would not show it, and the run would continue with the old speed.
 
     **Arguments:**
 

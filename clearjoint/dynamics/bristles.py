@@ -9,7 +9,8 @@ open, that is, without a force.
 If steps end at the onsets of contacts, no force and no deflection is computed between an onset and
 the end of the step, a time tau later. The bristles have been dragged for this time, and get the
 deflection slip velocity times tau. Here tau is zero except for rounding, but its derivative is not,
-and derivatives of the motion need it.
+and derivatives of the motion need it. If steps do not end at onsets, force and deflection are
+computed from the onset on, and no such correction is made.
 
 Values by joint and contact label are nested dictionaries, ``values[joint][contact]``; in the code,
 `family` is the inner dictionary of one joint.
@@ -73,7 +74,7 @@ def updated_bristles(
 
     An open contact gets zero. If steps end at onsets, a contact that began in the step and whose
     penetration still grows gets its displacement since the onset added: slip velocity times the
-    time since the onset, which is depth over rate.
+    time since the onset, which is depth over rate. Any other contact keeps its deflection.
 
     **Arguments:**
 

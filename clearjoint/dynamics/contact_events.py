@@ -2,10 +2,10 @@
 
 A contact is closed while its penetration, measured from the onset of its force, is positive, and
 open otherwise. Its entry speed is its penetration rate at the onset, m/s, on which contact laws
-depend. If steps end at onsets, a step in which a contact begins ends slightly after the onset. The
-entry speed is computed from the state at the end of the step by one Newton step back to zero
-penetration. So the entry speed and its derivatives are those at the onset.
-`clearjoint.simulation.step.landing` adjusts the length of the step.
+depend. A step in which a contact begins ends after the onset; only slightly, if the run shortens
+steps to end at onsets (`clearjoint.simulation.step.landing`). The entry speed is therefore the rate
+at the end of the step, corrected by one Newton iteration back to zero penetration. With the
+correction, the value and its derivatives are those at the onset.
 
 Values by joint and contact label are nested dictionaries, ``values[joint][contact]``; in the code,
 `family` is the inner dictionary of one joint.
@@ -104,7 +104,7 @@ def initial_entry_speeds(
       was before the start.
 
     **Arguments:** `start`: the contact gaps at the start of the run; `given`: known entry speeds,
-    of which those of other contacts are left out.
+    m/s, by joint and contact label. Those of contacts whose laws do not use them are left out.
     """
 
     def entry_speed(name: str, label: str) -> Scalar:
@@ -209,9 +209,10 @@ def updated_entry_speeds(
 ) -> EntrySpeeds:
     """Return the entry speeds after an accepted step, m/s, by joint and contact label.
 
-    A contact that began in the step gets its penetration rate at the onset. If the estimate of this
-    rate is not positive, it gets the rate at the end of the step, or `SLOWEST` if that is larger.
-    An open contact gets zero, and any other keeps its entry speed.
+    A contact that began in the step gets its penetration rate at the onset, estimated from the rate
+    and its time derivative at the end of the step. If this estimate is not positive, the contact
+    gets the rate at the end of the step, or `SLOWEST` if that is larger. An open contact gets zero,
+    and any other contact keeps its entry speed.
 
     **Arguments:**
 

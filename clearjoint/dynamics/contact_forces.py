@@ -32,8 +32,7 @@ Bristles: TypeAlias = ByLabel[Vector]
 first body; zero while the contact is open. Rates of deflections, m/s, have the same form."""
 NO_BRISTLES: Bristles = {}
 INSIDE = 1e-300
-"""Distance past the onset, m, of the depth that `depth_at_wall` returns if the law's force begins
-where the surfaces touch."""
+"""Depth, m, that `depth_at_wall` returns for a law whose force begins where the surfaces touch."""
 
 
 @jax.tree_util.register_dataclass
@@ -158,11 +157,11 @@ def contact_force(
 
     Here the wall is where the law's force begins, its onset. If `closed` is given and the slope of
     the force jumps at the wall, the force of a closed contact is continued past the wall as an odd
-    function: outside, it pulls by as much as it pushes at the same depth inside. For a law whose
-    force also jumps there, from zero to F, the force outside differs from F by as much as the force
-    inside, in the opposite direction. The reason for the continuation is that a step ends where the
-    contact does, so that stages of the step lie on both sides of the wall. If the force had a kink
-    between them, the error estimate of the derivatives would reject every step.
+    function: at a distance d outside, it pulls by as much as it pushes at the depth d inside. If
+    the force itself also jumps at the wall, from zero to F, the forces at these two places have the
+    sum 2 F instead of zero. The reason for the continuation is that a step ends where the contact
+    ends, so that stages of the step lie on both sides of the wall. If the force had a kink between
+    them, the error estimate of the derivatives would reject every step.
 
     **Arguments:**
 
@@ -220,8 +219,9 @@ def _with_friction(
     """Return a contact with its forces, N.
 
     The slip of two flat faces has a component along the normal: their relative spin about it times
-    the mean radius of the faces. Their friction has a component along the normal too, which times
-    the radius is the moment of friction about the normal.
+    the mean radius of the faces. The friction that a law returns for this slip has a component
+    along the normal too. This component times the radius is the moment of friction about the
+    normal.
     """
     if friction is None or contact.face_radius is None:
         return LoadedContact(contact, normal, elastic, friction)
@@ -262,9 +262,10 @@ def _continued(
 def depth_at_wall(law: AbstractContactLaw) -> Scalar:
     """Return the depth, m, at which a law is evaluated to obtain its force right after the onset.
 
-    The law has no force exactly at its onset, where the depth is minus `onset_offset`, the distance
-    of the surfaces there. The returned depth is larger by `INSIDE`, or by the relative amount
-    `EPSILON` if the offset is not zero, so that practically all of the force is the jump.
+    At the onset the depth is minus `onset_offset`, since the force may begin while the surfaces are
+    still apart. Exactly there the law has no force yet. The returned depth is therefore slightly
+    larger: by `INSIDE`, or by the relative amount `EPSILON` if the offset is not zero. The force at
+    this depth is practically the jump of the force at the onset.
     """
     # The sum of a nonzero offset and `INSIDE` would be rounded to the offset.
     return INSIDE - law.onset_offset() * (1.0 - EPSILON)

@@ -56,9 +56,9 @@ def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scal
             multiplier = dynamics.multipliers[name][label]
             # The rate of a row's value, `row_rate`, is the row's Jacobian times the velocities and
             # spins, plus `time_rate`, its rate with all bodies at rest. The power of the reactions
-            # on the bodies is therefore multiplier (row_rate - time_rate). The first term is zero
-            # unless the constraint drifts or the stabilisation corrects it. The driver supplies the
-            # second term.
+            # on the bodies is therefore multiplier (row_rate - time_rate). The term with `row_rate`
+            # is zero unless the constraint drifts or the stabilisation corrects it. The driver
+            # supplies the term with `time_rate`.
             book("stabilisation", -multiplier * row_rate(row, dynamics.motions))
             if not is_zero(row.time_rate):
                 book("supplied", -multiplier * row.time_rate)

@@ -37,9 +37,9 @@ class Dynamics:
     - `contact_forces`: forces of each contact, by joint and contact label.
     - `rows`: constraint rows by joint and label, of the joints that the coordinates do not
       eliminate.
-    - `rates`: rates of the speeds, as the methods of `mechanics` return and accept them. In joint
-      coordinates they are linear combinations of the time derivatives (see
-      `.joint_coordinates.coordinates`); the time derivatives themselves are in `variable_rates`.
+    - `rates`: accelerations in the form that the methods of `mechanics` return and accept. In joint
+      coordinates these are not the time derivatives of the speeds but linear combinations of them
+      (see `.joint_coordinates.coordinates`); `variable_rates` has the time derivatives.
     - `multipliers`: Lagrange multipliers of `rows`, by joint and label; a row's Jacobian times its
       multiplier is the reaction on the bodies (N or N m).
     """

@@ -173,8 +173,8 @@ def warn_of_journals_outside(
     - `kept`: pairs of saved times, (N,), s, and the states then, with a first axis of length N in
       each array.
 
-    **Warns:** `LeftBearingWarning` for each such joint, with the earliest of these times at which
-    its journal is outside.
+    **Warns:** `LeftBearingWarning` for each joint whose journal is outside at a saved time or at
+    the end, with the earliest such time.
     """
     last = np.asarray([time]), jax.tree.map(lambda leaf: np.asarray(leaf)[None], final)
     joints = unpack(jax.tree.map(np.asarray, scene.contact_joints()))

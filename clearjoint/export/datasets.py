@@ -138,7 +138,8 @@ def labelled_dataset(
 def texts(labels: ArrayLike) -> np.ndarray:
     """Return labels, such as names of bodies, as an array of texts with the same shape.
 
-    Without labels it is an empty array of texts, where `np.asarray` would make one of floats.
+    If there are no labels, the result is an empty array of texts; `np.asarray` would return an
+    empty array of floats.
     """
     return np.array(np.asarray(labels).tolist(), dtype=str)
 

@@ -38,8 +38,9 @@ def cached_by_numbers(function: Callable[Arguments, Result]) -> Callable[Argumen
         if any(isinstance(leaf, Tracer) for leaf in leaves):
             return function(*args, **kwargs)
         key = structure, tuple(map(content, leaves))
-        # The result used last is at the end, so that the first one is the next to be removed. It is
-        # removed and added again in one operation each, as other threads use the cache too.
+        # A result that is used again moves to the end, so that the first one is always the next to
+        # be removed. The move is one `pop` and one assignment, since other threads use the cache
+        # too and may remove the result at any time.
         try:
             result = results.pop(key)
         except KeyError:

@@ -41,8 +41,8 @@ Path: TypeAlias = tuple[str | int, ...]
 """Path to a part of a PyTree: names of fields, and keys or indices of containers."""
 EPSILON = float(np.finfo(float).eps)
 ROUNDINGS = 16.0
-"""Largest relative difference, in units of `EPSILON`, between a number and its form with 14 digits
-at which `as_shown` returns the form with 14 digits."""
+"""`as_shown` rounds a number to 14 digits if this changes it by at most so many `EPSILON`, relative
+to the number."""
 _CONDITIONS: ContextVar[list[jax.Array] | None] = ContextVar("conditions", default=None)
 """Conditions that `conditions_of` collects at present; ``None`` if it isn't running."""
 
@@ -137,8 +137,8 @@ def checkable(*values: object) -> list[Any] | None:
 def conditions_of(check: Callable[[], None]) -> list[jax.Array]:
     """Return the conditions, each a traced boolean (), under which a check raises no error.
 
-    `check` is called. It contributes a condition for each check of traced values, and raises errors
-    for known values as usual.
+    `check` is called once. Each `require` in it whose condition is traced adds this condition to
+    the list. Errors for known values are raised as usual.
     """
     conditions: list[jax.Array] = []
     token = _CONDITIONS.set(conditions)
@@ -182,7 +182,7 @@ def require_numbers(
     expected: str,
     remedy: str,
 ) -> None:
-    """Check a condition on the first of several values, which may depend on the other values.
+    """Check a condition on the first of several values; it may involve the other values too.
 
     Traced values are treated as by `checkable`.
 
@@ -440,10 +440,11 @@ def recheck_changes(tree: PyTree, structure: Hashable, changed: tuple[bool, ...]
 def conditions_of_changes(
     tree: PyTree, structure: Hashable, changed: tuple[bool, ...]
 ) -> list[jax.Array] | None:
-    """Return the conditions, each a traced boolean (), for which `recheck_changes` finds no error.
+    """Return the conditions under which `recheck_changes` would raise no error: traced booleans of
+    shape (), all of which must be true.
 
-    Compiled programs evaluate them, for example for the numbers of all runs of a sweep. Return
-    ``None`` if any class to be checked is not of this package, since its checks may need known
+    Compiled programs evaluate them, for example for the numbers of all runs of a sweep. The result
+    is ``None`` if any class to be checked is not of this package, since its checks may need known
     numbers.
 
     **Arguments:** those of `recheck_changes`, with traced numbers in the `tree`.

@@ -9,8 +9,8 @@ WIDEST_LABEL = 44
 
 
 def literal(text: str) -> str:
-    """Return a text with dollar signs escaped, between which matplotlib would typeset
-    mathematics."""
+    """Return a text with escaped dollar signs, so that matplotlib does not typeset what is between
+    two of them as mathematics."""
     return text.replace("$", r"\$")
 
 

@@ -45,8 +45,8 @@ quadratic model at this share of the points or more."""
 RISE = NormalDist().inv_cdf(0.975) ** 2
 """Rise of chi squared over its minimum at the ends of a 95 % interval of one parameter, 3.84."""
 WIDENINGS = (1.0, 2.0, 4.0)
-"""Factors on the standard errors of a covariance for the normal distributions from which points
-are drawn."""
+"""Points are drawn from normal distributions, each with the standard errors of a covariance times
+one of these factors."""
 KEPT = 32
 """Number of points with the smallest chi squared from which the next round draws. There are more
 if more are worth exploring, see `WORTH`, but never more than half as many as in the first round."""
@@ -210,8 +210,10 @@ class Exploration:
     def intervals(self) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
         """Return lower and upper ends of the parameters' 95 % intervals, (p,) each, in coordinates.
 
-        The intervals contain every point with a chi squared at most 3.84 above the lowest, and the
-        interval of each minimum by its own covariance, which is narrower for a larger chi squared.
+        A parameter's interval is the smallest one that contains all points whose chi squared is at
+        most 3.84 above the lowest, and the interval that each minimum's own covariance predicts for
+        the same limit (see the function `intervals`). The higher the chi squared of a minimum, the
+        narrower its predicted interval; minima above the limit have none.
         """
         allowed = self.points[self.chi_squared <= self.lowest + RISE]
         ends = np.concatenate([allowed, *intervals(self.minima, self.lowest)])
@@ -226,8 +228,8 @@ def intervals(
 
     A parameter's interval contains the values for which chi squared, minimised over the other
     parameters by the minimum's covariance, is at most `RISE` above `lowest`. Minima whose own chi
-    squared is more than that above `lowest` are left out, so that k may be smaller than the number
-    of minima, or zero.
+    squared is more than `RISE` above `lowest` are left out, so that k may be smaller than the
+    number of minima, or zero.
 
     **Arguments:** `minima`: runs at the minima; `lowest`: smallest known chi squared.
     """
@@ -274,6 +276,8 @@ def explore(
     - `rounds`: maximum number of rounds.
     - `likely`: largest chi squared that noise alone explains.
     - `generator`: source of random numbers.
+
+    **Returns:** an `Exploration` with all points and minima of all rounds.
     """
     p = len(minimum.coordinates)
     bounds = minimum.coordinates - limits, minimum.coordinates + limits
@@ -359,12 +363,12 @@ search in the lowest minimum ends."""
 FARTHEST = 100.0
 """Distance from the estimates, in standard errors, up to which an exploration may draw points."""
 POINTS, MOST_RUNS = 1.25, 75
-"""Number of points of the small posterior, and number of runs above which it is given up, relative
-to `check_runs`, the number of points in the first round of the exploration."""
+"""Number of points of the small posterior, and number of runs above which it is given up. Both are
+multiples of `check_runs`, the number of points in the first round of the exploration."""
 MARGIN = 4.0
-"""Half the width of the posterior's box, relative to the largest distance of explored points with a
-low chi squared from the lowest minimum. A wider box takes more runs, a narrower one may cut the
-posterior off."""
+"""Half the width of the posterior's box, in multiples of `_extent`, the size of the region that the
+explored points with a low chi squared cover. A wider box takes more runs, a narrower one may cut
+the posterior off."""
 
 
 @dataclass(frozen=True)
@@ -372,24 +376,26 @@ class LikelihoodCheck:
     """Result of runs around the estimates of a fit.
 
     The runs test whether chi squared rises as the covariance predicts. If not, more runs explore
-    chi squared around the estimates.
+    chi squared around the estimates. Here, the estimates are those of the fit's own search, before
+    the fit moves to a lower minimum.
 
     - `test`: the rise of chi squared at points some standard errors away, predicted and actual, and
-      the time up to which they agree.
+      the length of the record up to which they agree.
     - `exploration`: more points and minima with their chi squared; ``None`` if the test passed.
-    - `searches`: the local searches of the exploration. If the chi squared of its lowest minimum is
-      more than 0.5 below that of the fit's own search, a more accurate search from there is last.
-    - `posterior`: a small `Posterior`, of few points, around the lowest minimum, from which the
-      fit's intervals come. ``None`` if the test passed, if noise doesn't explain chi squared, if
+    - `searches`: the local searches of the exploration. If they find a minimum whose chi squared is
+      more than 0.5 below that of the fit's own search, a more accurate search starts from this
+      minimum; it is the last entry.
+    - `posterior`: a small `Posterior`, of few points, around the lowest minimum. The fit's
+      intervals come from it. ``None`` if the test passed, if noise doesn't explain chi squared, if
       more runs would be needed than 75 times the argument `check_runs` of `identify`, if no points
       could be drawn (all are impossible, or their covariance is singular), or if its points don't
       represent it: they miss the lowest minimum, or `Posterior.warnings` reports a problem.
-    - `runs`: number of runs with and without derivatives, those of the posterior not included;
-      `seconds`: s, computing time of all runs.
+    - `runs`: number of runs with and without derivatives, those of the posterior not included.
+    - `seconds`: s, computing time of the whole check, that of the posterior included.
     - `difference`: chi squared at the estimates in a run without derivatives, less that in the run
-      with derivatives; 0 if the test passed. The two runs differ by integration errors only. They
-      are too large if the absolute value is above 1, the rise of chi squared at a distance of one
-      standard error.
+      with derivatives; 0 if the test passed. The two runs differ by integration errors only. These
+      errors are too large if the magnitude of `difference` is above 1, the rise of chi squared at a
+      distance of one standard error.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
     >>> fit = cj.identify(
@@ -443,8 +449,9 @@ class LikelihoodCheck:
     def minima(self) -> int:
         """Number of separate minima whose chi squared is at most 3.84 above the lowest.
 
-        A minimum is separate if it is more than one standard error away from all lower ones. The
-        number is 1 if the test passed, because no other minima were searched for then.
+        A minimum is separate if it is at least one standard error away from each lower separate
+        minimum, by the covariance of the lower one (see `inside`). The number is 1 if the test
+        passed, because no other minima were searched for then.
         """
         if self.exploration is None:
             return 1

@@ -44,9 +44,9 @@ FAR = 2.0
 GOOD = 1.5
 """Ratio of residuals to stated noise up to which a series counts as well fitted."""
 PIECES = 20
-"""Number of equal pieces of the record, of which the first with large residuals is found. With
-fewer samples than this, a series is not examined for a delay, nor all series together for
-outliers."""
+"""Number of equal pieces of the record, of which the first with large residuals is found. Also the
+smallest number of samples of a series that is examined for a delay, and of a fit that is examined
+for outliers."""
 DOUBLINGS = 5
 """Number of growing windows to suggest, each twice as long as the one before it."""
 MOST = 0.5
@@ -62,7 +62,7 @@ class Fit(AbstractTabular):
     """Result of a fit: estimates, their uncertainty, and tests of the residuals.
 
     - `scene`, `state`: scene and initial state with the estimated values.
-    - `parameters`: `Parameter` by name, whose order is that of the p entries of all arrays.
+    - `parameters`: the p parameters by name. The entries of arrays (p,) are in their order.
     - `units`: unit of each parameter's value by name.
     - `measurements`: the fitted measurements.
     - `searches`: the result of the search from each start.
@@ -239,7 +239,7 @@ class Fit(AbstractTabular):
     def residuals(self) -> dict[str, np.ndarray]:
         """Residuals of each series by name, (N,): (prediction - value) / noise.
 
-        They are 1e6 at times that the fitted run does not reach, as in `chi_squared`.
+        They are 1e6 at times that the fitted run does not reach, and enter `chi_squared` so.
         """
         times, best = self.measurements.times(), self.best.best
         rows = best.residuals.reshape(best.predicted.shape)
@@ -296,8 +296,8 @@ class Fit(AbstractTabular):
     def advice(self) -> list[str]:
         """Sentences on remedies, in the order in which to try them.
 
-        The list is empty unless the residuals are more than twice the stated noise, by chi squared
-        per degree of freedom, or the best run fails.
+        The list is empty unless the square root of chi squared per degree of freedom is above 2, so
+        that residuals are more than twice the stated noise, or the best run fails.
         """
         # Without degrees of freedom, residuals say nothing about the model.
         scatter = self._scatter if self.degrees_of_freedom > 0 else 0.0

@@ -201,7 +201,8 @@ def identify_many(
     **Returns:** a list with one `Fit` for each set, in their order.
 
     **Raises:** as `identify`, and `ValueError` for no sets or sets of different channels or times.
-    `FitInterrupted.fits` has the fits of all sets before the interruption.
+    `FitInterrupted.fits` has the finished fits and, last, the best result so far of the interrupted
+    fit, if there is one.
 
     **Warns:** as `identify`; of several poor fits, a warning shows the first and tells their
     number.
@@ -261,7 +262,7 @@ class _Problem:
     Fields that are not listed are arguments of `identify_many`.
 
     - `runs`: the scene as a function of its parameters; `coarse_runs`: the same with the looser
-      tolerances of a screening.
+      tolerances of a screening, and equal to `runs` without a screening.
     - `units`: unit of each parameter's value by name.
     - `rows`: (starts, p) coordinates from which searches start.
     - `ends`: ends of the growing windows, s, of which the last is the end of the record.
@@ -412,7 +413,7 @@ def _with_prior(
     that a short window hardly determines near their start.
 
     **Arguments:** `misfit`: function that runs the scene; `centre`, `deviations`: (p,) mean and
-    standard deviation of the prior, of which infinite ones mean no prior.
+    standard deviation of the prior. A coordinate with an infinite deviation has no prior.
     """
     plain = misfit(at)
     return replace(
@@ -429,9 +430,9 @@ def iteration_callback(
     """Yield the function to call after each run of a search.
 
     If `progress` is a function of the user, the yielded function calls it with each `Iteration`. If
-    `progress` is ``True``, it shows a line with the number of runs, the chi squared per sample, the
-    length of the Gauss-Newton step in standard deviations and the values of the parameters; if
-    ``False``, it shows nothing.
+    `progress` is ``True``, the yielded function shows a line with the number of runs, the chi
+    squared per sample, the length of the Gauss-Newton step in standard deviations and the values of
+    the parameters. If `progress` is ``False``, nothing is shown.
 
     **Arguments:** `progress`, `parameters`: as in `identify`; `searches`: number of searches to
     come, which the line shows.

@@ -53,9 +53,8 @@ of runs where the margin is a rough function of the parameter."""
 VALUE = "largest_value"
 """Name of the axis of the parameter's values in the sweeps."""
 NEIGHBOURS = 2
-"""Number of neighbouring intervals on each side from which the change of the margin inside an
-interval between computed values is estimated: as the largest change over one of these intervals or
-over the interval itself."""
+"""The change of the margin inside an interval between two computed values is estimated: it is the
+largest of the changes over the interval itself and over this many intervals on each side of it."""
 CONFIDENCE = 0.95
 """Confidence level of the quantiles' intervals."""
 
@@ -70,7 +69,7 @@ class LargestFeasible:
 
     A margin is log(limit / peak), the smallest of all limited quantities: it is negative where a
     limit is violated. The peak is the largest value of a quantity, or the result of a reduction;
-    with draws, it is their quantile.
+    with draws, it is the quantile of these numbers over the draws.
 
     - `value`: the largest feasible value, in `unit`; the upper end of the range if no limit is
       exceeded.
@@ -78,20 +77,19 @@ class LargestFeasible:
       value, which violates a limit. With several draws and a quantile below 1, it is instead a 95 %
       confidence interval of the value at which the first violation begins. Both ends are `value` if
       no limit is exceeded.
-    - `met`: whether the search met a limit, so that a computed value violates it; false if all
-      values of the range satisfy the limits.
+    - `met`: whether a computed value violates a limit.
     - `monotone`: whether the margins only fall: no computed margin exceeds one at a smaller value
       by more than `tolerance`; with draws, the nearest ends of their confidence intervals are
       compared. If false, larger values may satisfy the limits again, and a violation narrower than
       `spacing` may have been missed.
     - `alternating`: the first value that violates a limit, and the largest computed value above it
-      that satisfies all limits; ``None`` if there is none.
+      that satisfies all limits; ``None`` if no value above it does.
     - `spacing`: largest distance between neighbouring values up to the first violation, relative to
       the neighbour of larger magnitude. In a range that contains zero, it is relative to
       `tolerance` times the range where that is larger.
     - `values`: (n,) all computed values, in `unit`.
-    - `margins`: (n,) margin of each value. A failed run, or a peak that is NaN, has the margin
-      -inf, and a peak of zero or less +inf.
+    - `margins`: (n,) margin of each value. It is +inf for a peak of zero or less, and -inf for a
+      peak that is NaN or infinite; a failed run counts as an infinite peak.
 
     >>> speed, between = cj.quantities.Velocity("ball"), (100.0, 1000.0)  # 0.1 sqrt(k / m)
     >>> largest = cj.largest_feasible(
@@ -198,7 +196,7 @@ def largest_feasible(
     - `draws`: for each random number of the scene or its initial state, such as the phase at the
       start, an `Axis` with its draws, by name. All have equal length, and their i-th values form
       the i-th draw.
-    - `quantile`: share of the draws that must satisfy the limits, from 0 to 1.
+    - `quantile`: share of the draws that must satisfy each limit, from 0 to 1.
     - `lanes`: number of values in a row, at least 3. With draws, a row has this many runs for each
       draw.
     - `tolerance`: relative tolerance of the value, positive. The search also ends where rounding
@@ -236,8 +234,8 @@ class LaneMargins:
     - `coordinates`: (n,) rising coordinates of the values on the parameter's scale.
     - `margins`: (n,) the smallest margin of all outputs. Its peak is the largest value of a
       quantity or the result of a reduction; with draws, the quantile of these over the draws. A
-      failed run counts as an infinite peak, with the margin -inf. The margin is +inf for a peak of
-      zero or less, and NaN, a violation, for a peak that is NaN.
+      failed run counts as an infinite peak. The margin is -inf for an infinite peak, +inf for a
+      peak of zero or less, and NaN, which counts as a violation, for a peak that is NaN.
     - `low`, `high`: (n,) ends of the margins' 95 % confidence intervals; equal to `margins` without
       draws, for a single draw, and for the quantile 1.
     - `peak`: text, part of an error message: it gives the peak of the output with the smallest
@@ -289,9 +287,9 @@ class LaneMargins:
         """Return whether the margins only fall as the coordinate rises.
 
         A rise counts only if the lower end of a margin's confidence interval exceeds the upper end
-        of that at a smaller coordinate by more than `tolerance`. This is a difference of logarithms
-        and thus a relative change of the peak. Margins that are NaN are left out. If the margins
-        only fall, no violation is hidden between two values that satisfy the limits.
+        of that at a smaller coordinate by more than `tolerance`. As a difference of logarithms,
+        `tolerance` is a relative change of the peak. Margins that are NaN are left out. If the
+        margins only fall, no violation is hidden between two values that satisfy the limits.
         """
         known = ~np.isnan(self.margins)
         least = np.minimum.accumulate(np.where(known, self.high, np.inf))
@@ -321,7 +319,7 @@ def lane_margins(
     - `parameter`: the parameter, and `coordinates`: (n,) its rising coordinates.
     - `outputs`: limited reductions by name, and `limits`: their limits by the same names, SI.
     - `draws`: axes of random numbers by name, of equal length; empty for none.
-    - `quantile`: share of the draws that must satisfy the limits.
+    - `quantile`: share of the draws that must satisfy each limit.
     """
     values = np.array([float(parameter.scale.value(u)) for u in coordinates])
     count = len(next(iter(draws.values())).values) if draws else 1

@@ -35,9 +35,9 @@ PATIENCE = 15
 """Number of successive rejected steps after which a search ends. Each rejection multiplies the
 damping by four, so that the last of these steps are negligibly short."""
 SHORT = 1e-3
-"""A search ends if the largest component of the next step is less than this fraction of the
-tolerance. The two are comparable: the step is in scaled coordinates, whose unit is about a standard
-deviation of an estimate, and the tolerance is in standard deviations."""
+"""A search ends if every component of the next step is smaller in magnitude than this fraction of
+the tolerance. The two are comparable: the step is in scaled coordinates, whose unit is about a
+standard deviation of an estimate, and the tolerance is in standard deviations."""
 NEARLY = 0.1
 """Gauss-Newton step in standard deviations. A search that finds no better point counts as converged
 below this step, because integration errors prevent a higher accuracy."""
@@ -71,8 +71,8 @@ class Iteration:
     - `accepted`: whether this run becomes the best so far, from which the search continues. Its chi
       squared must have decreased by at least 1 % of what the linear model predicts, or must not
       have increased if the model predicts no decrease; the first run is always accepted.
-    - `chi_squared`: sum of the squared residuals of this run, with those of the prior in a window
-      before the last.
+    - `chi_squared`: sum of the squared residuals of this run. In growing windows before the last,
+      the residuals of a prior are included.
     - `coordinates`: (p,) values of the parameters in this run on their scales, such as logarithms.
     - `decrement`: length of the Gauss-Newton step from the best run so far, in standard deviations
       of the estimates.

@@ -300,7 +300,7 @@ def check_start(start_time: float, times: np.ndarray) -> None:
 
     **Arguments:** `start_time`: of the run, s; `times`: of the samples, (T,) s, rising.
 
-    **Raises:** `ValueError` if it does.
+    **Raises:** `ValueError` if `start_time` is after the first of the `times`.
     """
     expected = f"no later than the first sample, at {times[0]} s"
     remedy = "start earlier, or leave samples out by measurements.between(...)"
@@ -381,8 +381,8 @@ def parameter_covariance(jacobian: Float[np.ndarray, "M p"]) -> Float[np.ndarray
 
     Variances of combinations that the data don't determine are large but finite.
 
-    **Arguments:** `jacobian`: (M, p) derivatives by the coordinates of the residuals, which are in
-    standard deviations of the noise.
+    **Arguments:** `jacobian`: (M, p) derivatives of the residuals, in standard deviations of the
+    noise, by the coordinates.
     """
     return information.covariance(jacobian, LEAST_SINGULAR_VALUE)
 

@@ -103,13 +103,13 @@ def start_coordinates(
 
     The rows are the guesses in their order, then the random starts around the first guess.
 
-    **Arguments:** `guess`: a guess, or several; a parameter that a guess lacks, and every parameter
-    for ``None``, starts at its `Parameter.value`, by default the number in the scene or state;
-    `starts`: ``None`` for no random starts.
+    **Arguments:** `guess`: a guess, or several; ``None`` is a guess without any parameter. A
+    parameter that a guess lacks starts at its `Parameter.value`, by default the number in the scene
+    or state. `starts`: ``None`` for no random starts.
 
-    **Raises:** `ValueError` for a guess that is no dictionary, an empty list of guesses, a guess
-    of an unknown parameter, outside its scale, or refused by the scene's elements, and for an
-    unknown name in the `spread` of `starts`.
+    **Raises:** `ValueError` for a guess that is no dictionary, an empty list of guesses, the name
+    of an unknown parameter in a guess or in the `spread` of `starts`, and a value that is outside
+    the range of its scale or that the scene's elements refuse.
     """
     names = tuple(parameters)
     several = isinstance(guess, Sequence)

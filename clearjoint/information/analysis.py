@@ -130,9 +130,9 @@ class Identifiability:
     """Accuracy with which data from sensors can determine parameters.
 
     Standard deviations are lower bounds: no unbiased estimate has smaller ones. They are valid for
-    normal noise that is so small that outputs are linear in the parameters over the deviations.
-    `of` selects sensors, and `until` shortens the record. A coordinate is a parameter's value on
-    its scale, such as the logarithm of the value.
+    normal noise that is so small that outputs are linear in the parameters over changes of the size
+    of these deviations. `of` selects sensors, and `until` shortens the record. A coordinate is a
+    parameter's value on its scale, such as the logarithm of the value.
 
     - `names`: names of the p parameters, in the order of all arrays.
     - `scales`: scale of each parameter.

@@ -68,7 +68,8 @@ def disturbance(scene: Scene) -> Parameter:
 def points(scene: Scene) -> dict[str, Quantity]:
     """Return the global coordinates of four points of each body, m, as quantities by name.
 
-    They are its centre of mass, and a point on each body axis at its radius of gyration.
+    The points are the body's centre of mass, and a point on each body axis at the distance of the
+    radius of gyration from the centre.
     """
     quantities: dict[str, Quantity] = {}
     for body, radius in radii_of_gyration(scene).items():

@@ -57,8 +57,8 @@ def deviations_together(
 
     A combination of parameters is undetermined if its singular value is at most `accuracy` times
     the largest one, with the columns of the root scaled to unit length. The bound is infinite for a
-    parameter whose component in the unit vector of such a combination exceeds the square root of
-    `accuracy` in absolute value.
+    parameter whose component in the right singular vector of such a combination has a magnitude
+    above the square root of `accuracy`.
 
     **Arguments:** `roots`: roots (..., r, p) of the information; `accuracy`: relative error of the
     derivatives.
@@ -102,7 +102,7 @@ def _parts_together(
 
 
 def deviations_alone(roots: Float[np.ndarray, "*T r p"]) -> Float[np.ndarray, "*T p"]:
-    """Return lower bounds (..., p) of the parameters' standard deviations if one is estimated.
+    """Return lower bounds (..., p) of the standard deviations of parameters estimated alone.
 
     The bound of each parameter assumes that the values of all others are known. It is infinite if
     the parameter has no effect on the data.
@@ -144,9 +144,9 @@ def covariance(rows: Float[np.ndarray, "N p"], floor: float = 0.0) -> Float[np.n
     by rounding errors.
     """
     lengths, values, directions = _equilibrated(rows)
-    # The largest singular value is at least 1, unless all columns are zero; the limit is then
-    # relative to 1. A column of zeros gets the length `floor` times that of the longest column, or
-    # times 1 if all columns are shorter than 1.
+    # The largest singular value is at least 1, unless all columns are zero. If all columns are
+    # zero, the limit is relative to 1. A column of zeros gets the length `floor` times that of the
+    # longest column, or times 1 if all columns are shorter than 1.
     values = np.maximum(values, floor * max(values[0], 1.0))
     lengths = np.where(lengths > 0.0, lengths, floor * max(lengths.max(), 1.0))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -255,8 +255,8 @@ def _negligible(values: Float[np.ndarray, "*T k"], accuracy: float) -> Bool[np.n
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
     """Return the lines of a table with aligned columns.
 
-    **Arguments:** `rows`: the texts of each row, of equal number; the first row is the head, and
-    the first text of every row its label.
+    **Arguments:** `rows`: for each row its cells as texts, equally many in all rows. The first row
+    is the head of the table, and the first text of each other row is its label.
     """
     import pandas as pd
 

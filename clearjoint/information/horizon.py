@@ -58,9 +58,9 @@ ALL_CORNERS = 3
 """Largest number of parameters for which guesses with all parameters wrong are tested in every
 combination of signs, up to eight; for more parameters, eight random combinations are tested."""
 FLAT = 1e-6
-"""Absolute cosine of the angle between the residuals and their derivatives along a path, below
-which the misfit counts as constant along the path. Where the path has no effect on the data, the
-cosine is not exactly zero, because of rounding and integration errors."""
+"""Magnitude of the cosine of the angle between the residuals and their derivatives along a path,
+below which the misfit counts as constant along the path. Where the path has no effect on the data,
+the cosine is not exactly zero, because of rounding and integration errors."""
 
 
 @dataclass(frozen=True)
@@ -366,9 +366,10 @@ def _errors(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return bounds (T,) of the errors of a run's values, and of its derivatives by the parameters.
 
-    The error of the values is in units of the noise, the largest of all outputs. The error of the
-    derivatives is the norm of their errors over the record up to each time, relative to the norm of
-    the derivatives themselves, the largest of all parameters.
+    The error of the values is in units of the noise, the largest of all outputs. For each
+    parameter, the error of the derivatives at a time is the norm of their errors over the record up
+    to this time, divided by the norm of the derivatives over the same record. The largest of all
+    parameters is returned.
 
     **Arguments:** `loose`: the same run with a larger tolerance, whose errors are much larger;
     `weights`: weights (T,) of the outputs by name, the inverse of the noise; `p`: number of
@@ -430,6 +431,7 @@ def _wrong_guess(
     # A record is blocked if the misfit rises at any of the points between the truth and the guess.
     for fraction in np.linspace(0.0, 1.0, PATH_POINTS + 1)[1:]:
         run = run_at(truth + fraction * offset)
+        # Derivatives by the parameters come first; the others are not needed here.
         along = {name: run.derivatives[name][:, : len(offset)] @ offset for name in weights}
         values, slopes = _weighted(run.values, weights), _weighted(along, weights)
         blocked |= blocked_records(true_values, values, slopes)

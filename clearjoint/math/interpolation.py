@@ -16,16 +16,17 @@ NEWTON_STEPS = 4
 """Number of Newton steps in `hermite_root`. Once the position is near the root, each step doubles
 the number of correct digits."""
 TINY = 1e-200
-"""Absolute value up to which the coefficient of x^2 of a parabola is replaced by this number in
-`Parabola.part_below`. In practice only a zero is replaced, which cannot be a divisor."""
+"""`Parabola.part_below` divides by the coefficient of x^2. If its magnitude is at most this number,
+this number takes its place. In practice this happens only if the coefficient is zero."""
 SECANT_STEPS = 4
 """Number of evaluations in `secant_root`. It is fixed, since there are no loops at run time."""
 REFINEMENTS = 3
 """Number of evaluations in `highest`."""
 MARGIN = 0.05
 """Smallest distance of a new evaluation in `highest` from the outer two of three points, relative
-to the distance between these two. Later, differences of values are divided by the distances of the
-points, and their rounding errors would be large for a smaller distance."""
+to the distance between these two. The next parabola divides differences of values by distances of
+points, which would enlarge rounding errors if the distances were smaller. No parabola follows the
+last evaluation, so the limit does not apply to it."""
 GUESS_MARGIN = 0.1
 """Smallest distance of the first evaluation in `highest_after` from the ends of the interval,
 relative to its length. It is larger than `MARGIN`, because the position is extrapolated."""
@@ -335,9 +336,9 @@ def _slope(first: Point, second: Point) -> Scalar:
 
 
 def _positive(length: Scalar) -> Scalar:
-    """Return the distance of two points in x, or 1 if it is zero, for use as a divisor.
+    """Return a length, or 1 in its place if it is zero, for use as a divisor.
 
-    Points at zero distance are equal, so that the quotient of the difference of their values and
-    the result is zero instead of NaN.
+    The length is the distance in x of two points. If it is zero, the difference of values or slopes
+    that is divided by it is zero too, and the quotient is 0/1 instead of 0/0.
     """
     return jnp.where(length > 0.0, length, 1.0)

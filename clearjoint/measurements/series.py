@@ -28,7 +28,7 @@ LONGEST = 100
 """Largest number of characters in a unit."""
 LARGEST_POWER = 1000
 """Largest product of the absolute values of all exponents in a unit. Of a fraction such as 3/2,
-only the numerator counts, and a factor below 1 counts as 1. Without this limit, pint would compute
+only the numerator counts; an exponent below 1 counts as 1. Without this limit, pint would compute
 integers that exhaust the memory."""
 POWER = re.compile(r"\*\*\(?[+-]?(\d{1,2}(?:\.\d*)?)(?:/\d{1,2})?(?!\d)\)?")
 """A power whose exponent has at most two digits before the decimal point, or is a fraction of such
@@ -122,8 +122,8 @@ class Series(AbstractReadable):
     - `values`: (N,) in `unit`.
     - `noise`: standard deviation of the samples in `unit`: a number, or (N,).
     - `unit`: unit of `values` and `noise`, any that pint knows; by default the unit of the channel.
-      It is required for a channel without an attribute `unit`, such as a plain function, which must
-      return values in the SI unit of the same dimension.
+      It is required for a channel without an attribute `unit`, such as a plain function. The
+      values of such a channel must be in the SI unit to which `unit` is converted.
     - `name`: name of the series in error messages.
 
     The attributes `values` and `noise` (N,) are in SI, and `unit` is the SI unit.
@@ -231,7 +231,7 @@ class Series(AbstractReadable):
         return difference / noise
 
     def with_noise(self, generator: np.random.Generator) -> "Series":
-        """Return a copy with values to which normally distributed noise has been added, with the
+        """Return a copy whose values contain additional random noise, normally distributed with the
         standard deviation `noise`.
 
         Applied to a series of predicted values, it gives synthetic measurements.
@@ -333,8 +333,8 @@ class Measurements(AbstractReadable):
         "<name>_noise", both in SI units.
 
         If all series have the same times, the dimension of all variables is "time". If not, each
-        series and its noise have a dimension of their own, "<name>_time". The times, s, are the
-        coordinate of a dimension.
+        series and its noise have a dimension of their own, "<name>_time". The coordinate of each
+        dimension contains its times, s.
 
         **Raises:** `ValueError` if the name of a series is also that of a dimension or of a noise.
         """

@@ -34,12 +34,12 @@ def arranged_state(scene: Scene, given: State | None = None, angle: float = 0.0)
     body's axes are parallel to those of the body before it, or turned by the smallest rotation that
     makes the axes of the joint parallel. The points and axes of a joint, one on each of its bodies,
     are those at which its method `draw` draws it. Joints that are drawn without such a pair of
-    points, such as a massless rod (`DistanceJoint`) or a pair of gears, are not used. Bodies that
-    no chain of the other joints connects with the ground start a chain of their own, whose first
-    body is at the origin, parallel to the global axes.
+    points, such as a massless rod (`DistanceJoint`) or a pair of gears, are ignored. Bodies that
+    the remaining joints connect neither with the ground nor with a body of `given` form chains of
+    their own. The first body of such a chain is at the origin, parallel to the global axes.
 
-    A joint between two bodies that already have a place is not used, so that a closed chain of
-    bodies may stay open at one of its joints: see `satisfies_joints`.
+    A joint between two bodies that already have a place moves neither of them, so that a closed
+    chain of bodies may stay open at one of its joints: see `satisfies_joints`.
 
     **Arguments:**
 
@@ -72,13 +72,15 @@ def arranged_state(scene: Scene, given: State | None = None, angle: float = 0.0)
 
 
 def satisfies_joints(scene: Scene, state: State) -> bool:
-    """Return whether the points and axes of all joints fit together, including joints that close
-    loops.
+    """Return whether the points and axes of a scene's joints fit together.
 
-    The two points of each joint that `arranged_state` uses must coincide within the tolerance
-    `TOLERANCE`. If a joint has an axis on both bodies, the two axes must also be parallel, in the
-    same or the opposite sense. The points of a sliding joint must coincide too, although its block
-    could be elsewhere on the rail. The state must contain all bodies.
+    Joints that close loops are tested too; joints that `arranged_state` ignores, such as a massless
+    rod, are not. The two points of a joint must coincide, and if it has an axis on both bodies, the
+    two axes must be parallel, in the same or the opposite sense, each within the tolerance
+    `TOLERANCE`. The points of a sliding joint must coincide too, although its block could be
+    elsewhere on the rail.
+
+    **Arguments:** `state`: of all bodies of the scene.
     """
     poses = _poses(state)
     for pair in survey(scene).joined:
@@ -117,11 +119,11 @@ def _in_space(pose: Pose, marker: Marker) -> tuple[np.ndarray, np.ndarray | None
 
 
 def _joined(pose: Pose, known: Marker, other: Marker, angle: float) -> Pose:
-    """Return the pose of the body of `other` for which the points of two markers coincide and their
-    axes, if both have one, are parallel.
+    """Return the pose of the body of `other` that fits it to the body of `known`.
 
-    The body has the rotation of the body of `known`, changed as little as the axes require, and is
-    then turned by `angle`.
+    The points of the two markers then coincide, and their axes, if both have one, are parallel. The
+    body of `other` has the rotation of the body of `known`, changed as little as the axes require,
+    and is then turned by `angle`.
 
     **Arguments:**
 

@@ -116,8 +116,8 @@ def _require_inertia(argument: str, value: ArrayLike) -> None:
     """Check principal moments, (3,), or an inertia matrix, (3, 3), kg m^2. `argument` is the name
     of the value in error messages.
 
-    If JAX traces the value, its numbers are unknown, and only the shape is checked. The exception
-    is inside `conditions_of`, which collects the other checks as conditions that a compiled program
+    If JAX traces the value, its numbers are unknown, and only the shape is checked. Inside
+    `conditions_of`, however, each other check becomes a condition that a compiled program
     evaluates.
 
     **Raises:** `ValueError` for another shape, a number that is not finite, or an inertia that no
@@ -206,9 +206,9 @@ class Body(AbstractReadable):
 
         - `length`: m, centred at the centre of mass.
         - `mass`: kg, or `density`: kg/m^3, exactly one of them.
-        - `diameter`: m; required with a density. With only a mass the rod is slender: its
-          transverse moments are m l^2/12, and the moment about its axis is that of a steel bar
-          of the same mass and length.
+        - `diameter`: m; required with a density. Without a diameter the rod is slender: its
+          transverse moments are m l^2/12, and the moment about its axis is that of a round steel
+          bar of the same mass and length.
         - `axis`: direction of the rod, "x", "y" or "z".
 
         **Raises:** `ValueError` if a number is not positive, if not exactly one of mass and density
@@ -422,7 +422,7 @@ class State(AbstractReadable):
       `simulate_nonsmooth`, whose contacts are rigid, list zero for each contact.
     - `work`: energies since the start, J, by name: "normal damping", "friction", "film" and
       "stabilisation", positive if taken from the motion, and "supplied", positive if drives and
-      loads supplied it; empty unless the run keeps this energy ledger.
+      loads supplied it; empty unless the run has ``Settings(ledger=True)``.
     - `bristles[joint][contact]`: bristle deflections, (3,) m in the axes of the joint's first body;
       zero without contact. Empty for scenes without bristle laws.
 
@@ -635,7 +635,7 @@ MOST_REVOLUTIONS = 2
 def rotation(axis: TripleLike, angle: Scalar) -> Quadruple:
     """Return the Euler parameters of a rotation about an axis.
 
-    They suit the arguments `orientation` of bodies, joints and drives.
+    They suit the argument `orientation` of `body_state`, joints and drives.
 
     ```python
     import clearjoint as cj

@@ -189,10 +189,11 @@ class PinkusSternlichtFilm(AbstractFilm):
         -6 e' (4 k e^2 + (2 + e^2) pi) (k + 3)/((2 + e^2) (1 - e^2)^1.5 (k + 3/2)),
         6 pi e w (k + 3)/((2 + e^2) (1 - e^2)^0.5 (k + 3/2)).
 
-    They are multiplied by mu L R^3/c^2, with the viscosity mu, length L, bearing radius R and
+    Both are multiplied by mu L R^3/c^2, with the viscosity mu, length L, bearing radius R and
     clearance c. For e' < 0, k replaces k + 3, and the radial force begins with 6 e' (4 k e^2 -
-    (2 + e^2) pi) instead. The cited papers print the leading sign of this radial force for e' < 0
-    wrongly: with their sign, the force would jump at e' = 0.
+    (2 + e^2) pi) instead. At e' = 0 both cases have the same limit, which is the force there. The
+    cited papers print the leading sign of the radial force for e' < 0 wrongly: with their sign, the
+    force would jump at e' = 0.
 
     The formula is approximate: its error is 1 to 23 % for moderate squeeze and 34 % where squeeze
     dominates. An infinitely long bearing carries far more than a short one.
@@ -243,9 +244,9 @@ NARROWEST, WIDEST = 0.125, 1.0
 """Range of the width-to-diameter ratio for which the coefficients of `ButenschoenFilm` were
 fitted."""
 NEARLY_CENTRED = 1e-3
-"""Eccentricity ratio at which the vector along the line of centres that `ButenschoenFilm` uses has
-the length 0.71. The length is nearly 1 at much larger ratios, and falls to zero for a centred
-journal, whose line of centres has no direction."""
+"""Eccentricity ratio below which the direction of the line of centres fades out in
+`ButenschoenFilm`, since a centred journal has no line of centres. The law uses a vector along this
+line: its length is nearly 1 at much larger ratios, 0.71 at this one, and zero at ratio zero."""
 LOAD = (
     (1.1642, -1.9456, 7.1161, -10.1073, 5.0141),
     (-1.000026, -0.023634, -0.4215, -0.038817, -0.090551),
@@ -276,10 +277,10 @@ class ButenschoenFilm(AbstractFilm):
     clearance c, eps the eccentricity ratio, delta the angle of the line of centres, eps' and delta'
     their rates, and Omega the sum of the spins of journal and bearing minus 2 delta'. The line of
     centres is along the offset of the journal. Rotation carries the load So_D B D mu |Omega|/psi^2
-    at the angle beta from the line of centres, and squeeze carries So_V B D mu eps'/psi^2 along
-    this line. The load numbers So_D and So_V and the angle beta are fitted functions of B/D and
-    eps; So_V also depends on the sign of eps'. So_D deviates by -3.3 to 6.8 % from tabulated
-    values.
+    at the angle beta from the line of centres, against the sense of Omega, and squeeze carries the
+    load So_V B D mu eps'/psi^2 along this line. The load numbers So_D and So_V and the angle beta
+    are fitted functions of B/D and eps; So_V also depends on the sign of eps'. So_D deviates by
+    -3.3 to 6.8 % from tabulated values.
 
     The two solutions are added, which is an approximation; for simultaneous rotation and squeeze in
     a short bearing use `CaponeFilm`. A centred journal has no line of centres, so the load along
@@ -334,12 +335,11 @@ class ButenschoenFilm(AbstractFilm):
 
 
 def load_slope(width: Scalar, ratio: Scalar) -> Scalar:
-    """Return the load number So_D of steady rotation divided by the eccentricity ratio.
+    """Return So_D/eps: the load number of rotation, divided by the eccentricity ratio.
 
-    The result is dimensionless. Its product with the eccentricity ratio and B D mu |Omega|/psi^2 is
-    the load that rotation carries in `ButenschoenFilm`, where the symbols are explained. The result
-    is finite for a centred journal. `width` is the width-to-diameter ratio B/D, `ratio` the
-    eccentricity ratio.
+    `ButenschoenFilm` explains the symbols: rotation carries the load So_D B D mu |Omega|/psi^2. The
+    result is dimensionless, and finite for a centred journal. `width` is the width-to-diameter
+    ratio B/D, `ratio` the eccentricity ratio eps.
     """
     numerator, shift = (polynomial(fit, width) for fit in LOAD)  # a1 and a2
     square = ratio * ratio

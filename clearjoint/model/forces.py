@@ -87,9 +87,9 @@ class SpringDamper(AbstractPairAtPoints, AbstractForce):
 class TorsionalSpring(AbstractDriveAboutAxis, AbstractDriveTorque):
     """A linear torsional spring and damper about a common axis of two bodies.
 
-    The spring's twist, the angle between the bodies less the rest angle, is taken within half a
-    revolution, because the bodies' positions don't determine the number of revolutions. The torque
-    therefore jumps where the twist is half a revolution.
+    The spring's twist, the angle between the bodies less the rest angle, is taken from minus half
+    to plus half a revolution, because the bodies' positions don't determine the number of
+    revolutions. The torque therefore jumps where the twist is half a revolution.
 
     **Arguments:**
 
@@ -129,7 +129,7 @@ class TorsionalSpring(AbstractDriveAboutAxis, AbstractDriveTorque):
         return -self.damping * self.speed(motions) ** 2
 
     def _twist(self, angle: Scalar) -> Scalar:
-        """Return the angle less the rest angle, rad, within half a revolution."""
+        """Return the angle less the rest angle, rad in [-pi, pi]."""
         return wrapped(angle - self.rest_angle, 2.0 * math.pi)
 
 
@@ -157,12 +157,12 @@ class AppliedLoad(AbstractForce):
     - `body`: its name.
     - `force`: (3,) N. `torque`: (3,) N m. Both are zero by default. Each component is a number, a
       function of time such as `PiecewiseConstant`, or a Python function of the time in s. Instead
-      of three components, a table with values (N, 3) or a function that returns three numbers may
-      be passed.
+      of three components, you may pass one function of time that returns three numbers, such as a
+      `PiecewiseConstant` with values (N, 3) for N times.
     - `point`: where the force acts, (3,) m in body axes; the centre of mass by default.
 
-    **Raises:** `ValueError` if a component is neither a number nor a function of time, their number
-    is not three, or the point is invalid.
+    **Raises:** `ValueError` if a component is neither a number nor a function of time, there are
+    not three components, or the point is invalid.
 
     >>> load = cj.AppliedLoad("arm", force=(0, -10, 0), point=(0.5, 0, 0))
     >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))

@@ -40,8 +40,9 @@ MOST_ANGLES = 48
 of native code (`clearjoint.native`) turns an array of up to this length into separate numbers; a
 longer one is kept in memory and processed by slower loops."""
 ANGLES_PER_WAVE = 8
-"""Number of evenly spaced angles for each wave of the highest harmonic, at which to search for the
-closest approach. From within a sixteenth of a wave, Newton's method converges to the maximum."""
+"""Number of evenly spaced angles per wave of the highest harmonic among which the search for the
+closest approach chooses its start. The start is then within a sixteenth of a wave from the maximum,
+so that Newton's method converges to it."""
 
 
 NumberOrArray: TypeAlias = Float[Any, "..."]
@@ -67,12 +68,13 @@ class Deviation(NamedTuple):
 class AbstractProfile(AbstractConverting):
     """Base class of periodic deviations of a bearing's wall or of a journal from a circle.
 
-    A subclass defines `at`, the deviation as a function of an angle, which must be twice
-    continuously differentiable, and `angles`. The angle is measured about the axis of the part
-    (bearing or journal), from the x axis towards the y axis of a frame that is fixed to the part
-    and has its z axis along the axis of the part. The x and y axes are those that `transverse_axes`
-    returns; for the axis (0, 0, 1) they are the x and y axes of the body. A positive deviation
-    enlarges the radius: it removes material from a bearing and adds material to a journal.
+    A subclass defines two methods: `at`, the deviation as a twice continuously differentiable
+    function of an angle, and `angles`, the number of angles that resolve it. The angle is measured
+    about the axis of the part (bearing or journal), from the x axis towards the y axis of a frame
+    that is fixed to the part and has its z axis along the axis of the part. The x and y axes are
+    those that `transverse_axes` returns; for the axis (0, 0, 1) they are the x and y axes of the
+    body. A positive deviation enlarges the radius: it removes material from a bearing and adds
+    material to a journal.
 
     ```python
     import clearjoint as cj
@@ -263,7 +265,8 @@ def periodic(row: jax.Array, knot: jax.Array | np.ndarray) -> jax.Array:
 class Approach(NamedTuple):
     """Direction in which a journal comes closest to the wall, and the contact there.
 
-    - `cosine`, `sine`: of the direction's angle in the bearing's cross-section, from its x axis.
+    - `cosine`, `sine`: of the direction's angle in the bearing's cross-section, from the bearing's
+      x axis.
     - `depth`: penetration in this direction, m, negative without contact.
     - `journal`: deviation of the journal from its circle in this direction, with derivatives by the
       angle about the journal's own axis; zeros for a circle.
@@ -358,7 +361,7 @@ def _newton_step(
     The arguments are those of `overlaps`.
     """
     # First and second derivative of the penetration by the angle. Those of the journal's deviation
-    # contain the rate of the angle about its own axis, which may be tilted.
+    # contain the rate of the angle about the journal's own axis, which may be tilted.
     cosine, sine = jnp.cos(angle), jnp.sin(angle)
     wall = _ROUND if bearing is None else bearing.at(angle)
     part, rate, change = _of_journal(cosine, sine, journal, axes)

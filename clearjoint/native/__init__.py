@@ -30,7 +30,7 @@ On CPUs, calls of the package are compiled by LLVM or by XLA:
 If a program contains a JAX primitive, or a use of one, without a rule, XLA compiles the whole
 program. `simulate`, `sweep` and `sensitivities` then issue a `NativeFallbackWarning`, once in a
 process for each reason. On accelerators XLA compiles every call. JAX saves XLA's machine code on
-disk, but traces a program that XLA compiles again in each process.
+disk, but each process has to trace again the programs that XLA compiles.
 """
 
 from .compiled import Native, NativeFallbackWarning, is_native, over_rows

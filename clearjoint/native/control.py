@@ -1,11 +1,12 @@
 """Rules of the primitives for branches and loops.
 
 A rule takes the `Lowering`, which builds the program, an equation of a jaxpr and the equation's
-arguments. It adds operations to the program and returns the equation's results. Arguments and
-results are `Array`s: a scalar value, a vector of tangents, which are derivatives by parameters
-(`Packed`), a NumPy array of values, or an array in memory (`InMemory`), which may be overwritten
-only if it is `owned`. A value is an integer that names a number in the program. Its kind is "b" for
-a bool or "i" for an int64, among others; the suffix "p" stands for a vector of tangents.
+arguments. It adds operations to the program and returns the equation's results. Each argument and
+each result is an `Array`: a scalar value, a vector of tangents, which are derivatives by parameters
+(`Packed`), a NumPy array of values, or an array in memory (`InMemory`). An array in memory may be
+overwritten only if it is `owned`. A value is an integer that names a number, or a vector of
+tangents, in the program. The kind of a value is "b" for a bool or "i" for an int64, among others;
+the suffix "p" stands for a vector of tangents.
 
 A program may compute several runs, called lanes, at once. A condition is then a vector. A branch is
 executed if its condition holds in any lane, and a loop goes on as long as its condition holds in
@@ -84,7 +85,7 @@ def _cond(lower: Lowering, equation: Equation, condition: Array, *arguments: Arr
 
 
 def _selected(lower: Lowering, condition: Value, yes: list[Array], no: list[Array]) -> list[Array]:
-    """Return the arrays `yes` in lanes in which the condition holds, else the arrays `no`.
+    """Return arrays that equal `yes` in lanes in which the condition holds, and `no` in the others.
 
     **Raises:** `UnsupportedPrimitiveError` for arrays in different cells of memory, which would
     have to be copied in each lane.
@@ -262,11 +263,11 @@ def loop(
 
 
 def _move_to(lower: Lowering, places: Sequence[Array], results: Sequence[Array]) -> None:
-    """Add operations that copy results in memory to the cells where later operations read them.
+    """Add operations that copy arrays in memory to the cells where later operations read them.
 
-    **Arguments:** `places`: arrays in these cells, one for each result: the carries of a loop, or
-    the results of the other branch; `results`: the arrays to copy. A result that is not in memory,
-    or already in its place, is left out.
+    **Arguments:** `results`: the arrays to copy. Those that are not in memory, or are already in
+    their place, are left out. `places`: for each result, the array whose cells it is copied to: a
+    carry of a loop, or a result of the other branch.
     """
     # Arrays may exchange their cells or parts of them. They are copied to new cells first, so that
     # none is overwritten before it is read.

@@ -24,13 +24,13 @@ from collections.abc import Callable, Sequence
 from .operations import Symbol
 
 LARGEST_ANGLE = 1e8
-"""Largest absolute value of the argument of sines and cosines, rad. The reduction of larger ones
+"""Largest absolute value of the argument of sines and cosines, rad. The reduction of larger angles
 would lose digits."""
 LARGEST_EXPONENT = 700.0
 """Largest absolute value of the argument of exponentials and, for powers, of the product of the
 exponent and the logarithm of the base. The results, from 1e-304 to 1e304, are normal numbers."""
 LEAST_NORMAL, LARGEST_NUMBER = 2.2250738585072014e-308, 1.7976931348623157e308
-"""Range of the arguments of logarithms and of the bases of powers."""
+"""Range of the arguments of logarithms, of 1 + x for `log1p`, and of the bases of powers."""
 _LN_2 = (0.6931471805598903, 5.497923018708371e-14)
 """High and low part of log(2). The product of the high part and the exponent of a double is exact,
 since the high part ends in zero bits."""
@@ -196,7 +196,7 @@ def _sine(angle: Symbol, name: str = "sin") -> Symbol:
     even, odd = (sine, cosine) if name == "sin" else (cosine, sine)
     # sin(x + n pi/2) is sin(x), cos(x), -sin(x) and -cos(x) for n = 0 to 3, the last two bits of n.
     size = _has_bit(quarter, 1).select(odd, even)
-    if name == "cos":  # cos(x) = sin(x + pi/2)
+    if name == "cos":  # The sign follows from cos(x + n pi/2) = sin(x + (n + 1) pi/2).
         quarter = quarter + 1
     usual = _has_bit(quarter, 2).select(-size, size)
     return _with_library(name, _within(-LARGEST_ANGLE, angle, LARGEST_ANGLE), usual, angle)
@@ -206,7 +206,8 @@ def _logarithm_of(x: Symbol) -> tuple[Symbol, Symbol]:
     """Return the logarithm of a positive normal number as a high and a low part."""
     # x = m 2**k with m between the square roots of 1/2 and 2, and log m = 2 artanh(s + s_low) with
     # s + s_low = (m - 1) / (m + 1) = f / (divisor + rest), where f = m - 1 is exact.
-    # k is found from the bits, in which the exponent begins at the 52nd. `k_float` is k as a float.
+    # k is found from the bits of x, in which the exponent begins at bit 52. `k_float` is k as a
+    # float.
     bits = _bits(x)
     k = (bits - _ROOT_OF_HALF).emit("shift_right", 52)
     m = _of_bits(bits - k.emit("shift_left", 52))

@@ -29,7 +29,7 @@ PARAMETERS = {
     "round": "rounding_method",
     "convert_element_type": "new_dtype",
 }
-"""Parameters of primitives that their rules take as last argument, by the primitives' names."""
+"""By the name of a primitive, the name of the parameter that its rule takes as last argument."""
 
 
 def apply(ops: Operations, name: str, *values: Value, parameter: object = None) -> Value:
@@ -218,8 +218,9 @@ def convert(a: Symbol, letter: str) -> Symbol:
 
     - A float becomes an integer without its fraction. A float beyond the integer's range becomes
       the nearest integer of the range, and NaN becomes zero.
-    - An int64 becomes an int32 that keeps the lower 32 bits.
-    - A number becomes a bool that is true unless the number is zero.
+    - An integer becomes the nearest float.
+    - An int64 becomes an int32 that keeps the lower 32 bits. An int32 keeps its value.
+    - A number becomes a bool that is true unless the number is zero. A bool becomes 1 or 0.
     """
     old = a.letter
     if old == letter:
@@ -237,8 +238,11 @@ def convert(a: Symbol, letter: str) -> Symbol:
 
 
 def _convert(a: Symbol, dtype: DTypeLike) -> Symbol:
-    """Convert a value to a dtype. An integer beyond the range of uint32 keeps its higher bits here;
-    `Lowering` cuts them off."""
+    """Convert a value to a dtype.
+
+    uint32 is computed in int64. An integer beyond the range of uint32 keeps its higher bits here;
+    `Lowering` cuts them off.
+    """
     if a.letter == "f" and np.dtype(dtype) == np.uint32:
         # A float beyond the range of uint32 becomes the nearest integer of that range.
         a = _clamp(a.like(0), a, a.like((1 << 32) - 1))

@@ -31,10 +31,12 @@ from .machine_code import Code, Stopwatch, load, load_or_make
 from .operations import Number, Operations
 
 RULES = structure.RULES | indexing.RULES | control.RULES
-"""Rules of the primitives that do not work element by element, by the primitives' names."""
+"""Functions that lower the primitives that do not work element by element, by the primitives'
+names."""
 LARGE = 256
 """Number of elements from which on an argument is written to memory by a call of NumPy of its own.
-Smaller arguments are joined and written by one call, since a call takes longer than their copy."""
+Smaller arguments are joined and written together: for few numbers, a call takes longer than the
+copying itself."""
 _ARRAY = ...
 """Stands for an array in the structure of a result; it is the same object after unpickling."""
 _COMPILES = threading.RLock()
@@ -50,9 +52,9 @@ class NativeProgram:
     - `outputs`: cells of memory for each result.
 
     **Arguments:** `closed`: the jaxpr; `tangents`: number of tangents (derivatives of a variable by
-    parameters). Arrays with one axis of this length are computed as vectors of the processor. By
-    default the number is found from the jaxpr; 0 stands for none. `stopwatch`: measures the stages
-    of compilation.
+    parameters), 0 for none; by default it is found by `tangents_of`. Arrays whose only axis has
+    this length are computed as vectors of the processor. `stopwatch`: measures the stages of
+    compilation.
 
     **Raises:** `UnsupportedPrimitiveError` for a primitive, or a use of one, without a rule, for an
     unsupported dtype such as float32, and if LLVM rejects the program.
@@ -120,11 +122,11 @@ def _indices(cells: Iterable[slice]) -> np.ndarray:
 class BoundFunction:
     """A native function with some of its arguments fixed, for many calls.
 
-    It takes and returns rows of numbers: a row has the numbers of the varied arrays, or of the
-    resulting arrays, of one call, one array after the other. Only one thread may call it at a time,
-    because all calls use the same memory.
+    It takes and returns rows of numbers, one row for each call. A row of arguments has the numbers
+    of the varied arrays, and a row of results those of the returned arrays, one array after the
+    other. Only one thread may call it at a time, because all calls use the same memory.
 
-    - `results`: conversion of the rows that a call returns to PyTrees of results.
+    - `results`: converts rows of results to PyTrees.
 
     **Arguments:** `function`: the native function; `flat`: all of its arguments; `varied`: indices
     in `flat.arrays` of the arrays that differ between calls. Their numbers come from the rows; all
@@ -138,8 +140,9 @@ class BoundFunction:
         outputs = program.outputs
         # Of an example of a result, `Cells` uses the structure, shapes, dtypes and static leaves.
         self.results = Cells(result([np.zeros(region.shape, region.dtype) for region in outputs]))
-        # Arguments that are not varied are written to memory here. A program may overwrite large
-        # arguments (see `Lowering.argument`), so these are written again before each call.
+        # Arguments that are not varied are written to memory here. A program may overwrite those
+        # with more than `LARGEST_UNROLLED` elements (see `Lowering.argument`), so these are written
+        # again before each call.
         self._code, self._memory = program.code, program.memory(flat.arrays)
         self._fixed = [
             (region, flat.arrays[k])
@@ -184,8 +187,8 @@ def evaluated(
     each call, with the same shapes and dtypes in all calls; at least one call.
 
     **Returns:** the result of each call; ``None`` if any of them cannot be computed in this way:
-    if the function has loops, large arrays, primitives without a rule, or functions such as `exp`
-    that are not computed while a jaxpr is lowered.
+    if the function has loops, large arrays, unsupported dtypes, primitives without a rule, or
+    functions such as `exp` that are not computed while a jaxpr is lowered.
     """
     # Shapes and dtypes are those of all calls, so one jaxpr serves them all.
     closed = jax.make_jaxpr(function)(*calls[0])

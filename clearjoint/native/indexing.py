@@ -188,7 +188,7 @@ def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -
     """Return one block of the array for each row of indices (see `jax.lax.gather`).
 
     In the mode "fill", all elements of a block that does not lie wholly inside of the array become
-    JAX's value for missing elements, such as NaN. In all other modes, the block is moved inside.
+    the fill value (see `_fill_value`). In all other modes, the block is moved inside.
 
     **Raises:** `UnsupportedPrimitiveError` for arrays with batching dimensions, and for a large
     result in which the axes of the blocks do not come last.
@@ -219,7 +219,8 @@ def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -
         values = read(_flat_index(lower, inside, [strides[axis] for axis in axes]).value)
         if not fills or not values:
             return values
-        # The block was read from inside of the array; it is replaced if it lies outside.
+        # The block has been read after it was moved inside. If it had to be moved, its elements are
+        # replaced by the fill value.
         kind = ops.kinds[values[0]]
         missing = ops.constant(kind, _fill_value(parameters["fill_value"], out.dtype))
         return [ops.emit("select", kind, fits.value, value, missing) for value in values]
@@ -279,7 +280,10 @@ def _block_reader(
 
 
 def _fill_value(given: object, dtype: np.dtype) -> float | int | bool:
-    """Return JAX's value for elements outside of an array (see `jax.lax.gather`).
+    """Return the value for elements outside of an array (see `jax.lax.gather`).
+
+    It is `given`, or by default NaN for floats, ``True`` for bools, the least number for signed
+    integers and the largest one for unsigned integers.
 
     **Arguments:** `given`: the value if the user has set one, else ``None``; `dtype`: of the array.
     """

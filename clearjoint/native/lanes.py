@@ -212,8 +212,8 @@ def _traced(
     """Return the names of the scalars that `status` returns, and the jaxprs of `step` and `status`.
 
     Both jaxprs take the leaves of `arrays`. That of `step` returns the arrays of the new state, and
-    that of `status` the scalars in the order of their names. Equations that the results don't need
-    are removed.
+    that of `status` the scalars in the order of the returned names. Equations that the results
+    don't need are removed.
 
     **Arguments:** `arrays`, `static`: the functions' arguments, divided by `eqx.partition`.
     """

@@ -1,9 +1,9 @@
 """Text of a program in LLVM's intermediate language, written by llvmlite.
 
 A product that is used only as a term of one sum is computed together with the sum, by a fused
-multiply-add. This module decides which products are. If LLVM decided, the choice would depend on
-the number of lanes (runs that the program computes at once), so that the last bits of a lane's
-results could depend on that number.
+multiply-add. This module decides for which products this is done. If LLVM decided, the choice
+would depend on the number of lanes (runs that the program computes at once), so that the last bits
+of a lane's results could depend on that number.
 
 A program consists of blocks, which are lists of entries: operations, and branches and loops, which
 contain blocks themselves (see `.operations`). A value is the result of an operation, a branch or a
@@ -155,8 +155,8 @@ class _Writer:
         are removed from the branch.
 
         **Returns:** whether the entry is needed and may have an effect other than the values that
-        it computes. This is true of an operation without a result, and of every needed branch and
-        loop, whose inner effects are not distinguished from values.
+        it computes. An operation has such an effect if it has no result. Every needed branch or
+        loop is taken to have one, even if it only computes values.
         """
         uses = self._uses
         if isinstance(entry, Operation):
@@ -265,10 +265,10 @@ class _Writer:
         result.
 
         Loads, stores, calls, and operations whose results no other given operation uses keep their
-        order; only the remaining operations are moved. Of several operations that one needs, that
-        with the longest chain of dependent operations before it comes first. LLVM roughly keeps the
-        order in which operations are written. In the new order fewer values occupy registers, and a
-        single run takes 0.93 of the time.
+        order; only the remaining operations are moved. If an operation needs the results of several
+        others, the one at the end of the longest chain of dependent operations comes first. LLVM
+        roughly keeps the order in which operations are written. In the new order fewer values
+        occupy registers, and a single run takes 0.93 of the time.
         """
         # Operations that have not been placed and may be moved, by their results, and the lengths
         # of the longest chains that end with them.
@@ -308,8 +308,8 @@ class _Writer:
     def _written(self, entry: Operation) -> Word | None:
         """Write an operation and return its result.
 
-        The operations "store" and "call" have no result: their `out` is ``None``, and the returned
-        object has no value.
+        The operations "store" and "call" have no result: their `out` is ``None``, and what is
+        returned for them must not be used.
 
         **Raises:** `NotImplementedError` for the name of an operation that this module cannot
         write, which would be an error of this package.
@@ -485,9 +485,9 @@ class _Writer:
         else to the block `no`.
 
         With several lanes or tangents, the block `yes` is thus executed also for those in which the
-        condition does not hold. Nothing is written here for them: operations "select", in `yes` or
-        after the branch, give them their results, and `yes` writes to memory only where the
-        condition holds (see `.operations.Branch`).
+        condition does not hold. This method adds no instructions for them: the program contains
+        operations "select", in `yes` or after the branch, which give them their results, and `yes`
+        writes to memory only where the condition holds (see `.operations.Branch`).
 
         Both blocks continue after the branch. There, a phi instruction gives each result the value
         from the block that was executed.
@@ -514,10 +514,10 @@ class _Writer:
 
         The head computes the condition. If it holds in any lane, the program jumps to the body,
         which ends with a jump back to the head; otherwise it jumps to the end. Phi instructions in
-        the head give the carries their first values when the head is entered from outside, and the
-        values that the body has computed when it is entered from there. Nothing is written here for
-        lanes that have finished before others: the body itself contains the operations "select" by
-        which they keep their values (see `control.loop`).
+        the head set the carries: to their first values when the program comes from before the loop,
+        and to the values `following` when it comes from the body. This method adds no instructions
+        for lanes that have finished before others: the body itself contains the operations "select"
+        by which such lanes keep their values (see `control.loop`).
         """
         builder, append = self._builder, self._builder.append_basic_block
         before, head, body, end = builder.block, append(), append(), append()

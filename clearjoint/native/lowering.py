@@ -34,9 +34,9 @@ larger one would cost code and time of compilation, which a loop saves."""
 LONGEST_PACKED = 16
 """Largest number of tangents that are kept as a vector: two vectors of 512 bits."""
 FEWEST_PACKED = 60
-"""Least number of sums and products of arrays with one axis, all of the same length, for which
-arrays of this length are kept as vectors. If a program has fewer, they are probably not tangents.
-"""
+"""Least number of additions and multiplications of one-axis arrays of some length that a program
+must have so that arrays of this length are kept as vectors. With fewer, the arrays are probably not
+tangents."""
 LONGEST_CHOICE = 24
 """Largest number of equations of a branch that is computed whether its result is needed or not. To
 compute a longer one in vain costs more than a jump."""
@@ -205,8 +205,8 @@ class Function:
 
     - `number`: number of the function, for `Operations.call`.
     - `parameters`: for each value that differs between calls, the first cell to which the caller
-      writes it.
-    - `results`: arrays that the function returns. Their values are those inside of the function.
+      writes it. (A vector of tangents occupies several cells.)
+    - `results`: arrays that the function returns, with the values as they are named inside of it.
     - `cells`: for each value in `results` that the function computes, the first cell to which the
       function writes it. All other values in `results` are computed outside, once for all calls.
     """
@@ -289,7 +289,7 @@ class Lowering:
         return memory if memory.size > LARGEST_UNROLLED else self.read(memory)
 
     def constant(self, array: ArrayLike) -> Array:
-        """Return an array of known numbers.
+        """Return known numbers as an array of the program.
 
         **Raises:** `UnsupportedPrimitiveError` for a dtype that is not in `KINDS`.
         """
@@ -593,8 +593,8 @@ class Lowering:
 
         If an argument that differs between the calls is in memory, the equations of the jaxpr are
         added instead. Functions keep programs short: the time that LLVM needs for a block grows
-        faster than the block's length, and each stage of an integrator's step computes the rates
-        of the state by the same large jaxpr.
+        faster than the block's length, and each Runge-Kutta stage of an integrator's step computes
+        the time derivative of the state by the same large jaxpr.
         """
         # Arguments that are the same in all calls are used directly; the others are passed.
         ops, pairs = self.ops, list(zip(arguments, repeated.shared, strict=True))

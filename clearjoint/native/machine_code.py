@@ -2,10 +2,11 @@
 
 LLVM compiles the text of a program for the processor of this machine. Two kinds of files are saved
 in JAX's compilation cache. A file with machine code is named by a digest of the LLVM text and the
-processor. It saves the compilation only: to find the file, a process must trace the function and
-make the text. A file with a whole program also has the layout of its arguments and results. Its
-name is a digest of the function, of the structure, shapes, dtypes and static values of the
-arguments, and of versions and settings, so it saves tracing and making the text too.
+processor. A process that reads it need not compile, but must trace the function and make the text
+to find the file. A file with a whole program also has the layout of the program's arguments and
+results. Its name is a digest of the function, of the structure, shapes, dtypes and static values of
+the arguments, of versions and settings, and of the processor, so that a process that reads it need
+not trace the function or make the text either.
 """
 
 import ctypes
@@ -61,18 +62,18 @@ class Stopwatch:
 
 
 class Code:
-    """Machine code of a program, which can be pickled.
+    """Machine code of a program. The object can be pickled.
 
-    It is compiled, or read from disk, when the object is made, and loaded into the process when it
-    is first run.
+    The code is compiled, or read from disk, when the object is made, and loaded into the process
+    when it is first run.
 
     - `text`: the program in LLVM's language; empty after unpickling.
     - `seconds`: processor time, s, of each stage: "writing", "compiling", and those that
       `stopwatch` has recorded before, such as "tracing" and "lowering".
 
     **Arguments:** `lowering`: lowering of the whole program; `stopwatch`: measures the stages;
-    `result`: value of kind "i" (int64). `run` returns its number in the first lane, that is, in the
-    first of the runs that the program computes at once. By default `run` returns 0.
+    `result`: value of the program, an int64, that `run` returns; ``None`` if `run` is to return 0.
+    If the program computes several runs (lanes) at once, `run` returns the value of the first lane.
 
     **Raises:** `UnsupportedPrimitiveError` if LLVM rejects the program.
     """
@@ -200,9 +201,9 @@ def load_or_make(
     - unless `keep_programs`, in `..compilation.program_store`, has switched saving on;
     - if JAX's compilation cache is not in use;
     - if the package's code has changed since its import;
-    - if the function or its arguments contain classes or functions from outside of this package and
-      those in `NUMERIC`, since a change of their code would not be noticed, or other values that
-      `digest_of` refuses;
+    - if the function or its arguments contain classes or functions that belong neither to this
+      package nor to one in `NUMERIC`, since a change of their code would not be noticed;
+    - if they contain other values that `digest_of` refuses;
     - if the program cannot be pickled or written.
 
     **Arguments:** `function`, `arguments`: function of PyTrees, and arguments with the structure,
@@ -253,12 +254,13 @@ def _place(
 
 
 def _key(function: Callable[..., PyTree], arguments: tuple[PyTree, ...]) -> str:
-    """Return the key of the program of a function for arguments, the same text in all processes.
+    """Return the key of a function's program for the given arguments.
 
-    Of the arrays in the arguments, it depends on the shapes and dtypes, but not on the numbers.
+    It is a text that is the same in all processes. It depends on the shapes and dtypes of arrays in
+    the arguments, but not on their numbers.
 
-    **Raises:** `NotPlainError` if function or arguments contain classes or functions from outside
-    of this package and those in `NUMERIC`, or other values that `digest_of` refuses;
+    **Raises:** `NotPlainError` if function or arguments contain classes or functions that belong
+    neither to this package nor to one in `NUMERIC`, or other values that `digest_of` refuses;
     `ChangedCodeError` if the package's own code has changed since its import.
     """
     shapes = jax.tree.map(

@@ -1,4 +1,4 @@
-"""Parameters of a scene that a fit estimates, and scales, which map their values to coordinates.
+"""Parameters of a scene that a fit estimates, and scales, which relate values to coordinates.
 
 A fit works in these coordinates. On a suitable scale, a typical change of a coordinate is of the
 order of 1, so that parameters of different units can be compared.
@@ -135,8 +135,8 @@ class Linear(AbstractScale):
     def uninformative_std(self, coordinate: float) -> float:
         """Return max(1, abs(coordinate)).
 
-        Above it, the standard deviation of an estimate exceeds both the absolute value of the
-        parameter and `unit`.
+        If the standard deviation of the coordinate is larger, that of the value exceeds both the
+        magnitude of the value and `unit`.
         """
         return max(1.0, abs(float(coordinate)))
 
@@ -182,8 +182,8 @@ class Bounded(AbstractScale):
 
     One step of a fit changes the coordinate by 1 at most.
 
-    **Arguments:** `low`, `high`: bounds in the parameter's unit; values lie between them and cannot
-    be equal to one of them.
+    **Arguments:** `low`, `high`: bounds in the parameter's unit. Only a value strictly between them
+    has a coordinate. Far coordinates, such as 40, give a value that is rounded to a bound.
 
     **Raises:** `ValueError` unless both are single finite numbers and low < high.
 
@@ -255,14 +255,15 @@ class Parameter:
       in another way how a value changes scene and state. The field `variation` is the given
       `AbstractVariation`, or a `SceneNumber` made from the path.
     - `scale`: `Linear()` by default; `Log()` for positive numbers, `Bounded(low, high)` for
-      numbers between bounds. A scale maps values to unbounded coordinates; the fit works in these
-      coordinates, and derivatives are with respect to them.
+      numbers between bounds. A scale gives each value an unbounded coordinate; the fit works in
+      these coordinates, and derivatives are with respect to them.
     - `value`: first guess, SI; ``None`` for the number's value in the scene or initial state. A
       guess is required for an `AbstractVariation` that selects no number.
     - `unit`: text that labels the values and converts nothing; by default the SI unit of the number
       in the scene. It is ignored for an `AbstractVariation`, which has its own unit.
 
-    **Raises:** `ValueError` for a path that is not a function, and for a scale of another type.
+    **Raises:** `ValueError` for a path that is not a function, and for a `scale` that is no
+    `AbstractScale`.
 
     >>> parameter = cj.Parameter(lambda scene: scene.joints["shoulder"].clearance, cj.Log())
     >>> scene, state = cj.mechanisms.double_pendulum(clearance=0.5e-3)
@@ -318,9 +319,11 @@ class Parameter:
         - `make`: function that receives the scene, the initial state and a value, and returns the
           changed pair (scene, state).
         - `value`: first guess, in `unit`; required, because the scene has no such number.
-        - `scale`: as in `Parameter`. `unit`: text that labels the value.
+        - `scale`: as in `Parameter`.
+        - `unit`: text that labels the value; by default "1", for a number without a unit.
 
-        **Raises:** `ValueError` if `make` is not a function, and for a scale of another type.
+        **Raises:** `ValueError` if `make` is not a function, and for a `scale` that is no
+        `AbstractScale`.
         """
         return Parameter(MadeByFunction(make, unit), scale, value=value)
 
@@ -343,8 +346,8 @@ class Parameter:
         series is identifiable only if the initial state is known, or if the motion depends on
         time itself, for example by a driver, and not only on the time since its start.
 
-        **Raises:** `ValueError` without names, for names that are not texts, and for a scale of
-        another type.
+        **Raises:** `ValueError` without names, for names that are not texts, and for a `scale` that
+        is no `AbstractScale`.
 
         >>> delay = cj.Parameter.delay("probe x", "probe y")
         >>> delay.value

@@ -59,8 +59,9 @@ def numbers_at(tree: PyTree, path: NumberPath) -> list[Number]:
     """Return the locations of the numbers that a path selects in a scene or state.
 
     **Raises:** `ValueError` if the path names an unknown element or field, if it indexes beyond the
-    end of a tuple or list, or further after a slice, or if it returns a computed value, a whole
-    element such as a joint, or nothing. Whether an array has the selected component is not checked.
+    end of a tuple or list, if it indexes the result of a slice, or if it returns a computed value,
+    a whole element such as a joint, or nothing. Whether an array has the selected component is not
+    checked.
     """
     try:
         # The path runs on a tree whose leaves are their own locations, so that it returns
@@ -175,7 +176,7 @@ def _shape(leaf: PyTree, component: tuple[Index, ...]) -> tuple[int, ...]:
     """
     shape = np.shape(leaf)
     try:
-        # NumPy refuses an index that is out of range, which JAX would silently move inside. The
+        # NumPy refuses an index that is out of range, whereas JAX would silently accept it. The
         # array only serves this check, and `broadcast_to` makes it without taking memory.
         return np.broadcast_to(0.0, shape)[component].shape
     except IndexError as error:

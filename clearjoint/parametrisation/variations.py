@@ -101,7 +101,10 @@ class AbstractNumber(AbstractVariation):
         return unit_at(self.tree(scene, state), self.path) if self.unit is None else self.unit
 
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
-        """Return a `NumberSetter` that sets values of the shape of `example` at the path.
+        """Return a `NumberSetter` that sets values at the path.
+
+        The values have the shape of the argument `example`, a number or an array; it is not the
+        class's text of the same name.
 
         **Raises:** `ValueError` for a path without numbers, or with numbers of another shape than
         `example`.

@@ -25,7 +25,7 @@ draw, such as `enclosed_energy`. No function simulates or shows anything; only `
 | outputs over parameters | `against`, `parameter_map`, `convergence` |
 | Poincaré sections over a parameter, or of a run | `bifurcation`, `poincare_section_of_lane` |
 | path of the journal and wear of a run | `orbit`, `wear` |
-| depth of wear after growing numbers of cycles | `worn_profile` |
+| depth of wear after growing numbers of cycles, from `clearjoint.wear` | `worn_profile` |
 
 | of a fit or its planning | functions |
 |---|---|

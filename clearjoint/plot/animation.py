@@ -59,7 +59,7 @@ def journal_frames(
 
     **Returns:** the figure.
 
-    **Raises:** `ValueError` for the name of a joint without a journal.
+    **Raises:** `ValueError` for an unknown joint, and for a joint without a journal.
 
     >>> figure = plot.journal_frames(observed, "shoulder", 0.5e-3, [0.0, 0.01, 0.02])
     """
@@ -116,7 +116,7 @@ def animate_journal(
       label, see `journal_frames`.
     - `frames_per_second`: number of frames that the animation shows in a second.
 
-    **Raises:** `ValueError` for the name of a joint without a journal.
+    **Raises:** `ValueError` for an unknown joint, and for a joint without a journal.
 
     >>> plot.animate_journal(observed, "shoulder", 0.5e-3, "journal.gif", np.linspace(0, 0.02, 5))
     """

@@ -73,10 +73,11 @@ def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:
     - `fit`: from `cj.identify`.
     - `series`: names of the measured series to draw; by default all.
 
-    **Returns:** array (2, number of series) of axes in a new figure, a column for each series. The
-    first row has the axes with measurement and prediction, the second row those with the residuals,
-    which are divided by the noise. A grey band from -2 to 2 should contain 95 % of the residuals.
-    The figure shows two series side by side, and further ones below them.
+    **Returns:** array (2, number of series) of the axes in a new figure. The array has a column for
+    each series; in the figure, two series are side by side, and further ones below them. The first
+    row of the array has the axes with measurement and prediction, the second row those with the
+    residuals, which are divided by the noise. A grey band from -2 to 2 should contain 95 % of the
+    residuals.
 
     **Raises:** `ValueError` for unknown names of series, and for an empty list.
 

@@ -314,10 +314,10 @@ def contact_phases(observation: Observation, joint: str) -> np.ndarray:
 
     An interval of contact with a single compression and restitution is an impact. If the bodies
     approach again before they separate, or if the interval lasts to the end of the observation, the
-    phase is impact up to the first maximum of the penetration, and following from there on. An
-    interval that begins at the first instant is following as a whole. If several contacts of the
-    joint, such as those at bases V and W, are in different phases, following has priority over
-    impact, and impact over free flight.
+    phase is impact up to the first maximum of the penetration, and following from there on. As an
+    exception, an interval that begins at the first instant is always following as a whole. If
+    several contacts of the joint, such as those at bases V and W, are in different phases,
+    following has priority over impact, and impact over free flight.
 
     **Arguments:**
 
@@ -327,7 +327,7 @@ def contact_phases(observation: Observation, joint: str) -> np.ndarray:
 
     **Returns:** (N,) numbers of `ContactPhase`.
 
-    **Raises:** `ValueError` for the name of a joint without contacts.
+    **Raises:** `ValueError` unless `joint` is the name of a joint with contacts.
 
     **Source:** the three phases are those of P. Flores et al., *Spatial revolute joints with
     clearances for dynamic analysis of multi-body systems*, 2006. The limit between impact and
@@ -381,7 +381,8 @@ def motion_timeline(
 
     **Returns:** the axes, which show time in ms or s, a row for each joint.
 
-    **Raises:** `ValueError` for a scene without contacts, and for the name of a joint without them.
+    **Raises:** `ValueError` for a scene without contacts, for an unknown joint, and for a joint
+    without contacts.
 
     >>> axes = plot.motion_timeline(observed)
     """

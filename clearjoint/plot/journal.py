@@ -68,8 +68,8 @@ def eccentricities(
     - `window`: start and end of the drawn time, s, by default all observed times; `axes`: axes to
       draw on, by default new ones.
 
-    **Returns:** the axes, which show time in ms or s; eccentricity in mm, or in µm for a clearance
-    below 0.2 mm; the difference of eccentricity and clearance with a suitable prefix of m.
+    **Returns:** the axes, which show time in ms or s, and either the eccentricity in mm (in µm for
+    a clearance below 0.2 mm) or eccentricity minus clearance with a suitable prefix of m.
 
     **Raises:** `ValueError` for an unknown joint, for a joint without a journal, and for a window
     without observed times.
@@ -113,8 +113,9 @@ def eccentricity_vectors(
     - `section`: two perpendicular unit vectors across the bearing's axis, by their labels: (3,)
       each in global axes, or (N, 3) if the bearing turns. By default the x and y axes of the
       bearing's own frame, which turn with the bearing; if the bearing's axis is the z axis of its
-      body, these are the x and y axes of the body. With a `section`, the vector of a joint with
-      profiles (deviations from circles) has the direction of the nearest wall, not of the centre.
+      body, these are the x and y axes of the body. With a `section`, the vector has the direction
+      from the bearing's axis to the contact. This differs from the direction to the centre if the
+      bearing or the journal has a profile, a deviation from its circle.
 
     **Returns:** (N, 2) m: the components along the first and the second unit vector.
 
@@ -253,7 +254,7 @@ def observed_clearance(observation: Observation, joint: str) -> float:
     """Return the radial clearance of a joint, m: the eccentricity of a base less its penetration.
 
     This difference varies if the bearing or the journal has a profile, a deviation from its
-    circle. The result is its median over the observed times.
+    circle. The result is the median of the difference over the observed times.
 
     **Raises:** `ValueError` for an unknown joint, and for a joint without a journal.
     """

@@ -181,8 +181,8 @@ def _over_time(
 
     **Arguments:** `curves`: times (N,), s, and vectors (N, 3), by the curve's label;
     `component`: "X", "Y" or "Z"; `quantity`: name and unit of the vectors, such as "position of
-    arm's centre, m", before which the vertical axis has the component: "Y-position of arm's centre,
-    m"; `window`, `axes`: see `position`; `width`: width of the lines, points.
+    arm's centre, m". The label of the vertical axis begins with the component: "Y-position of arm's
+    centre, m"; `window`, `axes`: see `position`; `width`: width of the lines, points.
 
     **Raises:** `ValueError` for an unknown component, and for a window outside of the times of a
     curve.

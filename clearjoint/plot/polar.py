@@ -41,8 +41,9 @@ def contact_rose(
 ) -> PolarAxes:
     """Draw in which directions, and how strongly, a journal touches its bearing, as polar bars.
 
-    The direction of a contact is that from the bearing's axis to the centre of a base. The length
-    of a bar is the impulse or the largest force of the contacts with a direction in its sector.
+    The direction of a contact is that of the base's vector from `plot.eccentricity_vectors`: from
+    the bearing's axis to the centre of the base, if both surfaces are circles. The length of a bar
+    is the impulse or the largest force of the contacts with a direction in its sector.
 
     **Arguments:**
 

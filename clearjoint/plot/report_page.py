@@ -66,7 +66,8 @@ IMPACT_COLUMNS = {"joint": 0.0, "contact": 0.16} | {row[0]: row[1] for row in IM
 
 
 def joint_rows(scene: Scene, most: int) -> list[Cells]:
-    """Return the rows of the table of joints, at most `most`, with the texts of `JOINT_COLUMNS`.
+    """Return at most `most` rows of the table of joints. A row has the texts of its cells, in the
+    order of the columns `JOINT_COLUMNS`; a joint without contacts has only the first three.
 
     Joints with contacts come first. If there are more joints than rows, the last row tells how many
     are left out, such as "3 more".
@@ -79,7 +80,8 @@ def joint_rows(scene: Scene, most: int) -> list[Cells]:
 
 
 def _joint_row(name: str, joint: AbstractConstraint | AbstractContactJoint) -> Cells:
-    """Return the texts of `JOINT_COLUMNS`; only the first three for a joint without contacts."""
+    """Return the texts of a joint's cells, in the order of the columns `JOINT_COLUMNS`; only the
+    first three for a joint without contacts."""
     head = name, type(joint).__name__, " – ".join(joint.body_names())
     if not isinstance(joint, AbstractContactJoint):
         return head
@@ -273,8 +275,8 @@ def report(
     - `scene`: the simulated scene. `solution`: with saved states, best from a run with
       ``Saving(np.linspace(0, end, count), steps=True, impacts=True)`` and
       ``Settings(ledger=True)``. If the accepted steps are saved (``steps=True``), orbits, forces
-      and phases are drawn along them and inside them (`Trajectory.between`), which resolves
-      impacts; if not, at the saved times only.
+      and phases are drawn at the ends of the steps and at further times inside them
+      (`Trajectory.between`), which resolves impacts; if not, at the saved times only.
     - `file`: path of the page, with the suffix ".png" or ".pdf"; not written by default.
     - `title`: by default "Run of" and the names of the bodies.
     - `quantity`, `unit`: quantity whose spectrum is drawn, and its SI unit if it does not declare
@@ -322,7 +324,7 @@ def report(
         for row, part in zip(rows, parts, strict=True):
             part.draw(row)
         if file is not None:
-            figure.savefig(file, dpi=200)  # of a PNG, and of rasterised curves in a PDF
+            figure.savefig(file, dpi=200)  # for a PNG, and for rasterised curves in a PDF
     return figure
 
 
@@ -488,11 +490,11 @@ def draw_motion(row: SubFigure, scene: Scene, path: Trajectory, observed: Observ
 
 
 def _bodies(axes: Axes, trajectory: Trajectory) -> None:
-    """Draw the paths of the bodies' centres of mass, in the coordinate plane of the two directions
-    in which all paths together extend farthest.
+    """Draw the paths of the bodies' centres of mass, projected on a coordinate plane.
 
-    If no coordinate of a centre varies by more than a fiftieth of the largest of these extents,
-    the bodies do little more than turn: draw the magnitudes of their angular velocities over time
+    Its two axes are those of X, Y and Z along which the set of all paths extends farthest. If no
+    coordinate of any centre varies by more than a fiftieth of the largest extent of this set, the
+    bodies do little more than turn: draw the magnitudes of their angular velocities over time
     instead.
     """
     bodies = trajectory.states.bodies

@@ -45,7 +45,8 @@ def poincare_map(
     - `labels`: texts of the horizontal and the vertical axis, with units.
     - `axes`: axes to draw on, by default new ones.
 
-    **Returns:** the axes. Later points are darker; a colour bar gives their numbers from 1 on.
+    **Returns:** the axes. Later points are darker; a colour bar gives their numbers from 1 on,
+    unless there is only one point.
 
     >>> axes = plot.poincare_map(np.zeros(20), np.linspace(0, 1, 20), ("x / mm", "v / (m/s)"))
     """
@@ -94,7 +95,8 @@ def poincare_section(
 
     **Returns:** the axes. They have equal scales with a `clearance`, or if both channels have the
     same unit and their largest magnitudes differ by at most a factor of 20. Later points are
-    darker; a colour bar gives the number of each crossing among all recorded ones.
+    darker; a colour bar gives the number of each crossing among all recorded ones, unless there is
+    only one point.
 
     **Raises:** `ValueError` for unknown channels, a section with a single channel, a `clearance`
     with channels that are not lengths, and if all crossings are earlier than `after`.

@@ -90,6 +90,8 @@ def draw_lines(
 ) -> None:
     """Draw curves that differ by colour and line style, also from lines already on the axes.
 
+    With more than six lines on the axes, the colours and styles of `LINES` repeat.
+
     **Arguments:** `curves`: label, x (N,) and y (N,) of each curve; `linewidth`: points.
     """
     for label, x, y in curves:
@@ -173,9 +175,9 @@ PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
 PREFIXED = ("m", "s", "N", "J", "W", "Pa", "Hz", "rad", "N s")
 """Units that take a prefix, also as the numerator of a quotient: mm/s."""
 GEOMETRIC = 1e-6
-"""Largest range, relative to the mean, of numbers that count as equal in spite of rounding errors:
-logarithms of the ratios of successive values in a geometric series, or differences of the values.
-"""
+"""Tolerance for rounding errors: numbers count as equal if their maximum less their minimum is at
+most this fraction of their mean. The numbers are logarithms of the ratios of successive values, or
+the differences of successive values."""
 
 
 class ScaledValues(NamedTuple):
@@ -203,11 +205,12 @@ def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
     - `data`: any shape; its name is used in the label. Its SI unit is in ``attrs["units"]``, "1" if
       this is missing.
     - `present`: text of the axis, such as "force, kN", if the axis already shows other data. The
-      new data get its unit, and the new label has its names before the new name. Empty for a new
-      axis.
+      new data are then converted to the unit in this text, and the new label consists of the names
+      in this text, the new name and the unit. Empty for a new axis.
 
-    **Raises:** `ValueError` if the unit of `present` is not that of the data with some prefix. For
-    data without unit: if `present` ends with one of `PREFIXED`, with any prefix.
+    **Raises:** `ValueError` for data with a unit, if `present` does not end with this unit, with or
+    without prefix; for data without unit, if `present` ends with one of `PREFIXED`, with or without
+    prefix.
     """
     values = np.asarray(data.values, dtype=float)
     exponent, unit = _prefixed(values, data.attrs.get("units", "1"))
@@ -301,8 +304,8 @@ def _prefixed(values: np.ndarray, unit: str) -> tuple[int, str]:
     """Return the power of ten of the prefix that brings the largest finite magnitude between 1 and
     1000, and the text of the unit with this prefix, in which "^2" is written "²".
 
-    The power is 0 for units without prefix and if no finite value differs from zero. It is limited
-    by `PREFIXES`, and to at most 0 for metres, seconds and radians.
+    The power is 0 for units that take no prefix, and if no finite value differs from zero. It is
+    limited by `PREFIXES`, and to at most 0 for metres, seconds and radians.
     """
     text = unit.replace("^2", "²").replace("^3", "³")
     first = unit.split("/")[0]  # a prefix scales the numerator: mm/s for m/s
@@ -317,9 +320,9 @@ def _prefixed(values: np.ndarray, unit: str) -> tuple[int, str]:
 def suits_logarithm(values: np.ndarray, swept: bool = False) -> bool:
     """Return whether an axis for values (any shape) should be logarithmic.
 
-    All finite values must be positive, and the largest must exceed 12 times the smallest. Instead
-    of the latter, it is enough for a `swept` parameter that at least three different values form a
-    geometric series. Without finite values the result is false.
+    All finite values must be positive, and the largest must exceed 12 times the smallest. For a
+    `swept` parameter with at least three different values, a smaller ratio is enough if these
+    values form a geometric series. Without finite values the result is false.
     """
     finite = values[np.isfinite(values)]
     if finite.size == 0 or finite.min() <= 0.0:

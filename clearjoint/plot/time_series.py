@@ -119,8 +119,8 @@ def trajectory_of(solution: Solution, trajectory: Trajectory | None) -> Trajecto
 def name_of(quantity: Callable[..., object]) -> str:
     """Return the name of a quantity for labels, such as "position of ball x".
 
-    It consists of the words of its class's name, and the texts among its fields. A function has its
-    own name, and a lambda the name "quantity".
+    The name has the words of the quantity's class, then the values of those of its fields that are
+    texts. A function keeps its own name, and a lambda has the name "quantity".
     """
     kind = getattr(quantity, "__name__", type(quantity).__name__)
     words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", kind).replace("_", " ").lower()
@@ -222,8 +222,8 @@ def amplitude_spectrum(record: xr.DataArray, taper: str = "hann") -> xr.DataArra
       true amplitude also for a harmonic between two frequencies of the spectrum; or "boxcar", for a
       record of a whole number of periods.
 
-    **Returns:** array (N // 2,) with the coordinate "frequency", Hz, in the unit of the record.
-    Frequencies are the multiples of the inverse of N sampling intervals, without zero.
+    **Returns:** array (N // 2,) of amplitudes in the unit of the record, with the coordinate
+    "frequency", Hz. Frequencies are k / (N h) for k from 1 to N // 2, with the sampling interval h.
 
     **Raises:** `ValueError` for fewer than four samples, times at unequal intervals, and an unknown
     `taper`.
@@ -366,12 +366,13 @@ def energy_ledger(
     constraints) and the work of drivers and loads since the start. Energies that the scene does not
     have are left out.
 
-    The drift is the sum of kinetic, potential, elastic and dissipated energy minus the work, less
-    its value at the first instant. It is zero for an exact integration. A title gives the largest
-    magnitude of the drift in the window as a fraction of the largest change of an energy above,
-    which is its maximum minus its minimum over all observed times. In a run without
+    The drift is the change, since the first instant, of the sum of kinetic, potential, elastic and
+    dissipated energy minus the work. It is zero for an exact integration. The change of an energy
+    over a run is its maximum minus its minimum over all observed times. A title gives the largest
+    magnitude of the drift in the window as a fraction of the largest such change among the energies
+    in the upper axes; there is no title if no energy changes. In a run without
     ``Settings(ledger=True)``, dissipated energy and work are unknown: the lower axes then show the
-    change of kinetic, potential and elastic energy together, without this title.
+    sum of kinetic, potential and elastic energy relative to the first instant, without this title.
 
     **Arguments:**
 

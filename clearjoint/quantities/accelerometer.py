@@ -30,7 +30,8 @@ from .base import AbstractQuantity, Instant, require_known
 ARM = 1e-2
 """Free length of the spring, m. It is much longer than the deflections, which are micrometres."""
 SHARE = 1e-6
-"""Default ratio of the sensor's mass to the body's mass, which hardly affects the motion."""
+"""Default ratio of the sensor's mass to the body's mass, so small that the sensor hardly affects
+the motion."""
 RADIUS = 1e-3
 """Radius of gyration of the seismic mass, m. It has almost no effect, because the mass can't rotate
 relative to the body that carries it."""
@@ -64,8 +65,8 @@ class AccelerometerReading(AbstractQuantity):
         require_known("sensor", self.sensor, springs & set(scene.bodies) & set(scene.joints))
 
     def __call__(self, now: Instant) -> Scalar:
-        """Return the force of the spring on the seismic mass along the sensor's axis, divided by
-        this mass, m/s^2."""
+        """Return the force of the spring on the seismic mass along the sensor's axis, without that
+        of the damper, divided by this mass, m/s^2."""
         scene, motions = now.scene, now.motions
         spring, slide = scene.forces[self.sensor + SPRING], scene.joints[self.sensor]
         assert isinstance(spring, SpringDamper) and isinstance(slide, PrismaticJoint)
@@ -138,7 +139,7 @@ def accelerometer(
     - `axis`: direction of measurement, (3,) in body axes, any length.
     - `frequency`: natural frequency of the mass on its spring without damping, Hz. With the default
       damping ratio, the attenuation at this frequency is 3 dB.
-    - `damping_ratio`: positive.
+    - `damping_ratio`: damping ratio z of the mass on its spring and damper, positive.
     - `mass`: of the sensor, kg; by default a millionth of the body's mass, which hardly affects the
       motion.
     - `name`: of the sensor's body and of its joint; by default the body's name followed by

@@ -47,9 +47,9 @@ class Instant:
     **Arguments:**
 
     - `system`: the equations of motion of the scene.
-    - `own_time`: time since the system's `origin`, s; the time of the scene if `origin` is
-      ``None``. The origin is a time of the scene near which the run starts. The attribute `time` is
-      always the time of the scene.
+    - `own_time`: time since the system's `origin`, s. The origin is the scene's time at which
+      `own_time` is zero, near the start of the run; for the origin ``None``, `own_time` is the
+      scene's time. The attribute `time` is always the scene's time.
     - `variables`: coordinates and velocities, as `system.encode` returns them.
     - `entry_speeds`, `bristles`: entry speeds, m/s, and bristle deflections, m, by joint and
       contact; empty if no law uses them.
@@ -80,7 +80,7 @@ class Instant:
         self.scene = system.scene
         """The scene, whose vectors are `Vector`s, not arrays."""
         self.entry_speeds = entry_speeds
-        """Entry speeds of the current contacts, m/s, ``entry_speeds[joint][contact]``.
+        """Entry speeds of the contacts, m/s, ``entry_speeds[joint][contact]``.
 
         An entry speed is the penetration rate at the onset of a contact. It is zero while the
         contact is open, and 1e9 m/s if it is unknown because the onset was before the start of the

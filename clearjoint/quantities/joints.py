@@ -75,7 +75,7 @@ class AbstractContactQuantity(AbstractJointQuantity):
 
 
 class ContactForce(AbstractContactQuantity):
-    """Normal force of a contact, N, or the largest of a joint's contacts.
+    """Normal force of a contact, or the largest normal force among a joint's contacts, N.
 
     **Arguments:** `joint`: name of the joint. `contact`: label of the contact, such as "V"; for
     ``None``, the default, the quantity is the largest force of the joint's contacts.
@@ -160,8 +160,8 @@ class EntrySpeed(AbstractContactQuantity):
     """Entry speed of the current contact, m/s; zero while the surfaces are apart.
 
     It is the rate of the penetration at the onset of the contact. It exists only for contacts whose
-    law uses the entry speed. A contact that had begun before the start of the run has an unknown
-    entry speed, for which 1e9 m/s is returned.
+    law uses the entry speed. For a contact that had begun before the start of the run, the value is
+    1e9 m/s, unless the initial state contains the entry speed.
 
     **Arguments:** `joint`: name of the joint. `contact`: label of the contact, such as "V".
 
@@ -233,7 +233,7 @@ class AbstractJournalQuantity(AbstractJointQuantity):
         return [name for name, j in scene.joints.items() if isinstance(j, HasJournal)]
 
     def offset(self, now: Instant, base: str | None) -> Vector:
-        """Return the vector from the bearing's centre to that of the journal or of a base, m.
+        """Return the vector from the bearing's centre to the centre of the journal or of a base, m.
 
         Components are in the bearing's frame, whose z axis is the bearing's axis. `base` is "V" or
         "W", or ``None`` for the journal's centre.
@@ -443,8 +443,8 @@ class ReactionMoment(AbstractReaction):
 class FilmForce(AbstractJointQuantity):
     """Force of a joint's lubricant film on its journal, N: its magnitude or a global component.
 
-    It is the force that `film_wrenches` returns for the joint's second body, the journal's, or zero
-    if it returns none for this body.
+    It is the force that the joint's method `film_wrenches` returns for the second body, which has
+    the journal. It is zero if the method returns no force on this body.
 
     **Arguments:** `joint`: name of a joint with a film: `LubricatedJoint`, or a user-defined joint
     whose class overrides `film_wrenches`. `component`: "x", "y", "z" in global axes, or ``None``,
@@ -483,9 +483,9 @@ class HasRelativeAngle(Protocol):
         """Return the second body's angle relative to the first, in the form of a constraint row.
 
         The `value` of the row is the angle, rad. Its `jacobian` has the derivatives of the angle's
-        rate by the bodies' velocities, and its `bias` is the angle's second time derivative without
-        accelerations of the bodies, rad/s^2. `motions` has positions and velocities of the bodies
-        by name.
+        rate by the bodies' velocities. Its `bias`, rad/s^2, is the second time derivative that the
+        angle would have if the accelerations of the bodies were zero. `motions` has positions and
+        velocities of the bodies by name.
         """
         ...
 
@@ -538,7 +538,9 @@ class JointAngle(AbstractJointAngle):
 
 
 class JointAngularVelocity(AbstractJointAngle):
-    """Rate of a `JointAngle`, rad/s: relative angular velocity about the first body's axis.
+    """Rate of a `JointAngle`, rad/s.
+
+    If the axes of both bodies are parallel, it is their relative angular velocity about the axis.
 
     **Arguments:** `joint`: name of a joint or force with an angle, as for `JointAngle`.
 

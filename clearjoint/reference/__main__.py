@@ -19,7 +19,7 @@ except ImportError as error:
 
 def main() -> None:
     """Write the pages into the folder that the command line names, ``results/reference`` by
-    default, and print the path of the first one."""
+    default, and print the path of the package's page."""
     parser = argparse.ArgumentParser(prog="python -m clearjoint.reference", description=__doc__)
     parser.add_argument(
         "folder", nargs="?", type=Path, default=Path("results/reference"), help="%(default)s"

@@ -2,7 +2,7 @@
 
 A file may name classes of this package and those that the caller passes to `load`; no module is
 imported because a file names it. The values that an argument may have are derived from its
-annotation and from the unit of the field with its name.
+annotation and from the unit of the field with the same name.
 """
 
 import inspect
@@ -41,9 +41,9 @@ class Expectation:
     """Values that an argument of a constructor, or an entry of a table or list, may have in a file.
 
     They are derived from the annotation of the argument, and from the unit and shape of the field
-    with its name. No attribute tells whether numbers are allowed: the reader refuses a number only
-    if there are `options` but neither `shapes` nor `classes`. In all other cases the constructor
-    checks the number. NaN, and whole numbers too large for a float, are always refused.
+    with the same name. No attribute tells whether numbers are allowed: the reader refuses a number
+    only if there are `options` but neither `shapes` nor `classes`. In all other cases the
+    constructor checks the number. NaN, and whole numbers too large for a float, are always refused.
 
     - `unit`: SI unit of numbers; None if no unit is declared.
     - `shapes`: shapes that arrays of numbers may have, () for a single number; empty if unknown.
@@ -85,7 +85,7 @@ def class_name(kind: type) -> str:
 
 
 def is_from_package(kind: type) -> bool:
-    """Return whether a class belongs to this package, instead of a user."""
+    """Return whether a class belongs to this package, rather than to a user."""
     return kind.__module__.split(".")[0] == __name__.split(".")[0]
 
 
@@ -162,7 +162,8 @@ def find_maker(
     **Arguments:**
 
     - `name`: the name in the file. A script saves its own class as "__main__:Class"; for such a
-      name, a class "Class" in `given` is found, whatever its module.
+      name, a class "Class" in `given` is found, whatever its module, unless this package has a
+      class of that name, which is then found instead.
     - `families`, `given`: as for `makers`.
     - `location`: location of the name in the file, for error messages.
 

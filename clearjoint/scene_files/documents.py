@@ -77,8 +77,8 @@ def written(keys: Keys) -> str:
 
 
 def existing(content: object, keys: Sequence[str | int]) -> Keys:
-    """Return the beginning of a path that exists: the keys and indices before the first one that
-    the tables and lists lack.
+    """Return the existing beginning of a path: its keys and indices before the first one that the
+    tables and lists lack.
 
     Indices of lists may be given as texts; they are returned as integers.
 

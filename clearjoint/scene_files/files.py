@@ -69,7 +69,8 @@ class Writer:
         **Arguments:** `location`: location of the table in the file.
 
         **Raises:** `ValueError` for arguments without default that the object does not store in a
-        field of the same name, for an argument `kind`, and for values that a file can't hold.
+        field of the same name, for a class with an argument named `kind`, the key by which a
+        table names its class, and for values that a file can't hold.
         """
         kind = type(instance)
         if not is_from_package(kind):
@@ -278,13 +279,13 @@ def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
 def first_difference(one: object, other: object, location: FileLocation) -> FileLocation | None:
     """Return the location of the first difference of two objects, ``None`` if they are equal.
 
-    Fields and entries are compared recursively. Arrays of NumPy and JAX are equal if their shapes,
-    dtypes and bits are equal.
+    Fields and entries are compared recursively. Floats are equal if their bits are equal, arrays of
+    NumPy and JAX if their shapes, dtypes and bits are equal.
 
     **Arguments:** `location`: location of both objects in the file.
     """
-    # Arrays of NumPy and JAX may be equal, and so may dictionaries of different types. All other
-    # objects differ if their types do.
+    # An array of NumPy may equal one of JAX, and dictionaries of different types may be equal. All
+    # other objects differ if their types do.
     are_arrays = isinstance(one, ARRAYS) and isinstance(other, ARRAYS)
     are_tables = isinstance(one, Mapping) and isinstance(other, Mapping)
     if not (are_arrays or are_tables or type(one) is type(other)):
@@ -354,8 +355,8 @@ def _completed(scene: Scene, state: State, location: FileLocation) -> State:
     guess of `assemble`, which may move all bodies, also those whose states the file has, to a state
     nearby that satisfies the joints.
 
-    **Raises:** `ValueError` if the joints do not determine the missing states, or if a scene of
-    more than `MOST_ASSEMBLED` bodies lacks a state.
+    **Raises:** `ValueError` if the joints do not determine the missing states, if `assemble` fails,
+    or if the state of a body is missing in a scene of more than `MOST_ASSEMBLED` bodies.
     """
     missing = sorted(set(scene.bodies) - set(state.bodies))
     if not missing:

@@ -123,9 +123,9 @@ class Reader:
 
         If `expected.by_name` is set, the keys are names that the user has chosen, such as those of
         bodies, and the table becomes a dictionary. In all other cases, the table becomes an object
-        of the class that it names, or of the only class that is allowed. Without a class, an axis
-        and an angle become Euler parameters, and where anything is allowed, a table becomes a
-        dictionary.
+        of the class that it names, or of the only class that is allowed. If there is no such class,
+        a table with an axis and an angle becomes Euler parameters where these are allowed, and any
+        table becomes a dictionary where anything is allowed.
 
         **Raises:** `ValueError` for a table that must name a class and does not, or names an
         unknown one, for a table where none is expected, and as `instance`.
@@ -214,10 +214,17 @@ class Reader:
 
 
 def _text(content: str, expected: Expectation, location: FileLocation) -> object:
-    """Return the value of a text in a file: that of an option, the text itself where texts are
-    expected, None for "none", or else the number of a text such as "0.3 mm".
+    """Return the value for which a text in a file stands.
 
-    **Raises:** `ValueError` for a text that is none of these.
+    The first of these rules that applies decides:
+
+    - If the text is an option, its value is returned.
+    - If any text is allowed, the text itself is returned.
+    - For the text "none", None is returned.
+    - If there are options, the text is refused.
+    - A text such as "0.3 mm" is converted to a number.
+
+    **Raises:** `ValueError` for a text that is refused or is no number.
     """
     options = expected.options or {}
     if content in options:

@@ -202,7 +202,7 @@ def load_urdf(
 def _not_carried_over(
     robot: "yourdfpy.Robot", frames: Mapping[str, "Frame"], tags: Iterable[str]
 ) -> str:
-    """Return a text that lists the contents of the file that the scene lacks, which may be empty.
+    """Return a text that lists the contents of the file that the scene lacks; empty if none.
 
     **Arguments:** `frames`: frames of the links, by name; `tags`: tags of the XML elements of the
     robot, except of those inside of links and joints.

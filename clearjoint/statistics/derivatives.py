@@ -1,9 +1,10 @@
 r"""Derivatives of statistics of a motion by nominal values of its parameters.
 
-A parameter varies between manufactured specimens by a known distribution, whose middle is the
-nominal value \(\theta\). For an output f of a run, the expectation \(J(\theta) = E[f(\theta +
-\sigma z)]\) over the random numbers z is smooth even where f is not. Here \(\theta\) is a
-coordinate, the value on the parameter's scale, and z is the standardised coordinate.
+The coordinate of a parameter is its value, or for the scale `Log` the logarithm of its value.
+Between manufactured specimens the coordinate varies as \(\theta + \sigma z\) about the nominal
+coordinate \(\theta\), with a random number z of a known distribution, the standardised coordinate.
+For an output f of a run, the expectation \(J(\theta) = E[f(\theta + \sigma z)]\) is smooth even
+where f is not.
 
 - Normal distribution with the standard deviation \(\sigma\): by Stein's identity, \(J' = E[f z] /
   \sigma\), the coefficient of z in a regression of f on Hermite polynomials of z (divided by

@@ -60,8 +60,8 @@ def disturbed_velocities(
 
     **Arguments:** `size`: m/s, expected root mean square of the added speeds over starts and
     bodies, in which a spin counts by the speed at its body's radius of gyration; `along`: from
-    `directions`, a row for each start; `start_time`: s, of the run, on which constraints by drivers
-    depend.
+    `directions`, a row for each start; `start_time`: s, the start of the run, at which the
+    constraints are evaluated (those of drivers depend on time).
 
     **Raises:** `ValueError` if the constraints leave no velocity free.
     """
@@ -244,12 +244,13 @@ def ensemble(
     point where all runs failed; so are ``force_deviation`` and ``force_standard_error`` where only
     one run succeeded.
 
-    ``lyapunov_exponent``, 1/s, is the growth rate of a disturbance in the second half of the run,
-    on average over the first `exponents` members, and ``lyapunov_exponent_standard_error`` the
-    standard error of this average; both are NaN if fewer than two of their runs with derivatives
-    succeed. The disturbance is a tangent: the derivative of the motion by the initial velocity, as
-    by `sensitivities`. Unlike the difference of two runs, it is exact across impacts, needs no
-    size, and does not stop growing when it is as large as the motion.
+    Two further variables exist unless `exponents` is 0. ``lyapunov_exponent``, 1/s, is the growth
+    rate of a disturbance in the second half of the run, on average over the first `exponents`
+    members, and ``lyapunov_exponent_standard_error`` is the standard error of this average. At a
+    point where fewer than two of the runs with derivatives succeed, both are NaN. The
+    disturbance is a tangent: the derivative of the motion by the initial velocity, as by
+    `sensitivities`. Unlike the difference of two runs, it is exact across impacts, needs no size,
+    and does not stop growing when it is as large as the motion.
 
     **Raises:** `ValueError` for unsupported arguments, such as an axis named "member" or
     "quantile", which are dimensions of the result, and for constraints that leave no velocity free.

@@ -44,11 +44,11 @@ def sobol_indices(
     """Compute which parameters cause the variance of outputs, by a sweep over their distributions.
 
     The first-order index of a parameter is the share of the variance that it causes alone, and its
-    total index is the share that it causes alone and together with others. The estimator is that of
-    `scipy.stats.sobol_indices` (Saltelli et al., Computer Physics Communications 181, 2010). It
-    takes groups of p + 2 runs: two at random points, and one for each parameter, at the first point
-    with this parameter's value from the second. Intervals are percentiles of a bootstrap over these
-    groups.
+    total index is the share that it causes alone and together with other parameters. The estimator
+    is that of `scipy.stats.sobol_indices` (Saltelli et al., Computer Physics Communications 181,
+    2010). It takes groups of p + 2 runs: two at random points, and one for each parameter, at the
+    first point with this parameter's value from the second. Intervals are percentiles of a
+    bootstrap over these groups.
 
     **Arguments:**
 

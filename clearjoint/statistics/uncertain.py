@@ -145,7 +145,8 @@ def check_confidence(confidence: float) -> None:
 
 
 def unit_cube(dimensions: int, count: int, method: str, seed: int) -> Float[np.ndarray, "n d"]:
-    """Return points (count, dimensions) in the unit cube, by `scipy.stats.qmc` unless "random".
+    """Return points (count, dimensions) in the unit cube, from `scipy.stats.qmc` unless `method` is
+    "random".
 
     **Arguments:** `method`: one of `METHODS`, of which "random" draws independent points; `seed`:
     of the random numbers, which scramble the points or, for "random", are their coordinates.
@@ -162,7 +163,8 @@ def unit_cube(dimensions: int, count: int, method: str, seed: int) -> Float[np.n
     if method == "random":
         return rng.random((count, dimensions))
     if method == "sobol":
-        # Points are drawn up to a power of two, since SciPy's own warning has no advice.
+        # A full power of two is drawn and cut to `count`, so that SciPy does not issue its own
+        # warning, which has no advice.
         exponent = (int(count) - 1).bit_length()
         if count != 2**exponent:
             warnings.warn(
@@ -202,8 +204,9 @@ def design(
 
     **Returns:** an `Axis` of `count` values by name.
 
-    **Raises:** `ValueError` for an unknown `method`, a `count` below 1, an empty `uncertain`, and
-    numbers that are not `Uncertain`.
+    **Raises:** `ValueError` for an unknown `method`, a `count` below 1, an empty `uncertain`,
+    entries that are not `Uncertain`, and a nominal value or bound that the parameter's scale does
+    not allow.
 
     **Warns:** `UserWarning` for "sobol" and a `count` that is not a power of two.
 

@@ -115,7 +115,11 @@ class Axis:
         return Axis(MadeByFunction(make, unit), values)
 
     def unit_in(self, scene: Scene, state: State) -> str:
-        """Return the unit of the values as text: the given one, or the number's unit in a scene."""
+        """Return the unit of the values as text: the given one or, if none was given, that of the
+        number in the scene or state.
+
+        **Raises:** `ValueError` if no unit was given, and the path selects no number.
+        """
         return self.variation.unit_in(scene, state)
 
     def setter(self, scene: Scene, state: State) -> Change:
@@ -124,8 +128,8 @@ class Axis:
 
         The function takes scenes and states of the same structure as `scene` and `state`.
 
-        **Raises:** `ValueError` for a path that selects no number or a whole array, and for a
-        variation that only a fit can use, the delay of a measured series.
+        **Raises:** `ValueError` for a path that selects no number or a whole array. Also for a
+        variation that is the delay of a measured series, because only a fit can use it.
         """
         return self.variation.setter(scene, state, self.values[0])
 
@@ -145,8 +149,9 @@ class Lanes:
     - `scenes`: PyTree like `scene`; a leaf that is ``True`` in `varied` is an array (lanes, ...),
       any other is ``None``.
     - `states`: PyTree like `state`; every leaf is an array (lanes, ...).
-    - `bad`: error messages by number of the lane, for lanes with invalid values. These lanes don't
-      run, and their numbers are those of `scene` and `state`.
+    - `bad`: error messages by number of the lane, for lanes that don't run because of their values.
+      Lanes with invalid values have the numbers of `scene` and `state`. Lanes with nearly redundant
+      constraints keep their own numbers; `clearjoint.sweeps.sweep.checked_starts` adds them.
     """
 
     scene: Scene
@@ -157,7 +162,7 @@ class Lanes:
     bad: dict[int, str]
 
     def contact_joints(self) -> dict[str, AbstractContactJoint]:
-        """Return the joints with contacts by name, as they are in all lanes.
+        """Return, by name, the joints that have contacts, each with its numbers in all lanes.
 
         Each number of a joint becomes an array (lanes,), and vectors are split into their
         components, so that one call of a method of the joint computes all lanes.
@@ -191,7 +196,8 @@ def lanes_of(
     """Return the scenes and initial states of all lanes.
 
     Values may be refused by the constructor of a part of the scene, such as a body or a joint, or
-    by a function of `Axis.change`. That raises no error: their lanes are added to `Lanes.bad`.
+    by a function of `Axis.change`. That raises no error: lanes with such values are added to
+    `Lanes.bad`.
 
     **Arguments:**
 
@@ -261,8 +267,8 @@ def _columns_by_setters(
 
     - `scene`: the scene that the axes change.
     - `base`: leaves of (scene, state).
-    - `changes`: by name of the axis, its `NumberSetter`, which lists the leaves, and the components
-      of their arrays, that the axis sets.
+    - `changes`: by name of the axis, its `NumberSetter`. It lists the numbers that the axis sets,
+      each as a leaf and a component of the leaf's array.
     - `values`: by name of the axis, its values in every lane, (lanes,).
     """
     columns: Columns = {}

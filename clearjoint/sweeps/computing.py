@@ -30,8 +30,8 @@ LONG_START = 20.0
 """Time, s, without a result after which a warning is logged if no progress bar is shown, because
 the workers may be unable to start."""
 ROUNDS = 3
-"""Number of attempts to compute the lanes that are missing in the store. More than one is needed
-only if another process writes to the store at the same time."""
+"""Largest number of attempts to compute the lanes that are missing in the store. More than one is
+needed only if another process writes to the store at the same time."""
 WRITE_PERIOD = 10.0
 """Time, s, after which lanes that have ended are written without waiting for the other lanes of
 their chunks. It limits the loss if the process is killed. On a slow disk, `WRITE_SHARE` makes lanes
@@ -68,6 +68,8 @@ def compute_missing(
 
     **Raises:** `ValueError` for an unsuitable executor; `ChunkError` for chunks that the executor
     could not compute; `PermissionError` if lanes are missing in a store that can't be written to.
+
+    **Warns:** `UserWarning` that names damaged files of a store on disk.
     """
     try:
         # Another process that writes to the same chunks may discard lanes that were written here.

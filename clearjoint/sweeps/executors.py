@@ -2,9 +2,8 @@
 
 A chunk is a group of lanes, the runs of the sweep. Chunks are independent and may be computed more
 than once. Any executor with the interface of `concurrent.futures.Executor` is accepted, and so is a
-client of Dask's distributed scheduler, which gives the chunks of a worker that dies to another
-worker. For the cores of one machine, a script makes an executor below
-``if __name__ == "__main__":`` by ::
+client of Dask's distributed scheduler. If a worker dies, Dask gives its chunks to another one. For
+the cores of one machine, a script makes an executor below ``if __name__ == "__main__":`` by ::
 
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(4, mp_context=spawn) as executor: ...
@@ -53,9 +52,9 @@ class _Pickler(cloudpickle.Pickler):
     equinox modules, which cloudpickle alone does not restore."""
 
     def reducer_override(self, value: object) -> object:
-        # cloudpickle makes a class of a script or notebook without attributes and sets them
-        # afterwards. An equinox module needs its fields when it is made, because its metaclass
-        # turns it into a dataclass at that time.
+        # To restore a class from a script or notebook, cloudpickle first makes it without
+        # attributes, and sets these afterwards. An equinox module needs its fields when it is made,
+        # because its metaclass turns it into a dataclass at that time.
         reduced = super().reducer_override(value)
         if reduced is NotImplemented or not isinstance(value, type):
             return reduced
@@ -101,7 +100,8 @@ def _placeholder(self: object) -> None:
 ChunkFunction = Callable[[int], LaneArrays]
 """Function of the number of a chunk that returns the results of its lanes."""
 RETRIES = 3
-"""Number of times that Dask repeats a chunk that raised an error before the sweep fails."""
+"""How many times Dask repeats a chunk that raises an error. If the last repetition raises one too,
+the sweep fails."""
 TICK = 1.0
 """Time, s, between two calls of `on_start`, the callback of `run_chunks` that reports that workers
 are still starting."""
@@ -318,8 +318,8 @@ def _fail(failed: dict[int, BaseException], done: int) -> None:
     numbers = ", ".join(map(str, chunks))
     if isinstance(cause, BrokenExecutor):
         why = "killed, or out of memory"
-        # If workers die before the first result, mostly the script lacks the guard of its main
-        # part.
+        # If workers die before the first result, the usual cause is a script without the line
+        # `if __name__ == "__main__":`.
         if not done:
             why = (
                 "no chunk was computed: a script must call the sweep below "

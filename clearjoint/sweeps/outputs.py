@@ -40,7 +40,7 @@ BY_LANE = "by_lane"
 PENDING = -1
 """Result code of a lane that has not been computed yet; such a lane is called pending."""
 LaneArrays = dict[str, np.ndarray]
-"""Results by name of the variable, of one lane (...) or of several lanes (lanes, ...)."""
+"""Results of one or more lanes, (lanes, ...), by name of the variable."""
 
 
 class Coordinate(NamedTuple):
@@ -305,7 +305,7 @@ class ImpactTable:
     and largest penetration, m. Rows after the recorded impacts are NaN. The table also has the
     number of recorded impacts of each contact; a contact with `count` of them may have had more.
 
-    Quantiles of the recorded impacts are exact:
+    Quantiles can be computed from the table, and are exact for the recorded impacts:
 
     ```python
     import clearjoint as cj
@@ -319,8 +319,8 @@ class ImpactTable:
 
     - `count`: number of impacts kept for each contact.
     - `joint`: name of the joint whose contacts are recorded; by default all joints with contacts.
-    - `after`, `until`: s, start and end of the window in which an impact must begin to be recorded;
-      by default the whole run.
+    - `after`, `until`: start and end of a time window, s; by default the whole run. An impact is
+      recorded if its onset lies in the window.
 
     **Raises:** `ValueError` for a count that is not a positive integer, for times that are NaN or
     not single numbers, and for a window that does not end after its start.
@@ -432,8 +432,9 @@ def check_outputs(outputs: Mapping[str, Output], scene: Scene, ledger: bool) -> 
     **Arguments:** `outputs`: outputs by name; `scene`: scene of the sweep; `ledger`: whether the
     energy ledger is computed (`Settings.ledger`), which some reductions need.
 
-    **Raises:** `ValueError` that names the output; also for more than one output at given times, a
-    `Saved` or the states at the times of `save`.
+    **Raises:** `ValueError` that names the output, if a sweep does not support it, or the scene
+    lacks something that it names or the ledger that it needs. Also for more than one output at
+    given times, which are each `Saved` and the states at the times of `save`.
     """
     for name, output in outputs.items():
         expected = "a reduction, a Saved, a Section or an ImpactTable"

@@ -72,7 +72,7 @@ def variables_of(
 
     **Raises:** `ValueError` for an output whose variables have names that are already used.
     """
-    # By the CF conventions, these attributes tell the names of the integers of a code.
+    # By the CF conventions, these two attributes give the name of each integer result code.
     codes = result_numbers()
     flags = {
         "flag_values": [PENDING, *codes.values()],
@@ -199,7 +199,8 @@ def notes_for_readers(
     choices = {
         "end_time": end_time,
         **{name: getattr(settings, name) for name in names},
-        # An attribute "coordinates" of a dataset is one that xarray itself writes to files.
+        # The name "coordinates" alone can't be used, because xarray itself writes an attribute of
+        # this name to files.
         "method: coordinates": settings.coordinates,
         **{f"output {name}": output for name, output in outputs.items()},
     }
@@ -232,8 +233,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 CHUNK = 256
-"""Number of lanes in a chunk by default. A chunk is one file for each result, and the unit of work
-of an executor."""
+"""Number of lanes in a chunk by default. A store has one file for each result of a chunk, and an
+executor computes one chunk in each of its tasks."""
 
 
 class SweepOptions(TypedDict, total=False):
@@ -315,10 +316,10 @@ def sweep(
     sweep; `PermissionError` for lanes that are missing in a store which can't be written to;
     `ChunkError` if an executor fails.
 
-    **Warns:** `UserWarning` with the number of failed lanes, the first error message about invalid
-    values, and the number of lanes that are pending because another process has discarded their
-    results; another one that names damaged files of the store; `LeftBearingWarning` if a journal
-    has slid out of its bearing at the end of a lane.
+    **Warns:** `UserWarning` with the number of failed lanes, the error message of the first lane
+    that was not run, and the number of lanes that are pending because another process has discarded
+    their results; another one that names damaged files of the store; `LeftBearingWarning` if a
+    journal has slid out of its bearing at the end of a lane.
 
     >>> axis = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [100.0, 400.0])
     >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
@@ -388,7 +389,8 @@ def checked_starts(
     """
     require_freedom(lanes.scene, lanes.of(0)[1], coordinates)
     rows = start_rows_of_lanes(lanes.scene, lanes.scenes, lanes.states, start_time, coordinates)
-    # Lanes often have equal rows, for which the search for dependent rows is done once, by `known`.
+    # `known` keeps the results of the search for dependent rows. Lanes often have equal rows, so
+    # the search is done once for all of them.
     bad, redundant = dict(lanes.bad), False
     known: dict[bytes, np.ndarray] = {}
     # Only lanes that satisfy their constraints are looked at: the others end as `not_assembled`.
@@ -458,7 +460,7 @@ def _lane_tasks(
     `settings`: settings of the integration; `outputs`: outputs by name.
 
     **Raises:** `ValueError` for ends that are not finite or not long enough after the start, for
-    times to save at that are outside of the run, and for different numbers of these times.
+    times to save at that are outside of the run, and if lanes have different numbers of them.
     """
     saved = next((output for output in outputs.values() if isinstance(output, AnySaved)), None)
     count = len(jax.tree.leaves(lanes.states)[0])
@@ -483,8 +485,8 @@ def _lane_tasks(
 
 
 def _warn_of_failures(results: "xr.Dataset", lanes: Lanes) -> None:
-    """Warn of the number of failed lanes by result code, and of lanes that are still pending. If
-    lanes have invalid values, the error message of the first of them follows."""
+    """Warn of the number of failed lanes by result code, and of lanes that are still pending. The
+    warning contains the error message of the first lane in `lanes.bad`, if there is any."""
     names = {number: name for name, number in result_numbers().items()}
     codes = results[RESULT].values
     counts = Counter(names[int(code)] for code in codes[codes != PENDING])

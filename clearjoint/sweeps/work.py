@@ -23,7 +23,8 @@ class Work:
     - `tasks`: data of each lane, such as its initial state and its end time, in NumPy arrays
       (lanes, ...).
     - `bodies`: names of the bodies along the dimension "body".
-    - `bad`: numbers of the lanes with invalid parameters; they are not run.
+    - `bad`: numbers of the lanes with invalid parameters, or with nearly redundant constraints,
+      which count as invalid parameters too; they are not run.
     - `variables`: by name, the type, shape and unit of each result of a lane.
     """
 

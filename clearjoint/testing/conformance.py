@@ -1,7 +1,7 @@
 """Check user-defined contact laws, friction laws and constraints.
 
-A contact law gives the normal force at a depth (penetration), its rate, and the entry speed: the
-rate at the onset of the contact.
+A contact law returns the normal force for a depth (penetration), the rate of the depth, and the
+entry speed, which is the rate at the onset of the contact.
 """
 
 import warnings
@@ -30,9 +30,9 @@ RATES = (-1.0, -1e-3, 0.0, 1e-6, 1e-3, 1.0)
 ENTRY_SPEEDS = (1e-9, 1e-4, 0.1, 10.0)
 """Entry speeds at which laws are tested, m/s."""
 EDGE = 1e-9
-"""Tolerance of the depth at which a jump of the force counts as a jump at the onset, relative to
-the onset offset, or to 1e-9 m if this is larger. The onset offset of a law is the width of the gap,
-m, at which its force begins; it is zero for most laws."""
+"""A jump of the force counts as a jump at the onset if its depth differs from that of the onset by
+at most this fraction of the onset offset or, if the offset is below 1e-9 m, of 1e-9 m. The onset
+offset of a law is the width of the gap, m, at which its force begins; it is zero for most laws."""
 SMOOTH = (
     (1.3e-6, 2e-3, 0.11),
     (1.3e-6, 0.07, 0.11),
@@ -47,9 +47,9 @@ STEP = 1e-6
 """Step of central differences, relative to the number that is changed. The relative error of a
 difference is about 1e-10: the step squared, plus the rounding error divided by the step."""
 TOLERANCE = 1e-5
-"""Largest accepted error of a derivative, relative to its size plus a thousandth of the force. It
-is far above the errors of finite differences. Derivatives are in N, since they are by a factor of
-the number that is changed."""
+"""Largest accepted error of a derivative, relative to the magnitude of the derivative plus a
+thousandth of the force. It is far above the errors of finite differences. Derivatives are in N,
+since they are by a dimensionless factor, by which a depth, speed or parameter is multiplied."""
 SINGLE = 9
 """Number of points at which a function is also evaluated singly, without `jax.vmap`. It is small,
 since single evaluations are slow."""
@@ -299,8 +299,8 @@ def check_friction(friction: AbstractFriction) -> None:
 def check_bristles(friction: AbstractBristleFriction) -> None:
     """Check that a friction law with bristles is consistent.
 
-    The check evaluates the law for bristle deflections up to ten times the full deflection, the
-    one in steady sliding, and slips up to 1 m/s. It demands that
+    The full deflection of the bristles is their deflection in steady sliding. The check evaluates
+    the law for deflections up to ten times the full one, and slips up to 1 m/s. It demands that
 
     - the full deflection is positive;
     - the deflection is constant without slip, and a deflection of ten times the full deflection
@@ -321,8 +321,8 @@ def check_bristles(friction: AbstractBristleFriction) -> None:
     speeds = jnp.asarray([0.0, 1e-9, 1e-4, 1e-2, 1.0])
     deflection, speed = (a.ravel() for a in jnp.meshgrid(ratios * full, speeds, indexing="ij"))
 
-    # Deflections are in a direction oblique to the slip, which is along x. `growth` is the rate of
-    # a deflection times the deflection, which is negative if the deflection shrinks.
+    # Deflections are in a direction oblique to the slip, which is along x. `growth` is the scalar
+    # product of a deflection and its rate; it is negative if the deflection shrinks.
     def growth(law: AbstractBristleFriction, z: Scalar, v: Scalar) -> Scalar:
         bristles = Vector(z * 0.6, z * 0.8, 0.0)
         return law.rate(bristles, Vector(v, 0.0, 0.0)).dot(bristles)

@@ -27,18 +27,18 @@ TOLERANCE = 1e-9
 terms."""
 STEP = 1e-6
 """Step of finite differences, relative to the largest magnitude of the numbers in the field of the
-changed parameter, or absolute if these numbers are zero."""
+changed parameter. If these numbers are all zero, the step is 1e-6 in the unit of the parameter."""
 TOLERANCE_OF_DIFFERENCES = 1e-5
 """Largest accepted relative error of derivatives that are compared with finite differences. It is
 far above the errors of finite differences."""
 PENETRATION, ENTRY_SPEED = 1e-6, 0.1
 """Depth beyond the onset, m, and entry speed, m/s, of a tested contact."""
 ROTATIONS = 4
-"""Number of Newton steps by which a body is rotated to the onset of a contact. Their error, which
-each step squares, is then far below `PENETRATION`."""
+"""Number of Newton steps by which a body is rotated to a given penetration of a contact. Since each
+step about squares the error, the last error is far below `PENETRATION`."""
 
 Rows: TypeAlias = dict[str, jax.Array]
-"""Array of numbers of each contact, by the contact's label."""
+"""Numbers of each contact, as an array in the order of `_rows`, by the contact's label."""
 Contacts: TypeAlias = dict[str, tuple[LoadedContact, Scalar]]
 """Contact with its forces, and its stored energy in J, by the contact's label."""
 
@@ -152,8 +152,8 @@ def _check_slopes(
     arrays; `rows`, `slopes`: for each of the five `requests` in `check_contact_joint`, the numbers
     of `_rows` and their derivatives.
     """
-    # In the order of the requests: along the motion, by all numbers at once, by each parameter, and
-    # the latter with the parameter increased and decreased.
+    # The requests, in order: along the motion, along all numbers at once, along each parameter, and
+    # along each parameter again with it increased and with it decreased.
     _, everything, exact, _, _ = slopes
     # The derivative if all numbers change at once is not finite if one derivative is not.
     finite = jnp.isfinite(everything).all()
@@ -163,9 +163,9 @@ def _check_slopes(
     exact, numeric = exact[:, 0], (larger - smaller)[:, 0] / (2.0 * STEP)
     paths = jax.tree_util.tree_leaves_with_path(parameters)
     names = [jax.tree_util.keystr(path).lstrip(".") for path, leaf in paths for _ in leaf.ravel()]
-    # Both `exact` and `numeric` are derivatives by the change of the parameter, relative to the
-    # magnitude of its field, and therefore in m. The term of 1e-3 m allows for the rounding errors
-    # of lengths where a derivative is zero.
+    # Both `exact` and `numeric` are derivatives by a dimensionless number: the change of the
+    # parameter divided by the largest magnitude in its field. They are therefore in m. The term of
+    # 1e-3 m allows for the rounding errors of lengths where a derivative is zero.
     allowed = TOLERANCE_OF_DIFFERENCES * (1e-3 + jnp.abs(exact))
     for name, wrong in zip(names, _differ(exact, numeric, allowed), strict=True):
         message = f"the derivative of its penetration by `{name}` does not agree with differences"
@@ -250,8 +250,8 @@ def _contacts(joint: AbstractContactJoint, motions: Motions) -> Contacts:
 def _failures(
     joint: AbstractContactJoint, motions: Motions, contacts: Contacts, rates: Contacts
 ) -> ByLabel[Condition]:
-    """Return whether each condition of `check_contact_joint` on forces and power fails, by contact
-    and by the message for the failure.
+    """Return, by contact and by failure message, whether each condition of `check_contact_joint` on
+    normals, rates, slips, forces, couples and power fails.
 
     **Arguments:** `motions`: motions of the bodies; `contacts`: from `_contacts` at these motions;
     `rates`: time derivatives of all numbers in `contacts`.
@@ -307,7 +307,8 @@ def _force_failures(loaded: LoadedContact, first: Motion, second: Motion) -> dic
     """Return, by failure message, whether each condition on the normal force and on friction fails,
     for one contact that transmits no couples.
 
-    **Arguments:** `first`, `second`: motions of the joint's bodies.
+    **Arguments:** `loaded`: the contact with its forces; `first`, `second`: motions of the joint's
+    bodies.
     """
     contact, friction, force = loaded.contact, loaded.friction, loaded.normal_force
     # Friction acts at the contact points. For a contact without friction, the joint may give other
@@ -357,8 +358,9 @@ def _changes_of_parameters(parameters: AbstractContactJoint, point: jax.Array) -
 def _rows(contacts: Contacts) -> Rows:
     """Return the numbers of each contact as an array (15,), by label.
 
-    They are the penetration, m; normal force and elastic force, N; and the components of friction,
-    N, of the normal, and of the contact points on both bodies from their centres of mass, m.
+    They are the penetration, m; normal force and elastic force, N; the components of friction, N,
+    and of the normal, in global axes; and, for the first and the second body, the components of the
+    vector from the centre of mass to the contact point, m in body axes.
     """
     rows = {}
     for label, (loaded, _) in contacts.items():
@@ -377,7 +379,8 @@ def _velocities(motions: Motions) -> Motions:
     rates = {}
     for name, motion in motions.items():
         rows = motion.rotation.row_x, motion.rotation.row_y, motion.rotation.row_z
-        # The derivative of a rotation matrix is it times the cross-product matrix of the spin.
+        # The derivative of a rotation matrix is this matrix times the cross-product matrix of the
+        # spin.
         turning = Matrix(*(row.cross(motion.spin) for row in rows))
         rates[name] = Motion(motion.velocity, turning, motion.velocity * 0.0, motion.spin * 0.0)
     return rates

@@ -29,8 +29,9 @@ derivatives are compared with finite differences."""
 STEP = 1e-6
 """Step of central differences, relative to the number that is changed."""
 TOLERANCE = 1e-5
-"""Largest accepted error of a derivative, relative to the larger of the derivatives of both
-components of the force by the same number. It is far above the errors of finite differences."""
+"""Largest accepted error of the derivatives of the force by one number. It is relative to the
+larger of the magnitudes of these derivatives, one for each of the two components of the force, and
+far above the errors of finite differences."""
 Force = Callable[[AbstractFilm, jax.Array], jax.Array]
 """Function of a film and a state (4,), the x and y of the journal's offset and of its rate; it
 returns the x and y of the force on the journal, (2,) N."""
@@ -180,8 +181,8 @@ def _complaints_of_slopes(force: Force, film: AbstractFilm) -> Iterator[str]:
 def _complaints_of_jumps(force: Force, film: AbstractFilm) -> Iterator[str]:
     """Yield a message if the component of the force along the offset jumps while the rate of the
     offset makes a full turn at constant length."""
-    # The offset is along x, and the rate has the length 1 1/s: `along` returns the x component of
-    # the force, one for each ratio, when the rate is at an angle from x.
+    # The offset is along x, and the length of the rate is one per second. For each ratio, `along`
+    # returns the x component of the force when the rate is at an angle from x.
     ratios, forces_at = jnp.asarray([0.0, 1e-4, 0.1, 0.5, 0.9]), _at_all(force)
 
     def along(angle: jax.Array) -> jax.Array:

@@ -31,7 +31,7 @@ def check_force(
     - forces and moments on the bodies add up to zero, if the element has several bodies and returns
       a wrench for each. This is not checked where a reaction is unknown: for an element with one
       body, such as a load from outside, and for one that leaves out the wrench on a body, such as
-      the ground, whose wrench runs ignore;
+      the ground, on which simulations need no wrench;
     - the power by which the element changes the scene's total energy (`supplied_power`) is the
       power of its forces on the bodies plus the rate of its stored energy;
     - derivatives by motions and parameters are finite, even at rest;
@@ -45,9 +45,10 @@ def check_force(
     - `time`: time of evaluation, s. It must not be a breakpoint of the element, at which the force
       jumps or has a kink.
     - `tolerance`: largest accepted relative error of the balances. The error of the force balance
-      is relative to the largest force; that of the moment balance to the largest moment or, if
-      larger, the largest force times the largest distance of a body from the global origin; and
-      that of the energy balance to 1 W plus the powers of the wrenches and of `supplied_power`.
+      is relative to the largest force. The error of the moment balance is relative to the largest
+      moment about the global origin or, if larger, to the largest force times the largest distance
+      of a body from this origin. The error of the energy balance is relative to 1 W plus the
+      magnitudes of the power of the wrenches and of `supplied_power`.
 
     **Raises:** `AssertionError` that states the first problem.
 

@@ -1,4 +1,4 @@
-"""Sum the times that compiling native programs has taken.
+"""Sum the times that making native programs has taken.
 
 Native programs are machine code that is generated from JAX programs by way of LLVM.
 """
@@ -9,11 +9,11 @@ from ..native.machine_code import Code
 
 
 def native_seconds() -> dict[str, float]:
-    """Return the processor time, s, that compiling the native programs of this process has taken.
+    """Return the processor time, s, that making the native programs of this process has taken.
 
     Programs that have been deleted do not count. A program that was loaded as a whole from disk
-    counts with the times of all stages when it was made. If the process has traced, lowered and
-    written a program and only its machine code was read from disk, "compiling" is the time that
+    counts with the times that its stages took when it was made. If the process has traced, lowered
+    and written a program and only its machine code was read from disk, "compiling" is the time that
     reading took.
 
     **Returns:** seconds by stage: "tracing" by JAX, "lowering" of the jaxpr to operations on

@@ -32,7 +32,8 @@ class Arrows(NamedTuple):
 
     - `parts`: solids of the arrows.
     - `scale`: length of the arrow of the largest force divided by that force, m/N, before long
-      arrows are cut. It equals a given scale, and is 1 if none is given and there are no forces.
+      arrows are cut. It is the scale passed to `arrows`; if none was passed, it is chosen, and is 1
+      without forces.
     - `note`: the scale as a line of the legend; empty without arrows.
     """
 
@@ -44,8 +45,8 @@ class Arrows(NamedTuple):
 def arrows(
     pen: SketchingPen, observation: Observation | None, sizes: Proportions, scale: float | None
 ) -> Arrows:
-    """Return arrows of the contact forces on the second body of each joint, with tips at the
-    contact points, and of loads, which start at the point of application.
+    """Return arrows of the contact forces on the second body of each joint, which end at the
+    contact points, and arrows of the loads, which start at the points of application.
 
     Lengths are proportional to forces, with one exception: if no scale is given, and the largest
     force is more than five times the median of all forces that are not zero, as in an impact during

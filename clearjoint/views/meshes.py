@@ -107,9 +107,9 @@ def arrow() -> Mesh:
 def coil(radius: float, wire: float, length: float, turns: int = 7) -> Mesh:
     """Return a helical spring about z with straight ends that reaches from z = 0 to z = 1.
 
-    **Arguments:** `radius`: radius of the helix, m; `wire`: radius of the wire, m; `length`: the
-    wire is round after a pose has stretched the mesh along z to this length, m; `turns`: number of
-    turns of the helix.
+    **Arguments:** `radius`: radius of the helix, m; `wire`: radius of the wire, m; `length`: length
+    of the drawn spring, m, at which the wire is round: a pose stretches the mesh along z to the
+    drawn length; `turns`: number of turns of the helix.
     """
     # The middle of the wire: a helix of 14 points in each turn, between straight ends that have 12
     # per cent of the length each.
@@ -172,8 +172,8 @@ def ring(inner: Float[np.ndarray, "N 2"], outer: Float[np.ndarray, "N 2"], width
     """Return a ring about z, centred at the origin.
 
     **Arguments:** `inner`, `outer`: (N, 2) m, corners of the inner and of the outer edge,
-    counter-clockwise around the origin, row by row at the same angle; `width`: of the ring along z,
-    m.
+    counter-clockwise around the origin, where corners with the same index are at the same angle;
+    `width`: of the ring along z, m.
     """
     return _extruded(np.vstack([inner, outer]), _skin(2, len(inner)), width)
 
@@ -206,9 +206,10 @@ def outline(distances: Float[np.ndarray, " N"]) -> Float[np.ndarray, "N 2"]:
     **Returns:** (N, 2) m, corners of the outline at the same angles.
     """
     angles = np.arange(len(distances)) * 2.0 * np.pi / len(distances)
-    # A ray from the origin in the direction `k` meets the tangent `j` at the distance of the
-    # tangent over the cosine of the angle between the directions `k` and `j`. Tangents that the ray
-    # doesn't meet count as infinitely far away.
+    # A ray from the origin in the k-th direction meets the j-th tangent after the length d / c,
+    # where d is the distance of the tangent from the origin, and c the cosine of the angle between
+    # the k-th and the j-th direction. Tangents that the ray doesn't meet count as infinitely far
+    # away.
     cosines = np.cos(angles[:, None] - angles)
     reached = np.where(cosines > 1e-6, distances / np.maximum(cosines, 1e-6), np.inf)
     radii = reached.min(axis=1)[:, None]

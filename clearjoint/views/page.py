@@ -1,8 +1,9 @@
 """A page that shows a mechanism in a browser: one file that needs no network and no server.
 
-The page is made by k3d. Pages of viser are smaller (1.00 against 1.46 MB for 12 bodies in 500
-frames) and are shown sooner (after 1.8 against 2.5 s), but k3d shows the time of the run, writes
-the file without a web server, opens no port, and depends on ipywidgets alone, which notebooks have.
+The page is made by the package k3d. Pages of the package viser are smaller (1.00 against 1.46 MB
+for 12 bodies in 500 frames) and are shown sooner (after 1.8 against 2.5 s), but k3d shows the time
+of the run, writes the file without a web server, opens no port, and depends on ipywidgets alone,
+which notebooks have.
 The file contains each solid once, and its pose in each frame: 501 frames of a four-bar, a
 slider-crank or the robot arm, with arrows and colours of contact, are 1.3 to 1.5 MB.
 """

@@ -99,15 +99,16 @@ def instants_to_show(times: np.ndarray, most: int) -> Int[np.ndarray, " M"]:
 def require_bodies(
     states: State, bodies: Mapping[str, object], times: np.ndarray | None = None
 ) -> None:
-    """Check that a state has exactly the bodies of a scene and, given times, a position for each.
+    """Check that a state has exactly the bodies of a scene. If times are given, also check that
+    each body has one position for each time.
 
     **Arguments:** `states`: a single state, or states at N times, whose arrays have the times as
     first axis; `bodies`: bodies of the scene by name; `times`: (N,) s, or ``None`` for a single
     state, of which only the names of the bodies are checked.
 
     **Raises:** `ValueError` for missing or unknown bodies and, with `times`, if N is zero or the
-    positions of a body have another shape than (N, 3), as they may in a trajectory that a user
-    made.
+    positions of a body have another shape than (N, 3), which is possible in a trajectory that a
+    user made.
     """
     found, known = sorted(states.bodies), sorted(bodies)
     remedy = "pass a state or a solution of this scene"

@@ -118,7 +118,7 @@ def equivalent_solid(body: Body) -> BodySolid:
     # `inertia` has either the moments (3,) about the body axes, or is a matrix (3, 3).
     inertia, mass = np.asarray(body.inertia), float(np.asarray(body.mass))
     moments, axes = (inertia, np.eye(3)) if inertia.ndim == 1 else np.linalg.eigh(inertia)
-    # Numbers of the axes for which the moments about the two other axes are equal: one axis for a
+    # Indices of the axes for which the moments about the two other axes are equal: one axis for a
     # cylinder, all three for a cube.
     equal = [k for k in range(3) if np.isclose(moments[k - 1], moments[k - 2], rtol=1e-3, atol=0.0)]
     # A cylinder of mass m, radius r and length L has the moments m r² / 2 along its axis, and
@@ -299,6 +299,10 @@ def _direction(proportions: Proportions) -> np.ndarray:
 
 def _axes(towards: np.ndarray, up: np.ndarray) -> np.ndarray:
     """Return a matrix (3, 3) whose rows are the unit vectors to the right, upwards and to the
-    viewer, from the direction `towards` the viewer and a direction `up`, which need be neither
-    perpendicular nor of unit length."""
+    viewer.
+
+    **Arguments:** `towards`: (3,), direction to the viewer; `up`: (3,), direction that appears
+    upwards, not parallel to `towards`, but not necessarily perpendicular to it. Both may have any
+    length except zero.
+    """
     return frame_about(towards, np.cross(up, towards)).T

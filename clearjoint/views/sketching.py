@@ -40,7 +40,7 @@ from .poses import BodyPoses
 from .proportions import Proportions, equivalent_solid
 
 WALL = 0.22
-"""Drawn thickness of a bearing's wall as a fraction of its radius."""
+"""Drawn thickness of a bearing's wall, as a fraction of the bearing's drawn radius."""
 CORNERS = 180
 """Number of corners of a drawn bearing or journal that deviates from a circle."""
 
@@ -76,8 +76,9 @@ class DrawnJournal:
         centre = 0.5 * ((1.0 - position) * self.ends[0] + (1.0 + position) * self.ends[1])
         if self.profile is None:
             return centre + self.radius * normal
-        # Relative to the centre, the point is the gradient of the journal's support function p with
-        # respect to the normal: p along the normal, and the derivative of p by the angle beside it.
+        # p is the journal's support function: the distance from the centre to the tangent that is
+        # perpendicular to the normal, as a function of the normal's angle. From the centre, the
+        # point is p along the normal plus, perpendicular to it, the derivative of p by the angle.
         x, y, axis = (self.poses[:, :3, k] for k in range(3))
         angles = np.arctan2(np.sum(y * normal, axis=1), np.sum(x * normal, axis=1))
         deviation = self.profile.at(angles)
@@ -95,10 +96,11 @@ class SketchingPen(AbstractPen):
     """Pen with which joints and forces draw themselves, and which makes the parts of a view.
 
     Joints and forces call the methods from `mark` to `gear`. Each of these methods adds solids, or
-    for `load` a load without a solid, and notes the points of the markers for the bodies on which
-    they are. The method `body` then draws a body as a bar: the convex hull of balls around the
-    noted points, which is a rounded rod for two points and a rounded plate for three. The radius of
-    the balls is that of the bar, `proportions.bar`, to which the sizes of symbols are proportional.
+    for `load` a load without a solid, and notes the points of its markers, each for the marker's
+    body. The method `body` then draws a body as a bar: the convex hull of balls around the noted
+    points, which is a rounded rod for two points and a rounded plate for three. The radius of the
+    balls is that of the bar, `proportions.bar`, to which the sizes of most symbols are
+    proportional.
 
     - `element`: name of the joint or force that is being drawn; the caller sets it.
     - `journals`: drawn journals, by the joint's name; the last one of a joint with several.
@@ -377,8 +379,9 @@ class SketchingPen(AbstractPen):
         The equivalent solid is the homogeneous cylinder or box with the body's mass and moments of
         inertia, around the centre of mass. It is drawn if the body has at most one point of a joint
         or force, or if these points are close together: along every body axis they span less than
-        half the solid's longest side. The bar then also reaches the centre of mass. A body with a
-        block, a gear or walls, and at most one point, gets neither bar nor solid.
+        half the solid's longest side. The bar then also reaches the centre of mass, and is left
+        out if all points coincide with it. As an exception, a body with a block, a gear or walls,
+        and at most one point, gets neither bar nor solid.
         """
         points = self._distinct(name)
         # Blocks, gears and walls need no further shape.

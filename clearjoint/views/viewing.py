@@ -180,10 +180,11 @@ def view(
     - `clearance_scale`, `bearing_scale`: drawn size divided by true size of clearances and of
       bearings. By default both are chosen so that clearances and bearings are visible.
     - `force_scale`: length of an arrow divided by its force, m/N. Arrows longer than 0.3 times the
-      size of the mechanism are cut to this length. By default, the arrow of the largest force has
-      this length. If the largest force is then more than five times the median of all forces that
-      are not zero, as in an impact, lengths are proportional to the square root of forces. The
-      legend says whether arrows are cut or lengths are not proportional to forces.
+      diagonal of the box around the mechanism are cut to this length. By default, the arrow of the
+      largest force has this length, and lengths are proportional to forces; but if the largest
+      force is more than five times the median of all forces that are not zero, as in an impact,
+      lengths are proportional to the square root of forces. The legend says whether arrows are cut
+      or lengths are not proportional to forces.
     - `centres_of_mass`: whether to add a black ball at each centre of mass.
     - `inertias`: whether to add the homogeneous solid with each body's mass and moments of inertia.
     - `title`: title of the legend.
@@ -193,9 +194,9 @@ def view(
 
     **Raises:** `ValueError` for a motion of another type, without states, with positions of a wrong
     shape or with bodies that are not exactly those of the scene; for an observation at other
-    instants than those of the motion, with a `State` or without a motion; for a number of frames
-    below 1; and for meshes or scales that can't be drawn. `ImportError` without the package trimesh
-    of the extra `view`.
+    instants than those of the motion, or if an observation is passed with a `State` or without a
+    motion; for a number of frames below 1; and for meshes or scales that can't be drawn.
+    `ImportError` without the package trimesh of the extra `view`.
     """
     require_count("frames", frames, "give a number of frames")
     if force_scale is not None:
@@ -311,7 +312,8 @@ def _given(scene: Scene, meshes: Mapping[str, MeshLike], sizes: Proportions) -> 
     **Arguments:** `sizes`: has the size of the mechanism.
 
     **Raises:** `ValueError` for an unknown body, an invalid mesh, and a mesh whose size differs
-    from the mechanism's by more than a factor of 50, as it does in mm.
+    from that of the mechanism by more than a factor of 50, as for a mesh in mm; the other errors
+    of `given_mesh`.
     """
     checked = {}
     for name, value in meshes.items():

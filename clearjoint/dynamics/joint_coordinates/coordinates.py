@@ -145,7 +145,8 @@ class JointMechanics(AbstractMechanics):
         for k in reversed(range(len(self._links))):
             columns, first = self._links[k].columns, self._firsts[k]
             # Momentum of the composite for a unit of each speed; its products with the columns are
-            # the diagonal block. The joint transmits the momentum without that about its free axes.
+            # the diagonal block. The joint transmits this momentum, except the angular momentum
+            # about its free axes.
             wholes = [composites[k].momentum(column) for column in columns]
             block = [[_product(column, whole) for column in columns] for whole in wholes]
             rests = [_transmitted(columns, *pair) for pair in zip(wholes, block, strict=True)]

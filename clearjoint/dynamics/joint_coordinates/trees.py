@@ -113,25 +113,25 @@ class Inertia:
         )
 
     def without(self, axis: Vector, whole: Twist, rest: Twist) -> "Inertia":
-        """Return the part of this inertia, that of carried bodies, that acts on the carrier of a
-        joint (the parent) if the bodies do not follow the carrier's rotation about the joint's
-        axis.
+        """Return the part of this inertia that acts on the carrier (the parent) of a joint, if this
+        is the inertia of the bodies that the joint carries.
 
-        They do not follow it because the unknown rate of the joint's speed is relative to a carrier
-        that does not rotate about the axis (see `.coordinates`).
+        In the unknowns of the equations of motion, the carried bodies do not follow the carrier's
+        angular acceleration about the joint's axis (see `.coordinates`). So their inertia about
+        this axis does not act on the carrier.
 
         Let M be the 6x6 matrix of this inertia, and let column be the twist for a unit of the
-        joint's speed, so that whole = M column. P = 1 - column axis^T takes the rotation about the
-        axis from a twist. The result is P^T M P = M - axis whole^T - rest axis^T, in which `axis`
-        has a linear part of zero. For a joint of several axes, the method is called once for each
-        of them.
+        joint's speed, so that whole = M column. The matrix P = 1 - column axis^T removes the
+        rotation about the axis from a twist. The result is P^T M P = M - axis whole^T - rest
+        axis^T, in which `axis` has a linear part of zero. For a joint of several axes, the method
+        is called once for each of them.
 
         **Arguments:**
 
         - `axis`: unit vector of the rotation, or zero for a translation.
         - `whole`: momentum of the carried bodies for a unit of the joint's speed.
         - `rest`: P^T whole, the part of `whole` that the joint transmits to its carrier. For a
-          joint of several axes, this P takes the rotations about all of them from a twist.
+          joint of several axes, P is here the matrix that removes the rotations about all of them.
         """
         return Inertia(
             self.mass,
@@ -285,8 +285,8 @@ class FreeBranch:
 
 @dataclass(frozen=True)
 class JointedBranch:
-    """A body that an ideal joint carries on its parent; its variables are the `JointState` of that
-    joint, its relative positions and speeds.
+    """A body that an ideal joint carries on a parent. The variables are a `JointState`: the
+    relative positions and speeds in this joint.
 
     - `body`, `parent`, `joint`: names of the body, its parent and the joint.
     - `motion_subspace`: the relative motions that the joint allows.

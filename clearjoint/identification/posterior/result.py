@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 
 EDGE, EDGE_SHARE = 0.01, 0.02
 """`EDGE`: a point is at an end of the box if its distance from the end is less than this share of
-the box's width. `EDGE_SHARE`: the report warns if more than this share of the points is at one end,
-twice that of a uniform distribution."""
+the box's width. `EDGE_SHARE`: the report warns if more than this share of the points is at one end.
+This is twice the share that a uniform distribution would have there."""
 EVEN = 0.1
 """The report warns that a parameter's points fill the box evenly if their cumulative distribution
 differs everywhere by less than this from that of a uniform distribution over the box."""
 FEWEST_EFFECTIVE = 150.0
-"""Effective number of runs below which the ends of intervals are inaccurate, so that there is a
-warning. Half the number of points takes its place if that is less."""
+"""The report warns that the points come from too few runs for accurate ends of intervals, if the
+effective number of runs is less than this and less than half the number of points."""
 
 
 @dataclass(frozen=True)
@@ -35,16 +35,16 @@ class Posterior(AbstractTabular):
     - `parameters`: `Parameter` by name, in the order of the p coordinates; `units` by name.
     - `coordinates`: (n, p) points, on the parameters' scales, of equal weight.
     - `log_likelihood`: (n,) logarithm of the likelihood of all measured samples at each point, with
-      the constants of the normal distribution.
-    - `modes`: (n,) number of the separate minimum of chi squared to which each point belongs, from
-      0 for that with the most points.
+      the normalising constants of the normal distribution.
+    - `modes`: (n,) index of the separate minimum of chi squared to which each point belongs. The
+      minimum with the most points has the index 0, the next one 1, and so on.
     - `log_evidence`: logarithm of the marginal likelihood, the mean of the likelihood over the
       prior; `log_evidence_error`: its standard error.
     - `effective_sample_size`: effective number of the weighted runs from which the points were
       drawn: the square of the sum of the weights over the sum of their squares.
     - `box`: lower and upper ends (p,) of the coordinates, outside which the prior is zero.
     - `runs`: number of runs; `failed`: number of runs that failed, or whose prediction was 1e6
-      standard deviations off a sample; the likelihood of both is zero.
+      standard deviations off a sample; the likelihood of all these is zero.
     - `steps`: number of steps of the calculation, each of which includes more of the record in the
       likelihood.
     - `seed`: of the random numbers; `seconds`: time taken, s.
@@ -174,7 +174,7 @@ class Posterior(AbstractTabular):
 
         ArviZ must be installed (``pip install 'clearjoint[arviz]'``). The group `posterior` has the
         values of the parameters; `log_likelihood` has the logarithm of the likelihood of the whole
-        record, by the name "record"; and `sample_stats` has the number of each point's `mode`. The
+        record, by the name "record"; and `sample_stats` has the entries of `modes` as `mode`. The
         group `posterior` has the attributes of the dataset from `to_xarray`, and the `weights` of
         the modes.
         """

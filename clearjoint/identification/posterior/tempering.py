@@ -5,10 +5,10 @@ likelihood in steps of many samples, or of a fraction of a sample that changes t
 After each step the points are weighted, resampled and moved, so that they are distributed as
 the posterior of the record so far (N. Chopin, *A sequential particle filter method for static
 models*, 2002; adaptive steps as by A. Jasra et al., *Inference for Lévy-driven stochastic
-volatility models via adaptive sequential Monte Carlo*, 2011). Over few impacts chi squared is
-smooth, so that the cloud finds the region of the truth before the later impacts make chi squared
-rough. The usual way, by growing powers of the likelihood of the whole record, would have to find
-this region in the rough chi squared.
+volatility models via adaptive sequential Monte Carlo*, 2011). Over a part of the record with
+few impacts, chi squared is a smooth function of the parameters, so that the cloud finds the region
+of the truth before later impacts make chi squared rough. The usual way, by growing powers of the
+likelihood of the whole record, would have to find this region in the rough chi squared.
 
 A length of the record is given as a number of its T sample times: chi squared over the first k
 times is that of all samples up to the k-th time.
@@ -57,11 +57,11 @@ Draws outside the box take no run."""
 WIDER = 2.0
 """Factor on the standard deviations of the distributions from which importance sampling draws."""
 RIDGE = 1e-10
-"""Variance that is added along each coordinate, relative to the cloud's, so that the covariance of
-the cloud is not singular."""
+"""Variance that is added along each coordinate, relative to the cloud's variance along it, so that
+the covariance of a flat cloud is not singular."""
 WIDE, OVERALL = 1.5, 0.1
-"""Standard deviations of a mixture's wide distribution relative to those of the cloud, and the
-weight of this distribution in the mixture."""
+"""The mixture of `Mixture.around` has one wide distribution around all points. `WIDE`: its standard
+deviations, relative to those of the cloud. `OVERALL`: its weight in the mixture."""
 
 TOGETHER = 256
 """Number of points whose densities are computed at once."""
@@ -153,19 +153,22 @@ def draw(
 
     The cloud at the end of the record is small, and its points have moved little. Importance
     sampling therefore makes many runs at points drawn from wide normal distributions around the
-    cloud, and weights them by the posterior. The next round draws around these weighted points,
-    until the effective number of runs is at least `number`; after five rounds it may remain
-    smaller. Only the last round enters the result: the mean of its weights is an almost
-    unbiased estimate of the evidence, because its mixture does not depend on its own runs; only the
-    decision to stop does.
+    cloud, and weights the points by the posterior. Each further round draws around the weighted
+    points of the round before. The last round is the first whose effective number of runs is at
+    least `number`, or else the fifth.
+
+    Only the last round enters the result. The mean of its weights is an almost unbiased estimate of
+    the evidence: the mixture is fixed before the round, whose runs only decide whether another
+    round follows.
 
     **Arguments:** `target`: the posterior; `number`: number of points to draw; `generator`: source
     of random numbers; `on_step`: function that is called after each step and round with the number
     of times in the likelihood, which may be a fraction.
 
     **Raises:** `FloatingPointError` if, in a step or round, the prior or the likelihood is zero at
-    each point (the likelihood of a failed run is zero); `numpy.linalg.LinAlgError` if the
-    covariance of the points with a positive weight is singular.
+    each point (the likelihood of a failed run is zero); `numpy.linalg.LinAlgError` if a
+    covariance of points is not positive definite in spite of `RIDGE`, for example because the
+    points with a positive weight are equal.
     """
     from scipy.stats import qmc
 
@@ -278,8 +281,9 @@ def level_or_infinity(curves: Float[np.ndarray, "n T"], count: float) -> Float[n
 def next_count(curves: Float[np.ndarray, "n T"], reached: float) -> float:
     """Return the number of times, which may be a fraction, in the likelihood after the next step.
 
-    The step is so long that the effective number of points, by their new weights, falls to the
-    share `KEPT`, or it goes to the end of the runs.
+    The step goes to the end of the runs if the effective number of points, by their new weights, is
+    then at least the share `KEPT` of all points. If it is not, the step is shorter, so that the
+    effective number falls to this share.
 
     **Arguments:** `curves`: (n, T + 1) chi squared over the first 0 to T times; `reached`: number
     of times that are already in the likelihood.
@@ -349,8 +353,9 @@ def mutated(
     differences of two of them (C. ter Braak, *A Markov chain Monte Carlo version of the genetic
     algorithm Differential Evolution*, 2006). Both follow a curved cloud, or one in several parts.
 
-    **Arguments:** `cloud`: the points, and `weights`: (n,) of sum 1; `reached`: number of times in
-    the likelihood.
+    **Arguments:** `target`: the posterior; `cloud`: the points, and `weights`: (n,) of sum 1;
+    `reached`: number of times in the likelihood, which may be a fraction; `generator`: source of
+    random numbers.
 
     **Returns:** n points of equal weight.
     """
@@ -458,7 +463,7 @@ class Mixture:
         return self.centres[chosen] + np.einsum("nij,nj->ni", self.roots[chosen], normal)
 
     def log_density(self, points: Float[np.ndarray, "m p"]) -> Float[np.ndarray, " m"]:
-        """Return the logarithm of the mixture's density at points (m, p), (m,)."""
+        """Return the logarithms (m,) of the mixture's density at points (m, p)."""
         from scipy.special import logsumexp
 
         inverse = np.linalg.inv(self.roots)

@@ -10,10 +10,11 @@ import numpy as np
 from jaxtyping import Float, Int
 
 HALVINGS = 40
-"""Number of bisections that find the fraction of a sample in `reached`."""
+"""Number of bisections by which `reached` finds the fraction of its result."""
 SPLIT = 1e-12
 """Smallest variance of points along a principal axis, relative to the variances of the coordinates.
-A smaller one is raised to it, because distances are divided by its root."""
+Smaller variances are raised to this limit, because distances along an axis are divided by the
+square root of the variance."""
 
 
 def reached(curves: np.ndarray, keep: int, excess: float) -> float:
@@ -30,7 +31,7 @@ def reached(curves: np.ndarray, keep: int, excess: float) -> float:
     beyond = np.flatnonzero(_gap(curves, keep) > excess)
     if not beyond.size:
         return float(last)
-    # The gap exceeds the excess between this number of times and the next.
+    # Somewhere between this number of times and the next, the gap begins to exceed the excess.
     last_full, low, high = int(beyond[0]) - 1, 0.0, 1.0
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)

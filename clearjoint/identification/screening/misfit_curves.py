@@ -149,10 +149,12 @@ class SideBySide:
         **Arguments:** `coordinates`: (n, p) of the runs; `count`: number of sample times, from the
         first one on, at which the runs are compared with the series.
 
-        **Returns:** times (n, K), s, rising, infinite after the last one, where K is the number of
-        `times`, with their padding, multiplied by one plus the number of delays; and for each
-        series the indices of its `count` times in a row of these, (n, count), or (1, count) if they
-        are the same for all runs.
+        **Returns:** a tuple of two elements:
+
+        - (n, K) times for each run, s, rising, infinite after the last one. K is the number of
+          `times`, padding included, multiplied by one plus the number of delays.
+        - For each series, (n, count) indices of its samples in each run's row of the first element;
+          (1, count) if they are the same for all runs.
         """
         runs, lanes, undelayed = self.runs, len(coordinates), self.times[:count]
         if not runs.delays:

@@ -30,8 +30,8 @@ LEVEL = 0.99
 quantile of the chi squared distribution with p degrees of freedom at this level."""
 LOOSER = 1000.0
 """Tolerance of the integration in screening runs, relative to that of the fit. With the default
-settings it is 1e-6, as in `simulate`. Screening only ranks points, and the fit from the best of
-them is accurate."""
+settings, the tolerance in screening runs is 1e-6, as in `simulate`. Screening only ranks points,
+and the fit from the best of them is accurate."""
 STILL_FITTING = 4
 """The next round runs over the part of the record that at least this many of the present points
 still fit. Hardly any new point would fit a longer part."""
@@ -110,7 +110,8 @@ class Screened:
     """Result of one pass of a `Screening`, for p parameters.
 
     - `points`: (keep, p) coordinates of the points kept last, the best first.
-    - `chi_squared`: (keep,) of the averaged residuals, up to the time of the last round.
+    - `chi_squared`: (keep,) chi squared of these points, from the averaged residuals up to the last
+      of `times`.
     - `starts`: (finish, p) the points from which to search.
     - `times`: s, end of the part of the record that each round used.
     - `runs`: number of runs.
@@ -150,7 +151,7 @@ def screen(
     **Arguments:** `screening`: the user's options; `lanes`: the runs, and the samples with which
     they are compared; `centre`: (p,) coordinates of the guess; `names`: names of the p parameters;
     `number`: number of the pass, from 0, which changes the random numbers; `progress`: whether to
-    show a line.
+    show a progress bar.
 
     **Raises:** `ValueError` for a name in the `spread` of `screening` that is none of `names`.
     """

@@ -58,7 +58,7 @@ class Backlash(AbstractPair, AbstractFlankJoint):
     - `middle`: rad, the joint's angle (`quantities.JointAngle`) in the middle of the play, zero by
       default. If `axis_first` and `axis_second` have the same components, the joint's angle is zero
       when the body axes of both bodies are parallel.
-    - `law`: normal law of each flank, whose stiffness is given as a number. Alternatively
+    - `law`: normal law of each flank; its stiffness must be given as a number. Alternatively
       `torsional_stiffness`: N m/rad, of a pressed flank as in gearbox catalogues, with
       `restitution`, 0.5 by default; the law is then a linear `ExactRestitution`.
 
@@ -127,8 +127,8 @@ class Backlash(AbstractPair, AbstractFlankJoint):
             expected, remedy = "given with a `play_length`", "pass the flanks' radius in m"
             require(play_length is None, "radius", None, expected, remedy)
             radius = DEFAULT_RADIUS
-        # The radius is checked before it divides other values, which later checks would name in
-        # its place.
+        # The radius is checked before other values are divided by it: with a wrong radius, later
+        # checks would blame those values.
         self.radius, self.middle = as_number(radius, "radius", "m"), middle
         require_positive("radius", self.radius, "give the flanks' radius in m")
         if law is None:
@@ -190,8 +190,8 @@ class Backlash(AbstractPair, AbstractFlankJoint):
             # penetration by the rotations of both bodies, m/rad in body axes, one vector for each
             # body; the moment on a body is -F times its vector, with the normal force F. The
             # penetration is `arm` times the angle plus a constant, so that its derivatives are
-            # `arm` times those of the angle. A couple
-            # has no point of action: the contact's points are arbitrary.
+            # `arm` times those of the angle. A couple has no point of action: the contact's points
+            # are arbitrary.
             first, second = (row.jacobian[name].moment * arm for name in self.pair())
             contacts[label] = Contact(gap, axis * side, ZERO, ZERO, None, turning=(first, second))
         return contacts

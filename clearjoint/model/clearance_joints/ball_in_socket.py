@@ -125,7 +125,7 @@ class BallInSocket(AbstractCentredJoint):
         """Return the spherical joint that holds the ball where a load presses it to the socket.
 
         `assemble`, which corrects initial states, uses it for the joints in its argument `resting`.
-        It is ``None`` for a zero load.
+        For a zero load the result is ``None``.
 
         **Arguments:** `load`: of the ball on the socket, (3,) N in the axes of the socket's body.
         """

@@ -39,10 +39,10 @@ class PinInSlot(AbstractFrictionJoint):
     width minus the pin's diameter. The contacts are called "lower wall" and "upper wall", along the
     normal, and "lower end" and "upper end", along the axis.
 
-    The contact is a line along the pin, perpendicular to axis and normal, and the force acts at its
-    middle. On a flat wall a line of length L has the stiffness (pi/4) E* L N/m with the exponent 1,
-    where 1/E* is the sum of (1 - nu^2)/E of both materials (V. L. Popov, Contact Mechanics and
-    Friction, chapter 5): pass this number as the stiffness of a law, such as
+    Each contact is a line along the pin, perpendicular to axis and normal, and its force acts at
+    the middle of the line. On a flat wall a line of length L has the stiffness (pi/4) E* L N/m with
+    the exponent 1, where 1/E* is the sum of (1 - nu^2)/E of both materials (V. L. Popov, Contact
+    Mechanics and Friction, chapter 5): pass this number as the stiffness of a law, such as
     `Hertz(stiffness, exponent=1.0)`. Only the walls and ends hold the pin: the other joints of a
     planar mechanism have to hold both bodies in the plane.
 
@@ -149,7 +149,7 @@ class PinInSlot(AbstractFrictionJoint):
         """Return the ideal joint that holds the pin's centre where a load presses it to a wall.
 
         `assemble`, which corrects initial states, uses it for the joints in its argument `resting`.
-        It is ``None`` if the load is along the walls, apart from rounding errors.
+        The result is ``None`` if the load is along the walls, apart from rounding errors.
 
         **Arguments:** `load`: of the pin on the slot, (3,) N in the axes of the slot's body.
         """
@@ -298,7 +298,7 @@ class SliderInGuide(AbstractFrictionJoint):
         """Return the ideal joint that holds the slider where a load presses it to a wall.
 
         `assemble`, which corrects initial states, uses it for the joints in its argument `resting`.
-        It is ``None`` if the load is along the walls, apart from rounding errors.
+        The result is ``None`` if the load is along the walls, apart from rounding errors.
 
         **Arguments:** `load`: of the slider on the guide, (3,) N in the axes of the guide's body.
         """

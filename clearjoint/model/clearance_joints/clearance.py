@@ -4,10 +4,10 @@ Equation numbers are those of P. Flores, J. Ambrosio, J. C. P. Claro, H. M. Lank
 revolute joints with clearances for dynamic analysis of multi-body systems, 2006.
 
 The first body carries the bearing, the second the journal. The journal's bases V and W are the
-circles at its two ends. Each is checked against the bearing's wall and applies the full normal law.
-The tilt between journal and bearing is assumed small, so that the bases' circles lie in the
-bearing's cross-section (as in the paper). With `line_points`, circles between the bases touch the
-wall as well, and the force is the mean of the normal law over the journal's length.
+circles at its two ends. Each base can touch the bearing's wall and then applies the full normal
+law. The tilt between journal and bearing is assumed small, so that the bases' circles lie in the
+bearing's cross-section (as in the paper). With `line_points`, circles between the bases can touch
+the wall as well, and the force is the mean of the normal law over the journal's length.
 """
 
 import itertools
@@ -200,8 +200,10 @@ class EndPlay(AbstractAxialPolicy):
         return self.friction, self.radius
 
     def shoulder_gap(self, side: float, offset: Scalar, rate: Scalar) -> Gap:
-        """Return the penetration into a shoulder: the offset beyond half the play, m, and its rate,
-        m/s.
+        """Return the penetration into a shoulder, m, and its rate, m/s.
+
+        The penetration is the part of `offset` beyond half the play; it is negative without
+        contact.
         """
         return Gap(offset - 0.5 * self.play, rate)
 
@@ -377,7 +379,7 @@ class ClearanceJoint(AbstractCentredJoint):
 
     def contact_labels(self) -> tuple[str, ...]:
         """Return the labels of the contacts that use `law` and `friction`: "V" and "W" for the
-        bases, and points between them if there are any."""
+        bases, and with `line_points` those of the points between them, such as "point 2"."""
         return tuple(self._axial_points())
 
     def _axial_points(self) -> dict[str, AxialPoint]:
@@ -456,7 +458,8 @@ class ClearanceJoint(AbstractCentredJoint):
         gap = Gap(depth, base.velocity.dot(normal), self.bearing_radius, self.clearance)
         along = base.axis * base.height
         # The points of eqs (15)-(16) are a penetration apart, so that friction there would leave a
-        # net moment. It acts on both bodies at the point midway between the surfaces.
+        # net moment. Friction therefore acts on both bodies at the point midway between the
+        # surfaces.
         shift = 0.0 if self.friction is None else 0.5 * gap.depth
         to_wall = along + normal * add(self.bearing_radius, shift)
         on_bearing = self.bearing_point + bearing.components(to_wall)
@@ -488,9 +491,9 @@ class ClearanceJoint(AbstractCentredJoint):
         # given by its support function, the distance from the centre to the tangent that is
         # perpendicular to a normal. The point of the surface with this normal is the gradient of
         # the support function by the normal. So this point is not on the line through the base's
-        # centre along the normal. `beside` is its vector from this line: the slope of the journal's
-        # deviation times the gradient, by the normal, of the angle about the journal's axis, which
-        # is (own_axis x normal)/(1 - tilt^2).
+        # centre along the normal. `beside` is the vector from this line to the point: the slope of
+        # the journal's deviation times the gradient, by the normal, of the angle about the
+        # journal's axis. This gradient is (own_axis x normal)/(1 - tilt^2).
         own_axis = journal.direction(unit(self.journal_axis))
         tilt = own_axis.dot(normal)
         beside = own_axis.cross(normal) * (near.journal.slope / (1.0 - tilt * tilt))
@@ -550,8 +553,9 @@ class ClearanceJoint(AbstractCentredJoint):
         """Return the friction force on the journal's body, N in global axes; ``None`` without
         friction.
 
-        For a law with bristles it is that of steady sliding. The force of a shoulder has a
-        component along the axis, which stands for its moment (see `Contact.face_radius`).
+        For a law with bristles it is that of steady sliding. For a shoulder, only the components
+        across the axis are a force. The component along the axis, times the mean radius of the
+        face (`Contact.face_radius`), is the moment of the friction about the axis.
 
         **Arguments:** `name`: label of the contact. `contact`: its geometry. `normal_force`: N.
         """
@@ -619,9 +623,8 @@ class ClearanceJoint(AbstractCentredJoint):
         angle with its derivatives by the bodies' motion.
 
         The angle is zero if the bodies' frames differ by the shortest rotation that makes the two
-        axes parallel. The axes then point in the same direction if the scalar product of the
-        components `bearing_axis` and `journal_axis` is not negative, and in opposite directions if
-        it is.
+        axes parallel, in the same or the opposite sense. It is the same sense if the scalar product
+        of the given components `bearing_axis` and `journal_axis` is not negative.
         """
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         axes = self.bearing_axis, self.journal_axis
@@ -647,8 +650,8 @@ class ClearanceJoint(AbstractCentredJoint):
         """Return the ideal joint that keeps the journal's axis on the bearing's: a revolute joint,
         or a cylindrical joint if the journal is axially free.
 
-        `assemble`, which corrects initial states, centres a journal that starts outside of the
-        bearing.
+        `assemble`, which corrects initial states, uses it to centre a journal that starts outside
+        of the bearing.
         """
         return self._ideal(self.bearing_point)
 
@@ -656,9 +659,9 @@ class ClearanceJoint(AbstractCentredJoint):
         """Return the ideal joint that holds the journal where a load presses it to the wall.
 
         `assemble`, which corrects initial states, uses it for the joints in its argument `resting`.
-        It is ``None`` if the load presses the journal nowhere, because the component across the
-        axis is at most `LEAST_TRANSVERSE_LOAD` times the load. The journal counts as a circle,
-        since the load doesn't determine its rotation.
+        The result is ``None`` if the load doesn't press the journal to the wall, because its
+        component across the axis is at most `LEAST_TRANSVERSE_LOAD` times the load. The journal
+        counts as a circle, since the load doesn't determine its rotation.
 
         **Arguments:** `load`: of the journal on the bearing, (3,) N in the axes of the bearing's
         body.
@@ -683,9 +686,11 @@ class ClearanceJoint(AbstractCentredJoint):
         return self._ideal(self.bearing_point + np.asarray(offset))
 
     def _ideal(self, centre: Triple) -> AbstractConstraint:
-        """Return the ideal joint that keeps the journal's axis parallel to the bearing's and its
-        centre at `centre`, (3,) m in the axes of the bearing's body: a revolute joint, or for an
-        axially free journal a cylindrical joint, which lets the centre move along the axis.
+        """Return the ideal joint that keeps the journal's axis parallel to the bearing's, and the
+        journal's centre at the point `centre`, (3,) m in the axes of the bearing's body.
+
+        It is a revolute joint, or for an axially free journal a cylindrical joint, which lets the
+        journal's centre move along the axis.
         """
         points, axes = (centre, self.journal_point), (self.bearing_axis, self.journal_axis)
         kind = CylindricalJoint if self._is_free() else RevoluteJoint

@@ -34,8 +34,8 @@ from ..joints.base import (
 FLANKS = {"lower flank": -1.0, "upper flank": 1.0}
 """Labels of two flanks, and the sign of the second body's rotation that each flank stops."""
 RIGHT_ANGLE = 1e-9
-"""Absolute value of the cosine of an angle below which the angle counts as a right angle; it allows
-for the rounding of given numbers."""
+"""An angle counts as a right angle if the absolute value of its cosine is below this bound, which
+allows for the rounding of given numbers."""
 
 LEAST_TRANSVERSE_LOAD = 1e-6
 """The component of a load that presses a part to a wall counts as rounding error if it is at most
@@ -65,9 +65,11 @@ class AbstractOneLawJoint(AbstractContactJoint):
         """Return the friction force on the second body, N in global axes; ``None`` without
         friction.
 
-        For a law with bristles it is that of steady sliding. A run uses `bristle_laws` instead.
+        For a law with bristles, this is the force in steady sliding, without a viscous part. Where
+        a run integrates the bristles, it uses the laws of `bristle_laws` instead.
 
-        **Arguments:** `name`: label of the contact. `contact`: its geometry. `normal_force`: N.
+        **Arguments:** `name`: label of the contact. `contact`: geometry of the contact.
+        `normal_force`: N.
         """
         if self.friction is None or contact.slip is None:
             return None
@@ -85,8 +87,8 @@ class AbstractFlankJoint(AbstractOneLawJoint):
 
     There is no friction.
 
-    **Raises:** `ValueError` if `law` is no contact law, or its stiffness is not given as a number:
-    flanks are flat and have no radii on which it could depend.
+    **Raises:** `ValueError` if `law` is no contact law, or has a stiffness that is not given as a
+    number: flanks are flat and have no radii on which the stiffness could depend.
     """
 
     friction: ClassVar[None] = None
@@ -150,7 +152,7 @@ def require_smaller_clearance(clearance: Single, radius: Single, radius_name: st
 
     **Arguments:** `radius_name`: what the message calls the radius.
 
-    **Raises:** `ValueError`, with the clearance and the radius, if this is not so.
+    **Raises:** `ValueError` if the clearance is not smaller; the message has both numbers.
     """
     values, expected = (clearance, radius), f"smaller than {radius_name} {{1}} m"
     require_numbers(operator.lt, "clearance", values, expected, "check the units (m)")
@@ -222,7 +224,7 @@ def offset_at_flat_wall(
     `LEAST_TRANSVERSE_LOAD` times the load. All vectors are in the axes of the walls' body.
 
     **Arguments:** `normal`: of the walls, (3,), any length. `clearance`: of the centred part on
-    either side, m. `load`: on the walls' body, (3,) N.
+    either side, m. `load`: force of the part on the walls' body, (3,) N.
     """
     upward = np.asarray(normal) / np.linalg.norm(normal)
     component = load @ upward

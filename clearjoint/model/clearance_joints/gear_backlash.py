@@ -20,7 +20,7 @@ from .common import FLANKS, AbstractFlankJoint
 LARGEST_MODULE = 0.1
 """Module above which a warning is issued, m, since it may have been given in mm."""
 WIDEST_BACKLASH = 0.2
-"""Ratio of the backlash to the pitch, pi times the module, above which a warning is issued, since a
+"""Ratio of the backlash to the pitch (pi times the module) above which a warning is issued, since a
 unit is probably wrong."""
 PRESSURE_ANGLES = 0.1, 0.8
 """Smallest and largest allowed pressure angle, rad. Common gears have 14.5 to 30 degrees, 0.25 to
@@ -38,8 +38,8 @@ class LineOfCentres:
 
     - `axis`: of the first gear, a global unit vector.
     - `along`: global unit vector along the line.
-    - `across`: global unit vector perpendicular to both: `along`, `across` and `axis` form a
-      right-handed frame.
+    - `across`: global unit vector perpendicular to `axis` and `along`, such that `along`, `across`
+      and `axis` form a right-handed frame.
     - `distance`: length of the line, m.
     - `height`: of the second gear's centre above the first's along the axis, m.
     """
@@ -85,9 +85,10 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
 
     Each flank touches along its line of action, a common tangent of the base circles of radii
     r = m z cos(alpha)/2, with the module m, the numbers of teeth z and the pressure angle alpha.
-    Let theta be the gears' angles from the line of centres, about the first gear's axis, and a the
-    length of this line. The displacement s along the line of action, the penetrations delta of the
-    upper (+) and lower (-) flank and the working pressure angle alpha' follow from
+    Let j be the backlash, theta the gears' angles from the line of centres, about the first gear's
+    axis, and a the length of this line. The displacement s along the line of action, the
+    penetrations delta of the upper (+) and lower (-) flank and the working pressure angle alpha'
+    follow from
 
         s = r1 (theta1 - phase) + r2 theta2, modulo the base pitch pi m cos(alpha),
         delta = +-s - (r1 + r2)(inv(alpha') - inv(alpha)) - j cos(alpha)/2,
@@ -200,14 +201,14 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         return math.pi * self.module * cosine(self.pressure_angle)
 
     def _base_radii(self) -> tuple[Scalar, Scalar]:
-        """Return the base radii of both gears, m; negative for an internal gear."""
+        """Return the base radii of both gears, m; the second is negative for an internal gear."""
         half = 0.5 * self.module * cosine(self.pressure_angle)
         return half * self.teeth_first, half * self.teeth_second
 
     def displacement(self, first: Motion, second: Motion) -> Scalar:
         """Return the displacement s along the line of action from the middle of the play, m.
 
-        It is taken modulo the base pitch, and is at most half of it in absolute value.
+        It is taken modulo the base pitch, so that its absolute value is at most half that pitch.
 
         **Arguments:** `first`, `second`: motions of the gears' bodies.
         """

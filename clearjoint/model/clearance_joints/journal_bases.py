@@ -57,8 +57,8 @@ def axial_points(count: int) -> dict[str, AxialPoint]:
 
 
 def axial_positions(labels: Iterable[str]) -> dict[str, float]:
-    """Return the positions on the journal's axis of the contacts of a joint, by label: -1 for base
-    V, 1 for base W, and a number between for a point between them.
+    """Return the position of each contact of a joint on the journal's axis, by label: -1 for base
+    V, 1 for base W, and a number between -1 and 1 for a point between the bases.
 
     **Arguments:** `labels`: of all contacts of the joint. Those that are not on the journal's axis,
     such as shoulders, are left out; without a journal the result is empty.
@@ -69,10 +69,13 @@ def axial_positions(labels: Iterable[str]) -> dict[str, float]:
 
 
 def require_bases_only(argument: str, name: str, labels: Iterable[str]) -> None:
-    """Check that the journal of the joint `name` has no contacts between its bases; `labels` are
-    those of all contacts. Models of wear, which know the two bases only, need this.
+    """Check that the journal of the joint `name` has no contacts between its bases. Models of wear
+    need this, because they know the two bases only.
 
-    **Raises:** `ValueError` that names `argument` and the joint.
+    **Arguments:** `argument`: name of the argument in the message. `labels`: of all contacts of the
+    joint.
+
+    **Raises:** `ValueError`, which names `argument` and the joint, if there are such contacts.
     """
     between = sorted(axial_positions(labels).keys() - {*BASES})
     reason = "wear along the axis is not resolved"
@@ -110,6 +113,8 @@ class HasJournal(Protocol):
 class JournalBase:
     """Position and velocity of one base of the journal, or of a point between the bases, relative
     to the bearing.
+
+    Below, "base" stands for this point too.
 
     - `axis`: of the bearing, a global unit vector.
     - `height`: of the base above the bearing's centre along the axis, m.

@@ -89,8 +89,8 @@ class BlendedContactLaw(AbstractLawAround):
 
 
 THINNEST_FILM = 1e-3
-"""Smallest allowed value of 1 - `largest_ratio`, the ratio of the smallest film thickness to the
-clearance at the largest eccentricity ratio."""
+"""Smallest allowed value of 1 - `largest_ratio`. At the eccentricity ratio `largest_ratio`, this
+difference is the smallest film thickness divided by the clearance."""
 
 
 def _of_dry_joint(name: str) -> PyTree:
@@ -106,15 +106,16 @@ def _of_dry_joint(name: str) -> PyTree:
 class LubricatedJoint(AbstractContactJoint):
     """A clearance joint with a lubricant film and wall contact when the film is squeezed out.
 
-    The film extends over the journal's length. Half of its force acts at each base, an end of the
-    journal. This half is computed from the eccentricity of the base. Force and reaction act at
-    one point midway between the two axes, so that the film conserves angular momentum. The energy
-    ledger of a run lists the energy that the film dissipates as "film".
+    The film extends over the journal's length. It is computed in two halves, one at each base (end
+    of the journal), from the eccentricity of that base. Force and reaction act at one point midway
+    between the two axes, so that the film conserves angular momentum. The energy ledger of a run
+    lists the energy that the film dissipates as "film".
 
     If `transition` is given, contact begins when the journal touches the wall. As the penetration
     grows from zero to `transition`, contact smoothly replaces the film. This is the blend of P.
-    Flores et al. 2006, but with a continuous slope. The film force would be infinite at the wall,
-    so the eccentricity ratio used for it is limited to `largest_ratio`. The film is that of
+    Flores et al. 2006, but with a continuous slope. If `transition` is ``None``, film and contact
+    act together. In both cases the eccentricity ratio used for the film is limited to
+    `largest_ratio`, because the film force would be infinite at the wall. The film is that of
     circular surfaces, even if `dry` has profiles.
 
     With a film the journal touches the wall slowly. A law that divides by the entry speed then
@@ -229,7 +230,7 @@ class LubricatedJoint(AbstractContactJoint):
         on_axis = self.dry.bearing_point + unit(self.dry.bearing_axis) * base.height
         in_bearing = on_axis + bearing.components(to_midpoint)
         # Film laws take the rate of the eccentricity as seen in axes that rotate with half the sum
-        # of the two spins. It equals the relative velocity of the bodies midway between the axes.
+        # of the two spins. This rate equals the relative velocity of the bodies at the midpoint.
         velocity = journal.velocity_at(in_journal) - bearing.velocity_at(in_bearing)
         # Film laws take a motion across the axis only.
         velocity = velocity - base.axis * velocity.dot(base.axis)
@@ -274,7 +275,7 @@ TOLERANCE = 1e-12
 """Relative tolerance of the equilibrium: residual force over load, and change of the offset over
 the clearance."""
 NEARLY_CENTRED = 1e-3
-"""Start of the search for the equilibrium, eccentricity ratio in both directions.
+"""Eccentricity ratio in each of the two directions at which the search for the equilibrium starts.
 
 It isn't zero, because the force of a film may not be differentiable for a centred journal.
 """
@@ -293,8 +294,8 @@ class CarriedJournal(NamedTuple):
     - `stiffness`: (2, 2) N/m, minus the derivative of the force by the offset.
     - `damping`: (2, 2) N s/m, minus the derivative of the force by the offset's rate.
     - `moment`: N m, on the journal about its own axis, along z. The friction coefficient of the
-      bearing is the amount of this moment, divided by the load and by the bearing's radius. Plotted
-      over the speed, this coefficient gives Stribeck's curve.
+      bearing is the absolute value of this moment, divided by the load and by the bearing's radius.
+      Plotted over the speed, this coefficient gives Stribeck's curve.
 
     >>> scene, _ = cj.mechanisms.rotor_in_bearing(film=cj.films.CaponeFilm(0.02))
     >>> carried = cj.carried_journal(scene.joints["bearing"], load=(0.0, -196.2), speed=200.0)

@@ -82,10 +82,11 @@ class MasslessLink(AbstractConstraint):
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Return the rows "V" and "W" of the bases, and "axial" if the axial policy holds the
-        centre.
+        journal's centre.
 
-        The value of a base's row is (e^2 - c^2)/(2 c), m, with its eccentricity e and the clearance
-        c. That of "axial" is the distance of the centre from the bearing's middle plane, m.
+        The value of a base's row is (e^2 - c^2)/(2 c), m, with the eccentricity e of the base and
+        the clearance c. The value of the row "axial" is the coordinate of the journal's centre
+        along the bearing's axis, m from the bearing's centre.
         """
         names = self.bearing_body, self.journal_body
         bearing, journal = (motions[name] for name in names)

@@ -10,6 +10,7 @@ force, delta the penetration, L the length, dR the radial clearance, and 1/E* th
 The pressure between two rough planes depends on the ratio of their distance to their roughness (J.
 A. Greenwood, J. H. Tripp 1970). Around a journal that is nearly as large as its bearing, a fit of
 this pressure integrates to a force that is a power of the depth by which the asperities overlap.
+`GreenwoodTripp` computes this force, and `RoughCylinders` is the contact law that uses it.
 """
 
 import abc
@@ -37,7 +38,8 @@ from .laws import (
 
 _GAUSS = np.polynomial.legendre.leggauss(24)
 _NODES, _WEIGHTS = 0.5 * (_GAUSS[0] + 1.0), 0.5 * _GAUSS[1]
-"""Nodes and weights of Gauss quadrature over [0, 1], (24,) each, more than smooth formulas need."""
+"""Nodes and weights of Gauss quadrature over [0, 1], (24,) each. Smooth formulas would need fewer
+points."""
 _STRAIGHT_FROM = 0.99
 """Fraction of a formula's largest penetration above which the force is extrapolated linearly: at
 the largest penetration itself, some formulas have an infinite stiffness."""
@@ -87,7 +89,10 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
         """
 
     def line_energy(self, gap: Gap, depth: Scalar) -> Scalar:
-        """Return the integral of `line_force` from zero to a positive depth, m; J/m."""
+        """Return the integral of `line_force` over the penetration, from zero to `depth`, J/m.
+
+        **Arguments:** `gap`: gives the radii, m. `depth`: penetration, m, positive.
+        """
         # The force is a smooth function of the square root of the depth, but not of the depth:
         # Gauss quadrature in the root is accurate. The substitution depth * node^2 gives the factor
         # 2 node depth.
@@ -129,11 +134,12 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
         return jnp.where(gap.depth > 0.0, self.length * energy, 0.0)
 
     def _parts(self, gap: Gap) -> tuple[Scalar, Scalar, Scalar]:
-        """Return the depth at which the formula is evaluated, m, and what to add to its results.
+        """Return the depth at which to evaluate the formula, m, and what to add to its force per
+        length, N/m, and to its energy per length, J/m.
 
-        At most, this depth is 0.99 of the largest valid penetration. At a larger penetration the
-        force continues along its tangent there, which adds a force per length, N/m, and an energy
-        per length, J/m. Both are zero at smaller penetrations.
+        The depth is the penetration, but at most 0.99 of the largest valid penetration. Beyond this
+        bound the force continues along its tangent at the bound, which gives the two numbers to
+        add. They are zero at smaller penetrations and for formulas without a largest penetration.
         """
         # Without contact the formulas are evaluated too; a positive depth keeps derivatives finite.
         depth = jnp.where(gap.depth > 0.0, gap.depth, 1e-6)
@@ -226,8 +232,8 @@ class PerssonCylinder(AbstractCylinder):
 
     >>> cylinder = cj.laws.PerssonCylinder(207e9, 0.3, length=20e-3)
     >>> load = cylinder.load(np.pi / 4, clearance=0.1e-3)  # of a half-angle of 45 degrees
-    >>> print(f"{load:.3e} N/m")
-    1.611e+05 N/m
+    >>> print(f"{load:.3e} N")
+    1.611e+05 N
     """
 
     def line_force(self, gap: Gap, depth: Scalar) -> Scalar:
@@ -504,13 +510,13 @@ class GreenwoodTripp(AbstractConverting):
     def force(self, depth: Scalar, radius: Scalar, clearance: Scalar, length: Scalar) -> Scalar:
         """Return the force on a journal that touches its bearing with asperities, N.
 
-        The pressure is integrated along the arc of contact. At an angle from the closest point, the
-        distance of the surfaces is larger than there by half the clearance times the square of the
-        angle. The relative error of this approximation is of the order of roughness over clearance.
+        The pressure is integrated along the arc of contact. At an angle phi from the closest point,
+        the distance of the surfaces is taken as the smallest distance plus clearance phi^2/2. The
+        relative error of this approximation is of the order of roughness over clearance.
 
-        **Arguments:** in m. `depth`: by how much the smallest distance is below `reach`; the force
-        is zero if it is negative. `radius`: of the bearing. `clearance`: radial, between the mean
-        surfaces. `length`: of the journal.
+        **Arguments:** in m. `depth`: `reach` minus the smallest distance; the force is zero for a
+        negative depth. `radius`: of the bearing. `clearance`: radial, between the mean surfaces.
+        `length`: of the journal.
         """
         # At an angle phi from the closest point, 4 - distance/sigma is
         # (depth - clearance phi^2/2)/sigma, which is zero at phi = sqrt(2 depth/clearance), the end
@@ -601,8 +607,8 @@ class RoughCylinders(AbstractContactLaw):
         return of_asperities + self.law.stored_energy(gap)
 
     def onset_offset(self) -> Scalar:
-        """Return the distance of the mean surfaces at which the force begins, m: that of asperities
-        that touch, or of a smoothed law of the surfaces if that is larger."""
+        """Return the distance of the mean surfaces at which the force begins, m: the `reach` of the
+        asperities or, if larger, the distance at which a smoothed law of the walls begins."""
         return jnp.maximum(self.asperities.reach, self.law.onset_offset())
 
     def slope_jumps(self) -> bool:

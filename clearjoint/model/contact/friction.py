@@ -315,8 +315,8 @@ class AbstractBristleFriction(AbstractConverting):
     """Base class of bristle laws: friction from a deflection that is integrated with the motion.
 
     A subclass defines `rate`, the rate of the deflection; `ratio`, the vector of friction over
-    normal force; and, for steady sliding, `sliding_ratio` and `full_deflection`, the magnitudes of
-    this vector and of the deflection. The rate must be zero without slip, so that a sticking
+    normal force; and, for steady sliding, the magnitudes of this vector, `sliding_ratio`, and of
+    the deflection, `full_deflection`. The rate must be zero without slip, so that a sticking
     contact doesn't drift. The deflection is a vector in m that is zero at the onset of contact. It
     is stored in the axes of the contact's first body, and only its component perpendicular to the
     normal acts.

@@ -53,7 +53,7 @@ _MOST_STEPS = 32
 def delivered_restitution(damping_factor: Float[ArrayLike, "..."]) -> Float[jax.Array, "..."]:
     r"""Return rebound speed over entry speed of a free impact with a Hunt-Crossley law.
 
-    This ratio e is the positive solution of
+    This ratio e is 1 for chi = 0. For chi > 0 it is the positive solution of
 
     $$\chi (1 + e) = \ln \frac{1 + \chi}{1 - \chi e}$$
 
@@ -74,7 +74,9 @@ def _solve_restitution(damping_factor: jax.Array) -> jax.Array:
     # The unknown is y = -ln(1 - chi e), which stays exact where chi e rounds to one. In terms
     # of y the equation is y - 1 + exp(-y) = loss, with loss = chi - ln(1 + chi). The left side is
     # about y^2/2 for small y and y - 1 for large y; for every loss, `start` is an upper bound of
-    # the solution. Small chi use the series; for them the numerical solution is not used.
+    # the solution. For small chi the series is returned. `jnp.where` evaluates the numerical
+    # solution there too: it is then found for `_SERIES_BELOW`, where it and its derivative are
+    # finite.
     small = damping_factor < _SERIES_BELOW
     chi = jnp.where(small, _SERIES_BELOW, damping_factor)
     loss = chi - jnp.log1p(chi)
@@ -96,7 +98,7 @@ def _residual(y: Scalar, loss: Scalar) -> Scalar:
 
 
 _SERIES_TERMS = 18
-"""Number of terms of the power series of `_chord`, with which it is exact to rounding."""
+"""Number of terms of the power series in `_chord`, enough for an error as small as rounding."""
 _SERIES_WITHIN = 0.1
 """Largest absolute value of x for which `_chord` is computed by its power series."""
 _EXACT_STEPS = 5
@@ -146,7 +148,8 @@ def _logarithm(e: Scalar) -> Scalar:
 def _logarithm_along(primals: tuple[Scalar], tangents: tuple[Scalar]) -> tuple[Scalar, Scalar]:
     """Return y and its tangent, which is -(dr/de)/(dr/dy) times the tangent of e.
 
-    r(y, e) is the residual of `_relation`. It stays zero when y changes with e.
+    r(y, e) is the value of `_relation`. It is zero for every e and the y returned for this e, from
+    which dy/de follows.
     """
     (e,), (along,) = primals, tangents
     y = _logarithm(e)
@@ -170,7 +173,8 @@ def _relation(y: Scalar, e: Scalar) -> Scalar:
 def _chord(x: Scalar, logarithm: Scalar) -> Scalar:
     """Return sqrt(2 (x - ln(1 + x)))/|x|, accurate near zero too.
 
-    **Arguments:** `x`: above -1; `logarithm`: ln(1 + x), which the caller knows more accurately.
+    **Arguments:** `x`: above -1; `logarithm`: ln(1 + x), which the caller knows more accurately
+    than it can be computed from x.
     """
     near = jnp.abs(x) < _SERIES_WITHIN
     small = jnp.where(near, x, 0.0)
@@ -184,7 +188,7 @@ _COEFFICIENTS = np.array([2.0 * (-1.0) ** k / (k + 2) for k in range(_SERIES_TER
 
 
 class AbstractHertzianLaw(AbstractElasticLaw):
-    """Base class of laws F = K delta^n (1 + chi rate/entry speed), which is never negative.
+    """Base class of laws F = K delta^n (1 + chi rate/entry speed), or zero where this is negative.
 
     delta is the penetration and chi the damping factor. A subclass declares the fields below, sets
     the class attribute `uses_entry_speed` (whether the force needs the entry speed) and implements
@@ -325,13 +329,13 @@ class Hertz(AbstractHertzianLaw):
 
 
 class MemorylessHuntCrossley(AbstractHertzianLaw):
-    r"""F = K delta^n (1 + a rate) with a given damping a (K. H. Hunt, F. R. E. Crossley 1975).
+    r"""F = K delta^n (1 + a rate) with a constant damping a (K. H. Hunt, F. R. E. Crossley 1975).
 
     $$F = K \delta^n (1 + a \dot\delta), \quad a = \frac{3 (1 - c)}{2 v}$$
 
     The damping a doesn't depend on the entry speed. It equals that of `HuntCrossley` at the entry
-    speed v, the `design_speed`, m/s. The `restitution` c is requested for this speed, at which
-    impacts have the restitution `delivered_restitution`. Slower impacts lose a smaller part of
+    speed v, the `design_speed`, m/s. The requested `restitution` c and the method
+    `delivered_restitution` apply to impacts at this speed. Slower impacts lose a smaller part of
     their energy and faster impacts a larger one, as with metals. Unlike with `HuntCrossley`, a
     contact with a slow onset has no large damping, which would make the differential equations
     stiff.
@@ -633,7 +637,7 @@ class SafaeifarFarshidianfar(AbstractReboundingLaw):
 
 
 class YePounding(AbstractReboundingLaw):
-    r"""Law with the damping factor chi = 3 (1 - c)/(2 c) and a linear spring.
+    r"""Law with the damping factor chi = 3 (1 - c)/(2 c) and, by default, a linear spring (n = 1).
 
     Source: K. Ye et al. 2009, for colliding buildings.
 
@@ -652,11 +656,13 @@ class YePounding(AbstractReboundingLaw):
 
 
 class PantWijeyewickrema(AbstractReboundingLaw):
-    r"""Law with the damping factor chi = 3 (1 - c^2)/(2 c^2) and a linear spring.
+    r"""Law with the damping factor chi = 3 (1 - c^2)/(2 c^2).
 
     Source: D. R. Pant, A. C. Wijeyewickrema 2012.
 
     $$\chi = \frac{3 (1 - c^2)}{2 c^2}$$
+
+    By default the spring is linear: n = 1.
 
     The delivered restitution is far too small: 0.22 for c = 0.5, and 0.81 for c = 0.9. Use this law
     only to reproduce published results.

@@ -136,8 +136,8 @@ def caution_beyond(limits: tuple[Limit, ...], quantity: str) -> None:
 
 
 SOFTEST_CONTACT = 1e6
-"""Stiffness K of a law K delta^n, N/m^n, below which a warning is issued, since it is far below
-that of solid bodies and may be in another unit."""
+"""Stiffness K of a law K delta^n, N/m^n, below which a warning is issued: smaller values are far
+below those of solid bodies, and may be in another unit."""
 SOLIDS = 1e9, 2e12
 """Range of Young's modulus, Pa, from plastics to diamond, outside which a warning is issued."""
 _GIVE_MODULUS = "give E in Pa; 1 GPa is 1e9 Pa"
@@ -306,7 +306,8 @@ def as_stiffness(value: object) -> AbstractElasticity:
 
 
 UNKNOWN_ENTRY_SPEED = 1e9
-"""Entry speed, m/s, of a contact whose onset is unknown, since it exists when the motion starts.
+"""Entry speed, m/s, assumed for a closed contact whose onset was not recorded, such as a contact
+that is closed when the motion starts.
 
 Damping is proportional to the rate over the entry speed, so that this large value makes the contact
 elastic.
@@ -322,9 +323,9 @@ class AbstractContactLaw(AbstractConverting):
       determined at the onset and kept until separation.
     - `force_jumps`: whether the force may be nonzero right after the onset or before separation, as
       with a parallel damper. Derivatives by parameters then include the effect of the jump, at the
-      cost of one more evaluation of the equations of motion per step. A class that defines `force`
-      without this attribute is assumed to jump: set ``force_jumps = False`` if the force starts and
-      ends at zero.
+      cost of one more evaluation of the equations of motion per step. The force of a class that
+      defines `force` without this attribute is assumed to jump: set ``force_jumps = False`` if the
+      force starts and ends at zero.
 
     ```python
     import clearjoint as cj
@@ -479,9 +480,10 @@ def require_rebound(restitution: Single) -> None:
 def require_instance(argument: str, value: object, *kinds: type, remedy: str = "") -> None:
     """Check that a value is an object of one of the given classes.
 
-    **Arguments:** `argument`: its name in the error message. `kinds`: the classes. `remedy`: advice
-    in the message; by default to pass an object of this package or of a subclass. If the value is a
-    class, the advice is always to call it.
+    **Arguments:** `argument`: name of the value in the error message. `value`: any object. `kinds`:
+    the classes. `remedy`: advice in the message; by default to define a subclass of `kinds`, or to
+    pass an object of one of this package's classes. If the value is itself a class, the advice is
+    always to call it.
 
     **Raises:** `ValueError` that names the argument if the value is no such object.
     """
@@ -547,7 +549,7 @@ class AbstractLawAround(AbstractContactLaw):
 class WeightedLaw(AbstractLawAround):
     """A contact law times a weight, for one of several contacts that together form a line contact.
 
-    The weights of the contacts of a line add up to 1, as those of a quadrature rule along it.
+    The weights of all contacts of the line add up to 1, like the weights of a quadrature rule.
 
     - `law`: the law of the whole contact.
     - `weight`: share of the law's force and energy.
@@ -596,8 +598,9 @@ class WeightedLaw(AbstractLawAround):
 def whole_law(law: AbstractContactLaw) -> AbstractContactLaw:
     """Return the innermost law of nested `AbstractLawAround` laws; any other law unchanged.
 
-    Reports show the returned law. For a `ClearanceJoint` with `line_points`, or a `LubricatedJoint`
-    with a `transition`, it is the law that the user gave, not the one derived from it.
+    Reports show the returned law. A `ClearanceJoint` with `line_points`, or a `LubricatedJoint`
+    with a `transition`, computes with a law around the one that the user gave. This function
+    returns the user's law.
     """
     while isinstance(law, AbstractLawAround):
         law = law.law

@@ -69,8 +69,8 @@ class AbstractDrive(AbstractPair):
     def relative_angle(self, motions: Motions) -> Row:
         """Return the second body's angle about the axis relative to the first body, as a row.
 
-        The row holds the angle, rad within (-pi, pi], right-handed about the axis, and the
-        derivatives of its rate by the velocities of both bodies.
+        The row's value is the angle, rad in [-pi, pi], right-handed about the axis. The row's
+        `jacobian` holds the derivatives of the angle's rate by the velocities of both bodies.
 
         **Arguments:** `motions`: positions and velocities of each body, by its name.
         """
@@ -170,10 +170,13 @@ class PrescribedRotation(AbstractDriveAboutAxis, AbstractRotationDriver):
 
 
 class AbstractDriveTorque(AbstractDrive, AbstractForce):
-    """Base class of torques on a second body about an axis of a first body, on which the reaction
-    acts.
+    """Base class of torques on a second body about an axis of a first body.
 
-    A subclass defines the torque as a function of angle, speed and time, as this motor does:
+    The opposite torque, the reaction, acts on the first body.
+
+    A subclass declares the fields of `AbstractDrive` (`first`, `second`, `axis`, and `orientation`,
+    that of the second body at angle zero) and defines the torque as a function of the second body's
+    angle about the axis, its rate and time, as this motor does:
 
     ```python
     import clearjoint as cj
@@ -198,7 +201,7 @@ class AbstractDriveTorque(AbstractDrive, AbstractForce):
     def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
         """Return the torque in N m, positive towards larger angles.
 
-        **Arguments:** `angle`: rad, within (-pi, pi]. `speed`: its rate, rad/s. `t`: s.
+        **Arguments:** `angle`: rad, in [-pi, pi]. `speed`: its rate, rad/s. `t`: s.
         """
 
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:

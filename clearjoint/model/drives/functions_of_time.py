@@ -84,8 +84,8 @@ class Polynomial(AbstractFunctionOfTime):
     polynomial c_0 + c_1 t + c_2 t^2 + ... The unit of c_k is the SI unit of the value, divided by
     s^k.
 
-    **Raises:** `ValueError` if the coefficients are not a list or one-dimensional array of finite
-    numbers, or are empty.
+    **Raises:** `ValueError` if the coefficients are not one-dimensional, there are none, or one is
+    not a finite number.
 
     >>> cj.Polynomial((0.1, 50.0))(2.0).item()  # 0.1 + 50 t
     100.1
@@ -201,7 +201,8 @@ FunctionOfTime: TypeAlias = AbstractFunctionOfTime | Callable[[jax.Array], Scala
 def as_function_of_time(value: FunctionOfTime) -> AbstractFunctionOfTime:
     """Return a number, a Python function or a function of time as an `AbstractFunctionOfTime`.
 
-    A number becomes a constant `Polynomial`, a Python function a `PlainFunction`.
+    A number becomes a constant `Polynomial`, and a Python function becomes a `PlainFunction`. An
+    `AbstractFunctionOfTime` is returned unchanged.
 
     **Raises:** `ValueError` if the value is neither a single finite number nor a function.
     """
@@ -360,10 +361,11 @@ def triple_in_time(unit: str, **options: PyTree) -> PyTree:
 def as_single_in_time(value: FunctionOfTime) -> SingleInTime:
     """Return the value of a field declared by `single_in_time` in the form in which it is stored.
 
-    A number becomes an array of shape (), and a Python function becomes a `PlainFunction`. An array
-    of another shape is refused later, when the element is made.
+    A number becomes an array of shape (), a Python function becomes a `PlainFunction`, and an
+    `AbstractFunctionOfTime` is returned unchanged. An array of another shape is refused later, when
+    the element is made.
 
-    **Raises:** `ValueError` if the value consists neither of numbers nor of a function.
+    **Raises:** `ValueError` if the value is neither a function nor a number or array of numbers.
     """
     return as_function_of_time(value) if callable(value) else as_number(value)
 
@@ -372,8 +374,9 @@ def as_triple_in_time(value: PyTree) -> PyTree:
     """Return the value of a field declared by `triple_in_time` in the form in which it is stored.
 
     Three numbers become an array of shape (3,). Three components become a tuple if at least one of
-    them is a function. A Python function that returns three numbers becomes a `PlainFunction`. The
-    number of components is checked later, when the element is made.
+    them is a function. A Python function that returns three numbers becomes a `PlainFunction`, and
+    an `AbstractFunctionOfTime` is returned unchanged. The number of components is checked later,
+    when the element is made.
 
     **Raises:** `ValueError` if a component is neither a number nor a function.
     """

@@ -58,8 +58,8 @@ class Row:
       body axes. The rate of Phi is sum(force . velocity + moment . spin) + `time_rate`. The
       reaction on a body is this wrench times the row's Lagrange multiplier.
     - `bias`: second time derivative of Phi if all linear and angular accelerations are zero.
-    - `time_rate`: rate of Phi with all bodies at rest. It is zero unless Phi depends on time, as
-      for a driver, which then supplies the power -(multiplier * `time_rate`), W.
+    - `time_rate`: rate of Phi with all bodies at rest. It is zero unless Phi depends explicitly on
+      time, as for a driver. The driver supplies the power -(multiplier * `time_rate`), W.
 
     >>> pull = extend.Wrench(extend.UNIT_X, extend.ZERO)
     >>> row = extend.Row(value=1e-3, jacobian={"ball": pull}, bias=0.0)  # x of the ball
@@ -110,9 +110,9 @@ class AbstractElement(AbstractConverting):
     def draw(self, pen: AbstractPen) -> None:
         """Draw the element with a pen, whose methods draw symbols at points of bodies.
 
-        Figures are drawn by this method. The points at which it draws joints also serve to guess
-        the positions of the bodies: those for which the two points of each joint coincide. The
-        default draws a marker at each point of `attachments`.
+        Figures are drawn by this method, and `arranged_state`, which makes a first guess of a
+        state, uses it too: it places the bodies such that the two points at which a joint is drawn
+        coincide. The default draws a marker at each point of `attachments`.
         """
         for _, body, point in self.attachments():
             pen.mark(Marker(body, point))

@@ -39,8 +39,8 @@ Pair = tuple[str, str]
 def _along(motion: Motion, local: Vector, direction: Vector) -> tuple[Wrench, Scalar]:
     """Return the Jacobian and the bias of a row whose value is a coordinate of a body's point.
 
-    The coordinate is measured along a fixed direction. The bias is the component, m/s^2 along this
-    direction, of the point's centripetal acceleration relative to the centre of mass.
+    The coordinate is measured along a fixed direction. The bias, m/s^2, is the component along this
+    direction of the point's centripetal acceleration relative to the centre of mass.
 
     **Arguments:** `local`: the point, m from the centre of mass in body axes; `direction`: a unit
     vector in global axes.
@@ -194,7 +194,8 @@ def turning_angle(
     motions = dict(zip(names, (first, second), strict=True))
     c_rate, s_rate = rate_of(cosine, motions), rate_of(sine, motions)
     rate = (c * s_rate - s * c_rate) * inverse
-    # The derivative of the rate by time; the last term is that of `inverse`.
+    # The derivative of the rate by time, before multiplication by `inverse`. The last term comes
+    # from the derivative of `inverse`.
     bias = c * sine.bias - s * cosine.bias - 2.0 * rate * (c * c_rate + s * s_rate)
     return Row(polar_angle(s, c), jacobian, bias * inverse)
 
@@ -289,10 +290,10 @@ def rows_from_residual(
     - `names`: of the first and the second body.
     - `labels`: of the rows, in the order of the residual's values.
     - `residual`: function that returns a scalar for each label, zero if the constraint is
-      satisfied. Its two arguments are the poses of the first and the second body: a pair of the
-      position of its centre of mass, m in global axes, and the rotation matrix from body to global
-      axes. The function must not depend explicitly on time, because it is differentiated by the
-      poses only.
+      satisfied. Its two arguments are the poses of the first and the second body. Each pose is a
+      pair: the position of the body's centre of mass, m in global axes, and the rotation matrix
+      from body to global axes. The function must not depend explicitly on time, because it is
+      differentiated by the poses only.
     - `first`, `second`: motions of the bodies.
 
     **Raises:** `ValueError` if the residual has another number of values than there are labels.
@@ -358,8 +359,8 @@ def distance_row(components: Iterable[Row], length: Scalar, motions: Motions) ->
 
     The row's value is (x^2 + y^2 + ... - length^2)/(2 length), m.
 
-    **Arguments:** `components`: rows whose values x, y, ... are the vector's components, m; they
-    must not depend on time. `length`: required length, m, positive. `motions`: motion of each body
+    **Arguments:** `components`: rows whose values x, y, ... are the vector's components, m; their
+    `time_rate` must be zero. `length`: required length, m, positive. `motions`: motion of each body
     by name.
     """
     # The squared length is differentiable everywhere. Dividing by 2 length gives a row in m, whose

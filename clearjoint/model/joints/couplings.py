@@ -2,8 +2,8 @@
 
 They are a mesh of gears, a screw, and a universal joint. A joint is defined by its rows: scalar
 constraint equations with their derivatives. In joint coordinates, a motion subspace replaces the
-rows. It describes the motion that a joint allows one body, the child, relative to the other, the
-parent.
+rows of a screw or universal joint, unless the joint closes a loop. It describes the motion that the
+joint allows one body, the child, relative to the other, the parent. A gear joint keeps its row.
 """
 
 import math
@@ -225,17 +225,19 @@ class ScrewJoint(AbstractAxisJoint):
         """Return five rows: the position across the axis, the tilts, and the thread.
 
         "offset 1" and "offset 2" are the second point's coordinates perpendicular to the first
-        body's axis, m; "tilt 1" and "tilt 2" are cosines that are zero for parallel axes; and
-        "thread" is the error of the advance, m.
+        body's axis, m. "tilt 1" and "tilt 2" are the cosines of the angles between the first body's
+        axis and two directions across the second body's axis. "thread" is the error of the advance,
+        m.
         """
         cylindrical = self._point_on_line(motions, self.axis_first) | self._tilts(motions)
         return cylindrical | {"thread": self._thread(motions)}
 
     def _thread(self, motions: Motions) -> Row:
-        """Return the row whose value is the advance along the axis minus lead angle/(2 pi), m.
+        """Return the row of the error of the advance, m.
 
-        Whole multiples of the lead are left out of this value, so that its absolute value is at
-        most half that of the lead.
+        The error is advance - lead * angle/(2 pi), where `angle` is the second body's rotation
+        about the axis. Whole multiples of the lead are left out, so that the size of the error is
+        at most half that of the lead.
         """
         advance = self._in_plane(motions, unit(self.axis_first))
         angle, factor = self.relative_angle(motions), self.lead * (-0.5 / math.pi)
@@ -282,8 +284,8 @@ class UniversalMotion(AbstractMotionAtPoints):
         """Return the Euler parameters that transform components in the child's axes to the parent's
         if both angles are zero.
 
-        The child's arm then has the direction of the first of the `transverse_axes` of the parent's
-        arm, two unit vectors across it.
+        At zero angles, the child's arm has the direction of the first of two unit vectors across
+        the parent's arm (`transverse_axes`).
         """
         return aligning(transverse_axes(self.arm_parent)[0], self.arm_child)
 

@@ -1,8 +1,9 @@
 """Ideal joints that hold points, lines or planes of two bodies together, and a massless rod.
 
-A joint is defined by its rows: scalar constraint equations Phi = 0, whose values Phi the methods
-`rows` describe. In joint coordinates, a motion subspace replaces the rows. It describes the motion
-that the joint allows one body, the child, relative to the other, the parent.
+A joint is defined by its rows: scalar constraint equations Phi = 0. The methods `rows` say what the
+value Phi of each row is. In joint coordinates, a motion subspace replaces the rows. It describes
+the motion that the joint allows one body, the child, relative to the other, the parent. Joints
+without a method `motion_subspace`, and joints that close a loop, keep their rows.
 
 Equation numbers are those of P. Flores, J. Ambrosio, J. C. P. Claro, H. M. Lankarani, Spatial
 revolute joints with clearances for dynamic analysis of multi-body systems, 2006.
@@ -82,8 +83,9 @@ class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
     def _point_on_line(self, motions: Motions, axis: Vector) -> dict[str, Row]:
         """Return the rows "offset 1" and "offset 2", which keep the second body's point on a line.
 
-        Their values are its distances, m, along two directions across the line, which has the
-        direction `axis` in the first body's axes and goes through the first body's point.
+        The line goes through the first body's point and has the direction `axis` in the first
+        body's axes. The values of the rows are the distances, m, of the second body's point from
+        the line along two directions across it.
         """
         first, second = transverse_axes(unit(axis))
         return {
@@ -92,8 +94,8 @@ class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
         }
 
     def _same_orientation(self, motions: Motions, orientation: EulerParameters) -> dict[str, Row]:
-        """Return the rows "rotation x", "rotation y" and "rotation z", which keep the orientation
-        of the second body relative to the first constant.
+        """Return the rows "rotation x", "rotation y" and "rotation z", which keep the two bodies'
+        relative orientation constant.
 
         `orientation` are Euler parameters that transform components in the second body's axes to a
         frame F, which moves with the second body. The rows keep F parallel to the first body's
@@ -458,8 +460,8 @@ class LineInPlaneJoint(AbstractPairJoint):
 
 
 Position = tuple[Scalar, Scalar, Scalar]
-"""Coordinates of a planar joint: distances along the two transverse axes of the parent's normal, m,
-and the angle about the normal, rad."""
+"""Coordinates of a planar joint: distances, m, along two axes of the parent in the plane (the
+`transverse_axes` of the normal), and the angle about the normal, rad."""
 
 
 class PlanarMotion(AbstractTurning):
@@ -476,8 +478,8 @@ class PlanarMotion(AbstractTurning):
       zero.
 
     The distances are along the two transverse axes of `normal_parent`, unit vectors across it that
-    are fixed to the parent. Distances along axes of the child would oscillate as the child rotates,
-    although the directions of motion would then be constant in the child's axes.
+    are fixed to the parent. Along axes of the child, the directions of motion would be constant in
+    the child's axes, but the distances would oscillate as the child rotates.
     """
 
     normal_parent: Vector
@@ -488,8 +490,8 @@ class PlanarMotion(AbstractTurning):
         The position consists of the two distances, m, and the angle, rad in [-2 pi, 2 pi], and the
         speeds are their rates.
         """
-        # The vectors of `relative` are in the child's axes, the distances along those of the
-        # parent. In the parent's axes the displacement also changes because the child rotates.
+        # The vectors of `relative` have components in the child's axes, but the distances are along
+        # axes of the parent. In these the displacement also changes because the child rotates.
         angle = self.angle(relative)
         rotation = super().rotation(angle)
         apart, spin = relative.displacement, relative.twist.angular
@@ -517,8 +519,13 @@ class PlanarMotion(AbstractTurning):
         return self._in_child(position[:2], position)
 
     def columns(self, position: Position) -> tuple[Twist, ...]:
-        """Return translations at 1 m/s along the two transverse axes of the parent's normal, and a
-        rotation at 1 rad/s about the normal; all in the child's axes.
+        """Return the columns of the motion subspace: the relative twist, in the child's axes, for
+        each speed equal to one and the others zero.
+
+        They are translations at 1 m/s along the two transverse axes of the parent's normal, and a
+        rotation at 1 rad/s about the normal through the child's point. The linear part of a twist
+        is the rate of the components of `displacement` in the child's axes, so that it is not zero
+        for the rotation.
         """
         directions = (self._in_child(axis, position) for axis in ((1.0, 0.0), (0.0, 1.0)))
         apart = self.displacement(position)
@@ -537,8 +544,8 @@ class PlanarMotion(AbstractTurning):
         spin = self.axis * speed
         velocity = self._in_child((first, second), state.position)
         apart = self.displacement(state.position)
-        # The twist's linear part is velocity - spin x apart. In the child's axes, velocity has the
-        # rate -(spin x velocity), and apart has the rate of the linear part.
+        # The twist's linear part is velocity - spin x apart. In the child's axes, the rate of
+        # velocity is -(spin x velocity), and the rate of apart is the linear part itself.
         return Twist(ZERO, spin.cross(spin.cross(apart) - velocity * 2.0))
 
     def without_drift(self, position: Position) -> Position:

@@ -2,9 +2,9 @@
 
 In joint coordinates the bodies form a tree, in which each joint connects a *child* body with its
 *parent*. A motion subspace describes the motion of the child relative to the parent: the joint's
-point on the child may slide away from the point on the parent, and the child may rotate about it.
-Displacements, velocities and spins have components in the child's axes, because the usual joints
-have constant directions of motion in these axes.
+point on the child may slide away from the point on the parent, and the child may rotate about its
+own point. Displacements, velocities and spins have components in the child's axes, because the
+usual joints have constant directions of motion in these axes.
 """
 
 import abc
@@ -105,9 +105,10 @@ class JointState(eqx.Module):
 class AbstractMotionSubspace(eqx.Module):
     """The relative motion that a joint allows, described by joint coordinates.
 
-    The coordinates consist of a `position`, whose kind depends on the joint, and of one speed for
-    each degree of freedom. `columns` maps the speeds to the relative motion. `point_parent` and
-    `point_child` are the joint's points, m from each body's centre of mass in its axes.
+    The coordinates consist of a `position`, a PyTree whose structure depends on the joint, and of
+    one speed for each degree of freedom. `columns` maps the speeds to the relative motion.
+    `point_parent` and `point_child` are the joint's points, m from each body's centre of mass in
+    its axes.
 
     >>> axes = (0, 0, 1), (0, 0, 1)
     >>> hinge = cj.RevoluteJoint("ground", "arm", (0, 0, 0), (-0.5, 0, 0), *axes)
@@ -224,10 +225,12 @@ def rotation_about(axis: Vector, angle: Scalar) -> EulerParameters:
 
 
 class AbstractTurning(AbstractMotionAtPoints):
-    """Base class of rotations by an angle about `axis`, a unit vector in the child's axes.
+    """Base class of motion subspaces in which the child only rotates about one axis.
 
-    `reference` is the orientation at angle zero, as Euler parameters that transform components in
-    the child's axes to the parent's. `aligning` computes it from the axis in both bodies.
+    `axis` is a unit vector along this axis, in the child's axes. `reference` is the orientation at
+    angle zero, as Euler parameters that transform components in the child's axes to the parent's.
+    `aligning` computes such an orientation from the axis in both bodies. Subclasses may add
+    translations.
     """
 
     axis: Vector
@@ -236,8 +239,8 @@ class AbstractTurning(AbstractMotionAtPoints):
     def angle(self, relative: Relative) -> Scalar:
         """Return the angle of rotation, rad, within [-2 pi, 2 pi].
 
-        The range is two revolutions because Euler parameters depend on half the angle: after one
-        revolution they have the opposite sign.
+        Revolutions are told apart up to a multiple of two, because Euler parameters depend on half
+        the angle: after one revolution they have the opposite sign.
         """
         rotation = composed(conjugate(self.reference), relative.orientation)
         vector = Vector(rotation.e1, rotation.e2, rotation.e3)
@@ -364,10 +367,9 @@ def _from_zeta(axis: Vector) -> EulerParameters:
     """Return Euler parameters, not normalised, of a rotation that turns the z axis into a unit
     vector.
 
-    If the vector's z component is not negative, it is the shortest rotation. That rotation is
-    singular for the direction -z. If the z component is negative, half a revolution about x
-    therefore turns the z axis into -z first, and the shortest rotation from -z to the vector
-    follows.
+    If the vector's z component is not negative, this is the shortest rotation, whose formula is
+    singular for the direction -z. If the z component is negative, half a revolution about x first
+    turns the z axis into -z, and the shortest rotation from -z to the vector follows.
     """
     forwards = EulerParameters(1.0 + axis.z, -axis.y, axis.x, 0.0)
     shortest = EulerParameters(1.0 - axis.z, axis.y, -axis.x, 0.0)

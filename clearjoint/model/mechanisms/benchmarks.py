@@ -63,8 +63,8 @@ LINKS = {
 }
 """Bodies of Andrews' mechanism by name, in an order in which each follows its parent.
 
-Distances along a body from a hinge are written as in the source; their differences are coordinates
-relative to the centre of mass.
+Coordinates relative to the centre of mass are written as differences of two distances along the
+body, which the source gives.
 """
 P_OF_K2 = (0.0115 - 0.028, 0.0)
 P = {"K3": (-0.01043, 0.01874 - 0.035), "K4": (0.0, -0.01421), "K6": (0.01421, 0.0)}
@@ -194,7 +194,8 @@ def double_four_bar() -> tuple[Scene, State]:
     def hinge(name: str, first: str, second: str, a: TripleLike, b: TripleLike) -> None:
         joints[name] = RevoluteJoint(first, second, a, b, axis, axis)
 
-    # Upright rods, whose centres move at half the speed of their tips, 1 rad/s clockwise.
+    # The upright rods rotate clockwise at 1 rad/s. Their centres move at half the speed of their
+    # tips.
     for k in (0, 1, 2):
         post = names[2 * k]
         states[post] = body_state((k, 0.5, 0.0), upright, (0.5, 0.0, 0.0), (0.0, 0.0, -1.0))

@@ -72,9 +72,10 @@ def four_bar(
     - `lengths`: of crank, coupler and rocker, and the distance from the crank's axis to the
       rocker's, m.
     - `masses`: of crank, coupler and rocker, kg.
-    - `angle`, `speed`: of the crank at the start, from the X axis, rad and rad/s. Seen from +Z, the
-      "rocker pin" is on the left when one looks from the crank pin to the rocker foot. The state is
-      that of the ideal mechanism, with centred journals.
+    - `angle`, `speed`: of the crank at the start, from the X axis, rad and rad/s. Of the two
+      positions that the "rocker pin" can have at this angle, the state has that on the left of the
+      line from the crank pin to the rocker foot, seen from +Z. The state is that of the ideal
+      mechanism, with centred journals.
     - `motor`: an element that drives "crank" relative to "ground"; none by default.
     - `bearing_radius`, `journal_length`: m, of each pin with clearance.
     - `law`: of each pin with clearance; replaces the default law.
@@ -82,8 +83,8 @@ def four_bar(
       or ``None``, the default.
     - `gravity`: (3,) m/s^2, 9.81 along -Y by default; ``None`` for none.
 
-    **Raises:** `ValueError` for a clearance without the name of its pin, an unknown pin, rods that
-    can't be connected at the angle, or a value outside its range.
+    **Raises:** `ValueError` if `clearance` is not a mapping, such as a single number, or names an
+    unknown pin; if the rods can't be connected at the angle; or if a value is outside its range.
     """
     remedy = 'pass for example {"crank pin": 0.1e-3}'
     require(isinstance(clearance, Mapping), "clearance", clearance, "by the pin's name", remedy)
@@ -162,7 +163,8 @@ def _intersection(tip: np.ndarray, foot: np.ndarray, coupler: float, rocker: flo
     """
     across = foot - tip
     distance = float(np.linalg.norm(across))
-    # The pin's position along the line between the centres, and the square of its height above it.
+    # The pin's coordinate along the line between the centres, and the square of the pin's distance
+    # from this line.
     along = (coupler**2 - rocker**2 + distance**2) / (2.0 * distance) if distance else math.inf
     height = coupler**2 - along**2
     expected = f"rods that span the {distance:.6g} m from the crank pin to the rocker foot"

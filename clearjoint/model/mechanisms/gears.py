@@ -46,8 +46,8 @@ def gear_pair(
 
     The default law has the stiffness 1.8e11 N/m^1.5. At 2 kN its deflection is that of the mean
     mesh stiffness of ISO 6336, 20 N/(mm um). An impact without other forces has exactly the given
-    restitution: teeth that cross the backlash j at a speed v along the line of action, in the time
-    j cos(20 degrees)/v, rebound at the restitution times v.
+    restitution: teeth that approach at the speed v along the line of action rebound at the
+    restitution times v. They cross the backlash j in the time j cos(20 degrees)/v.
 
     **Arguments:**
 
@@ -160,7 +160,8 @@ def cycloid_stage(
     if law is None:
         # The force of a line contact is nearly proportional to the depth.
         law = HuntCrossley(restitution=0.8, stiffness=GivenStiffness(END_STIFFNESS), exponent=1.0)
-    # The holes are so much larger than the pins on purpose, which is unusual for bearings.
+    # Each clearance includes the eccentricity, and is therefore unusually large for a bearing.
+    # `quiet` suppresses the warnings about it.
     with quiet():
         for k in range(pins):
             around = 2.0 * math.pi * k / pins

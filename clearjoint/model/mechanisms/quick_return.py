@@ -103,8 +103,8 @@ def _start(speed: Scalar, angle: float) -> State:
 
     Angles are counter-clockwise from the vertical.
     """
-    # The lever points from its axis to the pin. Its speed over that of the crank is the derivative
-    # of its angle, atan(across/height), by the crank's angle.
+    # The lever points from its axis to the pin, so that its angle is atan(across/height). The ratio
+    # of the lever's speed to the crank's is the derivative of this angle by the crank's angle.
     across, height = CRANK * math.sin(angle), BASE + CRANK * math.cos(angle)
     lever_angle = math.atan2(across, height)
     ratio = CRANK * (CRANK + BASE * math.cos(angle)) / (across**2 + height**2)

@@ -173,7 +173,8 @@ def arm_states(angles: Sequence[float], speeds: Sequence[float]) -> dict[str, Bo
 
     **Arguments:** `angles`, `speeds`: of the three joints, rad and rad/s.
     """
-    # From the base outwards: global spin, and velocity of the present frame's origin.
+    # The loop goes from the base outwards. Spin and velocity of the frame's origin, both in global
+    # axes, are those of the preceding link until they are updated to those of link k.
     arm_frames, spin, velocity = frames(ARM, angles), np.zeros(3), np.zeros(3)
     states = {}
     for k, (lump, speed) in enumerate(zip(lumps(), speeds, strict=True)):
@@ -237,9 +238,9 @@ def robot_arm(
     Each motor ("motor 1" to "motor 3", `PrescribedRotation`) prescribes the angle of the flange at
     the output of its gearbox ("flange 1" to "flange 3", 1 g). The backlash ("play 1" to "play 3")
     is between flange and link. Its angle and its contacts, which have a stiffness of 1e9 N/m^1.5
-    and are 50 mm from the axis, are our choice. Revolute joints connect flanges and links with the
-    preceding link, or the first ones with the ground: "bearing 1" to "bearing 3" the flanges, and
-    "joint 1" to "joint 3" the links.
+    and are 50 mm from the axis, are our choice. Revolute joints connect each flange ("bearing 1" to
+    "bearing 3") and each link ("joint 1" to "joint 3") with the preceding link, or with the ground
+    for the first flange and link.
     The quantity `JointAngle` of "joint 1" to "joint 3" is the angle of Denavit and Hartenberg.
 
     **Arguments:**

@@ -35,12 +35,12 @@ def rotor_in_bearing(
 ) -> tuple[Scene, State]:
     """Return a rigid rotor in one bearing, driven at constant speed about Z, and its initial state.
 
-    The rotor is a steel disc of 20 kg with a radius of 100 mm, 0.061 kg m^2 about a diameter and
-    0.1 kg m^2 about its axis; `mass` doesn't change these moments. The bearing is in the disc's
-    middle plane, and an ideal constraint holds the rotor axially. With the film `CaponeFilm(0.02)`,
-    for example, whose viscosity is 0.02 Pa s, the journal rises to its equilibrium position. The
-    equilibrium is stable up to about 1220 rad/s; above, the journal whirls at half the rotor's
-    speed.
+    The rotor is a steel disc of 20 kg with a radius of 100 mm. Its moments of inertia are 0.061
+    kg m^2 about a diameter and 0.1 kg m^2 about its axis; `mass` doesn't change them. The bearing
+    is in the disc's middle plane, and an ideal constraint holds the rotor axially. With the film
+    `CaponeFilm(0.02)`, for example, whose viscosity is 0.02 Pa s, the journal rises to its
+    equilibrium position. The equilibrium is stable up to about 1220 rad/s; at higher speeds, the
+    journal whirls at half the rotor's speed.
 
     **Arguments:**
 

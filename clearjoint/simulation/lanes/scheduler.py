@@ -172,7 +172,7 @@ class Batch:
             return
         programs = self._programs()
         shared = _Shared(self, programs, deque(lanes))
-        # A thread more than there are groups of lanes to fill would have nothing to do.
+        # Each thread has one group of columns. Only as many groups are made as the lanes can fill.
         count = min(self._threads, -(-len(lanes) // programs.loop.width))
         groups = [_Group(shared, number) for number in range(count)]
         threads = [threading.Thread(target=group.run, daemon=True) for group in groups]
@@ -462,7 +462,7 @@ class _Group:
         `task`: (cells,), data of the lane.
 
         **Returns:** the cells of the columns, (blocks, cells), and the number of recorded rows. A
-        block is the number of recorded rows that are converted at once.
+        block consists of the recorded rows that are converted at once.
         """
         rows_a_block, numbers = self._programs.blocks[name]
         count = sum(map(len, rows))
@@ -485,7 +485,7 @@ def _deliver(
 
     The callbacks are called every `PERIOD` seconds, and as soon as a group has ended.
 
-    **Arguments:** `shared`, `groups`: the groups of the batch, and the state that they share;
+    **Arguments:** `shared`: state that the groups share; `groups`: the groups of the batch;
     `on_ended`: receives lanes that have ended since its last call, and is not called if there are
     none; `on_progress`: receives the progress of the running lanes; `stopped`: returns whether the
     user has interrupted the batch, in which case all groups stop.
@@ -533,7 +533,7 @@ def _ended(shared: _Shared, records: Sequence[_Record]) -> Ended:
 
 
 def _on_device(number: int) -> AbstractContextManager[object]:
-    """Return a context in which thread `number` computes on its accelerator, if there are any."""
+    """Return a context in which thread `number` computes on its accelerator, if there is one."""
     if jax.default_backend() == "cpu":
         return nullcontext()
     return jax.default_device(jax.local_devices()[number % jax.local_device_count()])
@@ -541,7 +541,7 @@ def _on_device(number: int) -> AbstractContextManager[object]:
 
 @Native
 def _begun(common: Common, task: Task) -> Lane:
-    """Return a lane before its first step, whose request has no times to save at yet."""
+    """Return a lane before its first step. Its start needs no times to save at."""
     request = LaneRequest(
         task.end_time, task.first_step, jnp.full(WINDOW, jnp.inf), common.capacity
     )

@@ -28,8 +28,9 @@ from ...math.vectors import Condition, Scalar, add
 
 ITERATIONS = 30
 TOLERANCE = 1e-10
-"""The iteration ends at this relative residual, which is below the tolerance of the alternation in
-`.contact_problem`, or after `ITERATIONS` iterations, many more than usual problems take."""
+"""The iteration ends at this relative residual, or after `ITERATIONS` iterations, many more than
+usual problems take. The residual is below `.contact_problem.TOLERANCE`, the tolerance of the
+alternation between normal and friction impulses."""
 RELATIVE_SHIFT = 1e-11
 """Relative increase of W's diagonal, which makes systems with linearly dependent rows solvable."""
 Impulses = Sequence[Scalar]

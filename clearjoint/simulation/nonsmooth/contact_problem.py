@@ -272,10 +272,11 @@ class ContactProblem:
         """Return the impulses at the closed contacts along all `rows` in N s, and the relative
         residual.
 
-        The residual is the largest violation of the contact conditions. Each violation is relative
-        to the largest velocity at closed contacts that the impulses have to change, in the problem
-        (of the normals, of friction, or of both together) whose conditions are violated. The
-        residual is above `TOLERANCE` if the alternation did not converge.
+        The residual is the largest of three: that of the normal impulses, that of the friction
+        impulses, and the opening velocity by which the two do not fit each other. Each is relative
+        to the largest velocity at closed contacts that the impulses of its problem have to change:
+        along the normals, along the slip directions, or along both. The residual is above
+        `TOLERANCE` if the alternation did not converge.
 
         **Arguments:** `closed`, `aims`: as for `normal_impulses`; `slips`: m/s, velocities along
         the slip directions without impulses.
@@ -289,7 +290,7 @@ class ContactProblem:
         coefficients = [self.contacts[k].coefficient for k in owner]
         block = [self._matrix[i][count : i + 1] for i in tangents]
         # The residual is relative to the largest velocity that the impulses at closed contacts have
-        # to change, or absolute if there is no such velocity.
+        # to change. If all these velocities are zero, the residual is in m/s.
         live = [*closed, *(closed[k] for k in owner)]
         scale = _largest_of(live, [*aims, *slips])
         scale = jnp.where(scale > 0.0, scale, 1.0)

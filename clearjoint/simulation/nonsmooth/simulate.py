@@ -42,10 +42,11 @@ from .moreau_jean import SOLVED, ContactStep, Rigid, advance
 DRIVER_TOLERANCE = 1e-5
 """Tolerance of the check that a driver, a constraint that prescribes a motion as a function of
 time, is smooth over a step. Two differences are compared with it. One is between the change of the
-driver's rate and the integral of its second time derivative, relative to the driver's speed in the
-step. The other is between the change of its value and the integral of its rate, relative to this
-speed times the step's length. For a smooth driver, both are far smaller. A larger one means that
-the driver has a kink or jump inside the step, which the step does not follow."""
+driver's rate over the step and the integral of its second time derivative, relative to a measure of
+the magnitude of the rate in the step. The other is between the change of the driver's value and the
+integral of its rate, relative to this measure times the step's length. For a smooth driver, both
+are far smaller than the tolerance. A larger one means that the driver has a kink or jump inside the
+step, which the step does not follow."""
 
 
 class RigidRun(eqx.Module):
@@ -146,7 +147,8 @@ def _with_breakpoints(
 
 
 def _past_kink(system: System, now: RigidRun, start: Scalar, stop: Scalar) -> RigidRun:
-    """Return the run `now` at the time `stop`, with the velocities that drivers prescribe after it.
+    """Return the run `now`, at the time `stop`, with the velocities that drivers prescribe just
+    after this time.
 
     Velocities change only if a driver has a breakpoint at `stop`.
 
@@ -385,9 +387,9 @@ def _solution(
 ) -> NonsmoothSolution:
     """Return the solution of a run, with the states at the inner stops as saved states.
 
-    **Arguments:** `end`, `stops`: the run at its end, and at the N times to save at and the end;
-    `times`: (N,) s, the times to save at, or ``None``; `formulation`, `redundant_constraints`:
-    stored in the solution.
+    **Arguments:** `end`: the run at its end; `stops`: states at the N times to save at and, last,
+    at the end; `times`: (N,) s, the times to save at, or ``None``; `formulation`,
+    `redundant_constraints`: stored in the solution.
     """
     saved, history, count = None, None, None
     if times is not None:

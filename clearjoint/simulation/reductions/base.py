@@ -77,10 +77,12 @@ class AbstractReduction(AbstractConverting):
 
     @abc.abstractmethod
     def start(self, now: Instant) -> PyTree:
-        """Return the tally at the start of the run, the instant `now`. Since no step ends there,
-        `now.inside` and `now.middle` raise a `ValueError`.
+        """Return the tally at the start of the run.
 
         `update` must return a PyTree of the same structure, shapes and types.
+
+        **Arguments:** `now`: the instant at the start. No step ends there, so `now.inside` and
+        `now.middle`, which look inside a step, raise a `ValueError`.
         """
 
     @abc.abstractmethod
@@ -92,13 +94,15 @@ class AbstractReduction(AbstractConverting):
 
         **Arguments:** `tally`: the tally at the start of the step; `now`: the instant at the end of
         the step. `now.inside(x)` is the instant at which a part x, 0 to 1, of the step's time has
-        passed.
+        passed; `now.middle` is the same for x = 0.5.
         """
 
     @abc.abstractmethod
     def results(self, tally: PyTree, now: Instant) -> dict[str, Scalar]:
-        """Return the results by name, from the last tally and the instant at the end of the run,
-        whose `now.inside` and `now.middle` raise a `ValueError`.
+        """Return the results by name.
+
+        **Arguments:** `tally`: the last tally; `now`: the instant at the end of the run. Here too,
+        `now.inside` and `now.middle` raise a `ValueError`.
 
         The result "" gets the name under which the user has requested the output. The other names
         are appended to it after an underscore: "time" of the output "force" becomes "force_time".

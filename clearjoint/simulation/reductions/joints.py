@@ -96,8 +96,8 @@ class ImpactCount(AbstractWindowedReduction):
         `before`, s, to the instant `now`.
 
         To first order, the penetration at the end of the step, over its rate there, is the time
-        since the onset. If the contact separates again at the end of the step, this end is returned
-        instead. The result is never before the start of the step.
+        since the onset. If the surfaces already move apart at the end of the step, the result is
+        the time of this end. It is never before the start of the step.
         """
         gap = now.contact_gaps[self.joint][label]
         since = gap.depth / jnp.where(gap.rate > 0.0, gap.rate, jnp.inf)
@@ -115,15 +115,19 @@ class ImpactCount(AbstractWindowedReduction):
 class LossTally(NamedTuple):
     """Tally of a reduction of losses, the data that it carries from step to step.
 
-    - `begin`: s, the start of the run.
-    - `at_begin`: J, energy dissipated up to the start of the window, as counted by the ledger. If
-      the run starts in the window or later, it is the energy up to the start of the run; if it has
-      not reached the window yet, the energy up to `time`.
-    - `time`: s, the end of the latest step.
-    - `at_end`: J, the same for the end of the window.
+    Energies are those that the ledger has counted as dissipated, without the energy that bristles
+    have stored.
 
-    `time` and `at_end` are ``None`` if the window is the whole run: the ledger at the end of the
-    run has the result.
+    - `begin`: s, the start of the run.
+    - `at_begin`: J, energy dissipated up to the start of the window; up to the end of the latest
+      step as long as the run has not reached the start of the window; up to the start of the run if
+      the run starts later than this.
+    - `time`: s, the end of the latest step.
+    - `at_end`: J, energy dissipated up to the end of the window, with the same two exceptions for
+      the end of the window instead of its start.
+
+    `time` and `at_end` are ``None`` if the window is the whole run. The ledger at the end of the
+    run then takes the place of `at_end`.
     """
 
     begin: Scalar
@@ -142,8 +146,11 @@ class AbstractLossReduction(AbstractWindowedReduction):
     needs_ledger = True
 
     def start(self, now: Instant) -> LossTally:
-        """Return the tally at the start of the run, with the energy that counts as dissipated then.
-        It is zero, unless the run continues from the ledger or the bristles of an earlier run."""
+        """Return the tally at the start of the run.
+
+        The energy that counts as dissipated at the start is zero, unless the run continues from the
+        ledger or the bristles of an earlier run.
+        """
         lost, whole = _lost(now), self._window().is_whole
         return LossTally(now.time, lost, None if whole else now.time, None if whole else lost)
 
@@ -243,8 +250,8 @@ def _lost(now: Instant) -> Scalar:
 WearTally = tuple[Scalar, dict[str, list[Scalar]], dict[str, list[Scalar]]]
 """Tally of `ArchardWear`, the data that it carries from step to step: the time at the end of the
 latest step, s; the rates of wear at that time, m^3/s; and the worn volumes so far, m^3. Rates and
-volumes are dictionaries by base ("V" or "W", the end circles of the journal) of lists by sector of
-the bearing's wall."""
+volumes are dictionaries. For each base ("V" and "W", the end circles of the journal) they contain a
+list with one number for each sector of the bearing's wall."""
 
 
 class ArchardWear(AbstractWindowedReduction):
@@ -356,8 +363,8 @@ class ArchardWear(AbstractWindowedReduction):
         return f"{base} {sector + 1}"
 
     def _rates(self, now: Instant) -> dict[str, list[Scalar]]:
-        """Return the rates of wear at an instant, m^3/s, as a dictionary by base of lists by
-        sector."""
+        """Return the rates of wear at an instant, m^3/s: for each base, a list with one number for
+        each sector."""
         return {base: self._rates_at(now, base) for base in BASES}
 
     def _rates_at(self, now: Instant, base: str) -> list[Scalar]:
@@ -382,7 +389,8 @@ class ArchardWear(AbstractWindowedReduction):
 def sliding_speed(now: Instant, joint: str, label: str) -> Scalar:
     """Return the speed, m/s, at which the surfaces of a contact slide on each other.
 
-    It is computed from the motion, because a contact without friction has no `slip` to read.
+    It is computed from the motion, since forces of contacts without friction contain no sliding
+    speed.
 
     **Arguments:** `now`: the instant; `joint`: name of the joint; `label`: label of its contact,
     such as "V".

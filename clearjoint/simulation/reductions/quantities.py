@@ -117,9 +117,9 @@ class Peak(AbstractQuantityReduction):
             a, b = window.fractions(tally.now, now.time)
             first = Point(a, jnp.where(a > 0.0, value_of(now.inside(a)), start.value))
             last = Point(b, jnp.where(b < 1.0, value_of(now.inside(b)), end.value))
-        # Positions are fractions of the step, so the value before this step has a negative one. The
-        # search is made even if no part of the step is in the window, because runs that compiled
-        # code computes side by side cannot branch; its result is then not used.
+        # Positions are fractions of the step, so the position of `before` is negative. The search
+        # is made even if no part of the step is in the window, because runs that compiled code
+        # computes side by side cannot branch. The peak is then not used.
         peak = highest_after(lambda x: value_of(now.inside(x)), before, first, last)
         time = tally.now + peak.x * length
         rises = peak.value > tally.highest
@@ -240,9 +240,9 @@ class Quantiles(AbstractQuantityReduction):
     Each result is named after its level in six significant digits, such as "0.5" for the median,
     and has the unit of the quantity. In each step the quantity is approximated by the parabola
     through both ends and the middle. The time for which the quantity is below each of the `edges`
-    is added up; between two edges, the quantile is interpolated. Its error is less than the
-    distance of these edges. A quantile below the first edge or above the last edge is NaN: widen
-    the edges. Memory does not grow with the number of steps.
+    is added up. A quantile is interpolated between the two edges that enclose it, with an error
+    less than the distance of these edges. A quantile below the first edge or above the last edge is
+    NaN: widen the edges. Memory does not grow with the number of steps.
 
     For quantiles over impacts instead of over time, use `ImpactTable`, an output of sweeps, whose
     quantiles are exact.
@@ -299,7 +299,9 @@ class Quantiles(AbstractQuantityReduction):
         arc = Parabola.through(value, self._value(now.middle), end)
         a, b = self._window().fractions(before, now.time)
         inside = jnp.where(b > a, length, 0.0)
-        # `part_below` returns which fraction of the step is between a and b and below each edge.
+        # `inside` is the length of the whole step, or zero if no part of it is in the window. For
+        # each edge, `part_below` returns the fraction of the step that is between a and b and in
+        # which the quantity is below the edge.
         added = inside * arc.part_below(jnp.asarray(self.edges), a, b)
         return (now.time, end), duration + inside * (b - a), below + added
 

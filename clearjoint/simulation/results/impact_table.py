@@ -1,4 +1,5 @@
-"""Table of the impacts of a run, and a check of their depths against the ranges of contact laws."""
+"""Table of the impacts of a run, and a check of their penetrations against the ranges of validity
+of the contact laws."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields

@@ -69,22 +69,25 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
     - `history[joint][contact]`: the `ContactTotals` from the start up to each of the N requested
       times; ``None`` if no times were requested.
     - `saved_count`: number of requested times that the run reached; ``None`` if no times were
-      requested. Later rows of `saved` and `history` repeat the last state.
+      requested. In `saved` and `history`, the rows of times that the run did not reach repeat the
+      last state.
     - `contacts[joint][contact]`: the `ContactTotals` of the whole run.
-    - `residual`: largest violation of the contact conditions (no approach without an impulse, no
-      pulling impulse, Coulomb's law), in any step that did not fail. The conditions are solved
-      twice in a step: for the impulses, and along the normals for the correction of penetrated
-      positions. Each violation is relative to the largest velocity that the solution has to change
-      at closed contacts, or to 1 m/s if there is none.
+    - `residual`: largest violation of the contact conditions in any step that did not fail. The
+      conditions are that no contact approaches after the impact faster than its restitution allows,
+      that impulses do not pull and vanish at contacts that open faster, and that friction obeys
+      Coulomb's law. A step solves two problems with such conditions: one for the impulses, and one,
+      along the normals only, for the velocities that move positions out of penetrations. The
+      violations in a problem are relative to the largest velocity at closed contacts that the
+      problem has to change, or to 1 m/s if there is none.
     - `formulation`: the formulation of the equations of motion: their coordinates, and how
       constraints are kept satisfied.
     - `redundant_constraints`: names of constraint equations that depend linearly on others. If
       there are any, the reactions are not unique.
 
     `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` export the saved states and the history.
-    `observe` accepts a `NonsmoothSolution`, but the contact forces that it computes, and the
-    accelerations and reactions that follow from them, are then meaningless, because rigid contacts
-    have impulses instead of forces.
+    `observe` accepts a `NonsmoothSolution`. But while a contact touches, the contact forces that
+    `observe` computes, and the accelerations and reactions that follow from them, are meaningless,
+    because rigid contacts have impulses instead of forces.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate_nonsmooth(scene, state, 0.02, step=1e-4)
@@ -106,8 +109,11 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
 
     def __repr__(self) -> str:
         """Return text with the result code, the number of steps, the impacts of each contact, and
-        the final state of the bodies. The text lists the fields instead if a value is unknown,
-        since JAX traces it, or if the object has several solutions, as from `jax.vmap`."""
+        the final state of the bodies.
+
+        If values are unknown because JAX traces them, or if the object has several solutions, as
+        from `jax.vmap`, the text lists the fields instead.
+        """
         if is_abstract(self):
             return super().__repr__()
         lines = [f"{self.steps} steps"]

@@ -63,12 +63,14 @@ BODY_PARTS = {
     "acceleration": ("linear", "m/s^2", "of the centre of mass, global"),
     "angular_acceleration": ("angular", "rad/s^2", "of the body, body axes"),
 }
-"""Variables of the dataset for bodies: field of `AccelerationSeries`, unit and description."""
+"""For each variable of the dataset that describes bodies: the field of `AccelerationSeries` with
+its values, its unit and its description."""
 REACTION_PARTS = {
     "reaction_force": ("force", "N", "force of an ideal joint on a body, global"),
     "reaction_moment": ("moment", "N m", "its moment about the centre of mass, body axes"),
 }
-"""Variables of the dataset for reactions: field of `Load`, unit and description."""
+"""For each variable of the dataset that describes reactions: the field of `Load` with its values,
+its unit and its description."""
 
 
 class MotionMode(enum.IntEnum):
@@ -99,11 +101,12 @@ class ContactObservation(eqx.Module):
 
     - `penetration`: (N,) m, depth of overlap, negative where the surfaces are apart (eq. 13).
     - `penetration_rate`: (N,) m/s, positive while the surfaces approach (eq. 21).
-    - `eccentricity`: (N,) m, distance of the base's centre from the bearing's axis (eq. 11). A
-      contact at a point of the journal's axis between the bases has that point in place of the
-      base's centre. ``None`` for all other contacts.
-    - `offset`: (N, 3) m, from the bearing's centre to the same point, in the frame of the bearing:
-      two components across its axis, then the one along it; ``None`` where `eccentricity` is.
+    - `eccentricity`: (N,) m, distance of the base's centre from the bearing's axis (eq. 11). For a
+      contact between the bases, it is the distance of the contact's point on the journal's axis.
+      ``None`` for all other contacts.
+    - `offset`: (N, 3) m, vector from the bearing's centre to the same point of the journal's axis,
+      in the frame of the bearing: two components across the bearing's axis, then the one along it.
+      ``None`` if `eccentricity` is ``None``.
     - `normal_force`: (N,) N, magnitude.
     - `friction_force`: (N, 3) N, on the journal, in global axes; ``None`` without a friction law.
     - `normal`: (N, 3), unit vector in global axes, the direction in which the second body
@@ -282,9 +285,9 @@ class Observation(eqx.Module, AbstractTabular):
     def ledger_residual(self) -> Numbers:
         """Return the energy that the ledger does not explain, (N,) J, a measure of the run's error.
 
-        It is the mechanical plus the dissipated less the supplied energy, less the value of this
-        sum at the first time. It is zero for an exact solution of a run with the ledger. Without
-        the ledger, it is the change of the mechanical energy.
+        The balance is the mechanical plus the dissipated energy less the supplied one. The result
+        is the change of the balance since the first time. It is zero for an exact solution of a run
+        with the ledger. Without the ledger, it is the change of the mechanical energy.
         """
         losses = ("normal damping", "friction", "film", "stabilisation")
         dissipated = sum(self.energies.get(name, 0.0) for name in losses)

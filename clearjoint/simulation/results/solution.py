@@ -122,8 +122,8 @@ FINEST = 16
 parts reduces the distance between a path and its chords to 1/n^2 of its value, here to 1/256."""
 LARGEST_ROTATION = 0.05
 """Largest rotation of a body within one part of a step, rad, computed with the spin at the start of
-the step. Only in a step of `MOST` parts it may be larger. The chord of an arc of this angle is
-nowhere farther from the arc than 3e-4 of the arc's radius."""
+the step. Only in a step of `MOST` parts it may be larger. The largest distance between an arc of
+this angle and its chord is about 3e-4 of the arc's radius."""
 MOST = 64
 """Largest number of parts into which a step is divided, so that a body that spins fast in a long
 step does not make the result arbitrarily long."""
@@ -520,10 +520,10 @@ class FinishedRun(Protocol):
 
 
 def is_abstract(tree: PyTree) -> bool:
-    """Return whether the leaves of a PyTree have no single known values that text could show.
+    """Return whether text cannot show the values in a PyTree.
 
-    That is the case while JAX traces them, and for several results at once from `jax.vmap`, which
-    are recognised by an array in the field `time` of the tree.
+    That is so while JAX traces a leaf, whose value is then unknown, and if the tree has the results
+    of several runs at once, as from `jax.vmap`: its field `time` is then an array.
     """
     time = getattr(tree, "time", 0.0)
     return np.ndim(time) > 0 or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree))

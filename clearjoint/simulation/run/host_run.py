@@ -4,8 +4,8 @@ A segment is a number of steps that compiled code takes before it returns to Pyt
 host is the process that runs Python.
 
 A segment ends at the end time, after the last time to save at, after a number of attempts (trial
-steps, accepted or rejected), at a failure, or when a buffer of recorded rows is full. Python then
-empties the buffers, shows progress and starts the next segment.
+steps, accepted or rejected), at a failure, or when a buffer of steps or impacts is full. Python
+then empties these buffers, shows progress and starts the next segment.
 
 Scene and states are passed in packed form, in which each vector is an array (3,). In a folded
 scene, the components of vectors that are exactly 0 or 1 are marked; they become constants of the
@@ -52,9 +52,10 @@ from .sections import Section, crossings_of
 from .terminal import ProgressBar, interruptions_deferred, telling_of_compiling
 
 STEP_ROWS, IMPACT_ROWS = 4096, ROWS
-"""Rows of the buffer of accepted steps, and of the buffer of each contact's impacts. When a buffer
-is full, compiled code returns to Python, which empties all buffers. That of steps is the larger
-one, because every accepted step writes a row. Their sizes are part of the compiled program."""
+"""Number of rows of the buffer of accepted steps, and of the buffer of each contact's impacts. When
+one of these buffers is full, compiled code returns to Python, which empties them all. The buffer of
+steps is larger, because every accepted step writes a row. The sizes are part of the compiled
+program."""
 LATEST, STEPS, IMPACTS = "latest", "steps", "impacts"
 SECTIONS, REDUCTIONS = "sections", "reductions"
 """Keys of the dictionaries of recorders and of records. `LATEST` is the latest accepted attempt,
@@ -63,8 +64,8 @@ values at `SECTIONS` and `REDUCTIONS` are dictionaries by the name of the sectio
 
 
 def recorders_of(save: Saving) -> Recorders:
-    """Return the recorders of a single run for the results to `save`, in a dictionary with the keys
-    above."""
+    """Return the recorders of a single run for the results to `save`, in a dictionary with those of
+    the keys `LATEST`, `STEPS`, `IMPACTS`, `SECTIONS` and `REDUCTIONS` that are needed."""
     recorders: dict[str, Recorders] = {
         SECTIONS: save.section_recorders(),
         REDUCTIONS: {name: ReductionRecorder(of) for name, of in save.outputs.items()},
@@ -87,7 +88,7 @@ def begin(
     first_step: Scalar,
     recorders: Recorders,
 ) -> Progress:
-    """Return a run before its first step, with which the first segment begins.
+    """Return a run before its first step, the argument `now` of the first segment.
 
     **Arguments:**
 
@@ -127,9 +128,9 @@ def segment(
     - `attempts`: largest number of attempts since the start of the run.
     - `loops`: JAX's loops, or loops with checkpoints for reverse-mode differentiation.
 
-    **Returns:** the run after the segment, and a pair, or ``None`` if `save_times` is ``None``. The
-    pair contains the states at the N times, whose leaves have an additional first axis, with each
-    vector as three arrays; and whether the run has reached each time, (N,). A state at a time that
+    **Returns:** the run after the segment, and what it saved, ``None`` if `save_times` is ``None``:
+    a pair of the states at the N times, whose leaves have an additional first axis, with each
+    vector as three arrays, and whether the run has reached each time, (N,). A state at a time that
     the run has not reached is meaningless.
     """
     method, system = scheme.method, scheme.system_of_packed(folded_scene)
@@ -280,8 +281,8 @@ class Run:
                 rest = self.recorders, now, times, self.end, limit
                 now, saved = segment_compiled(*program, *rest)
                 if saved is not None:
-                    # Only the first `count` states are kept. The others are at times that the next
-                    # segment will reach, or belong to the filling.
+                    # Only the first `count` states are kept. The others are at times that the run
+                    # has not reached yet, or belong to the filling.
                     states, reached = saved
                     count = int(np.sum(reached[: wanted - saved_count]))
                     saved_states.append(_first_rows(states, count))
@@ -343,7 +344,8 @@ def _end_of(
     end: Scalar,
 ) -> tuple[State, RESULTS, Condition, dict[str, dict[str, Scalar]]]:
     """Return the final state, the result code, whether a journal has slid out of its bearing, and
-    the results of the reductions, as results[name][part].
+    the results of the reductions, as results[name][part]; the part is "" for a result that is named
+    as its reduction.
 
     The vectors of the state are arrays (3,).
 

@@ -1,7 +1,8 @@
 """Recorder of impacts, for single runs, runs with derivatives and the runs of sweeps.
 
 An impact is a finished contact. While a contact lasts, its peak force and its largest penetration
-are updated after each accepted step. When the contact ends, they are written as a row of a buffer.
+are updated after each accepted step. When the contact ends, they are written into a row of a
+buffer, together with the times and speeds of its onset and its end.
 
 The penetration of a contact is also called its depth; it is negative where the surfaces are apart.
 Times are on the clock of the run's `System`, which counts the time from the system's `origin`, s;
@@ -85,7 +86,7 @@ def peak_in_step(
     """Return the peaks of a contact in a step of length h, s.
 
     **Arguments:** `law`: the contact law; `start`, `end`: the contact at the ends of the step. The
-    entry speed at `start` is used in the whole step.
+    entry speed at `start` is used in the whole step; if it is zero, the current rate replaces it.
 
     **Returns:** the largest normal force, N, as a `Point`, whose position is the fraction of the
     step's time, 0 to 1, after which this force occurs; and the largest depth, m, which may occur at
@@ -167,8 +168,8 @@ class ImpactRow(eqx.Module):
     def columns(self, *_: object) -> dict[str, Scalar]:
         """Return all fields by name, and also the "duration" of the contact, s.
 
-        The scheduler of lanes calls this method for the rows of all recorders, with arguments that
-        only rows of sections need.
+        The scheduler of the runs of a sweep calls this method for the rows of all recorders, with
+        arguments that only the rows of Poincaré sections need.
         """
         return {**vars(self), "duration": self.separation - self.onset}
 
@@ -176,10 +177,11 @@ class ImpactRow(eqx.Module):
 class ContactSoFar(eqx.Module):
     """A contact at the end of the latest accepted step.
 
-    - `instant`: its gap and entry speed at that time.
+    - `instant`: the contact at that time.
     - `begun`: whether it touches at that time and its onset was after the start of the run.
-    - `row`: its onset and its peaks so far, valid only if `begun`. `separation` and `exit_speed`
-      are valid only in the row that `after` returns for the step in which the contact ends.
+    - `row`: its onset, its entry speed and its peaks so far, valid only if `begun`. Its fields
+      `separation` and `exit_speed` have no meaning: only the row that `after` returns for the step
+      in which the contact ends contains them.
     """
 
     instant: ContactInstant
@@ -231,6 +233,7 @@ class ContactSoFar(eqx.Module):
             x = hermite_root(before, after, h)
             onset, speed = t0 + h * x, hermite_rate(x, before, after, h)
             peaks = peak.value, t0 + h * peak.x, depth
+        # The separation and the exit speed are still unknown, so these fields get any numbers.
         fresh = ImpactRow(onset, t1, speed, end.gap.rate, *peaks)
         # A contact that exists at the start of the run gets no row, because its onset is unknown.
         begun = touches & (begins | self.begun)
@@ -303,8 +306,11 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
     def _instants(
         self, method: Method, system: System, now: Instant, step: Step
     ) -> dict[str, dict[str, ContactInstant]]:
-        """Return each contact to record, as a `ContactInstant` at the end of `step`, by joint and
-        contact. `now` is the same instant as `step`."""
+        """Return the `ContactInstant` of each contact to record, by joint and contact.
+
+        **Arguments:** `method`, `system`: those of the run; `step`: the complete state of the run
+        at this time; `now`: the same state as an `Instant`.
+        """
         names = now.contacts if self.joint is None else [self.joint]
         second_rates = _second_rates(method, system, step)
 
@@ -321,8 +327,8 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
 
 
 def _second_rates(method: Method, system: System, step: Step) -> ByLabel[Scalar]:
-    """Return the second time derivatives of all penetrations at the end of a step, m/s^2, by joint
-    and contact."""
+    """Return the second time derivatives of all penetrations, m/s^2, by joint and contact, in the
+    state `step` of a run, at the end of a step or at the start of the run."""
     if isinstance(method.solver, UnrolledExplicit):
         return step.second_rates
     # Other solvers do not keep the rates at the end of a step, so they are computed here.

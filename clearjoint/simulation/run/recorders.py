@@ -98,7 +98,7 @@ class LatestAttempt(AbstractRecorder[Attempt]):
 
     def start(self, start: RunStart) -> Attempt:
         """Return an attempt that ends at the start of the run with the initial state, which may be
-        needed before the first step. Its other numbers are zero."""
+        needed before the first step. The attempt's other numbers are zero."""
         return start.blank_attempt
 
     def after(self, record: Attempt, step_outcome: StepOutcome) -> Attempt:
@@ -112,7 +112,7 @@ class LatestDenseStep(AbstractRecorder[DenseStep]):
 
     def start(self, start: RunStart) -> DenseStep:
         """Return a step that ends at the start of the run with the initial state, which may be
-        needed before the first step. Its other numbers are zero."""
+        needed before the first step. The step's other numbers are zero."""
         return DenseStep.of(start.blank_attempt)
 
     def after(self, record: DenseStep, step_outcome: StepOutcome) -> DenseStep:
@@ -121,8 +121,10 @@ class LatestDenseStep(AbstractRecorder[DenseStep]):
 
 
 class TimedState(eqx.Module):
-    """A time `t`, s, on the clock of the run's `System`, and the `state` at that time, whose
-    vectors are three separate scalars.
+    """A time `t`, s, and the `state` at that time, whose vectors are three separate scalars.
+
+    The clock is that of the run's `System`: it counts the time from the system's `origin`, s, or
+    shows the scene's time if there is no origin.
 
     In a buffer of N rows, all arrays have an additional first axis of length N.
     """
@@ -168,5 +170,5 @@ class ReductionRecorder(AbstractRecorder[PyTree]):
 
 
 def _row(system: System, step: Step) -> TimedState:
-    """Return time and state after a step."""
+    """Return the time and the state in the complete state `step` of a run."""
     return TimedState(step.t, state_of(system, step.y, step.entry_speeds))

@@ -52,8 +52,8 @@ BY_NUMPY = 8
 """Number of starts of the same structure that are checked in Python, in some milliseconds each. For
 further ones a native program is compiled, which checks each in microseconds."""
 KEPT = 256
-"""Number of starts of the same structure for which the search for redundant constraints is
-cached."""
+"""Largest number of starts of the same structure for which results of the search for redundant
+constraints are cached."""
 
 
 def check_precision(allow_float32: bool) -> None:
@@ -193,7 +193,7 @@ def _passes(
 
     **Returns:**
 
-    - whether the start passes all checks but that of redundancy, without a warning;
+    - whether the start passes all checks except that of redundancy, and none of them would warn;
     - the constraint equations from which redundant constraints are found, ``None`` without joints;
     - whether the first result includes the checks of the scene's numbers. It does not if the scene
       has user-defined classes, whose checks must run in Python.

@@ -43,8 +43,8 @@ from .sections import SectionRecord, SectionRecorder
 
 FEW_TIMES, GROWTH = 64, 8
 """The number of times in a compiled program is rounded up to 64, 512, 4096 ..., so that few
-programs are compiled. The additional times repeat the end time. Repeated times are evaluated only
-once, so they cost almost nothing."""
+programs are compiled. The additional times repeat the end time. Quantities at repeated times are
+computed only once, so the additional times cost almost nothing."""
 
 
 class Kept(eqx.Module):
@@ -73,8 +73,10 @@ class Sampled(eqx.Module):
 
     - `values[name]`: (N,), in the quantity's unit.
     - `derivatives[name]`: (N, p), in the quantity's unit, with respect to the coordinates of the
-      parameters on their scales, which are pure numbers, such as logarithms of the values.
-    - `reached`: (N,), whether the run reached each time. Values at other times are meaningless.
+      parameters on their scales. These coordinates are pure numbers, such as logarithms of the
+      parameters' values.
+    - `reached`: (N,), whether the run reached each time. Values, derivatives and states at times
+      that it did not reach are meaningless.
     - `time`: s, the time at which the run ended; `result`: its result code.
     - `attempts`, `accepted`: numbers of steps that were tried, and that were accepted.
     - `states`: the state at each time. Its leaves have an additional first axis of length N, and
@@ -123,8 +125,9 @@ def start_with_tangents(
     system = family.system()
     step = start(method, system, t0, t_end, first_step, y, entry_speeds, derivatives=True)
 
-    # The state of an explicit method is the rates at the start, which depend on the parameters too.
-    # Its `init` ignores the end of the first step, so any later time may be passed.
+    # The solver of an explicit method has a state of its own: the rates at the start of the step,
+    # which depend on the parameters too. The solver's `init` ignores the end of the first step, so
+    # any later time may be passed.
     def solver_state(
         system: System, y: Variables, entry_speeds: EntrySpeeds
     ) -> tuple[SolverState, None]:
@@ -182,9 +185,9 @@ def run_with_tangents(
     - `scheme`: integration method and formulation of the equations of motion.
     - `family`: scene and initial state as functions of the p parameters.
     - `outputs`: the quantities to evaluate, by name.
-    - `times`: (N,) s, not decreasing, not before `t0`. The run goes no further than the step that
-      reaches the last time. So this time must be `t_end` or later, as `padded` ensures; otherwise
-      the run counts as unfinished (`max_steps_reached`). Times after `t_end` are not reached.
+    - `times`: (N,) s, not decreasing, not before `t0`. The run ends with the step that reaches the
+      last time. So the last time must be `t_end` or later, as `padded` ensures; if it is earlier,
+      the run may count as unfinished (`max_steps_reached`). Times after `t_end` are not reached.
     - `t0`, `t_end`: s, start and end of the run; no step goes past the end.
     - `first_step`: s, length of the first step that is tried.
     - `max_steps`: largest number of attempts.

@@ -101,8 +101,9 @@ class Saving:
         """Check that the times to save at lie within a run, and return them, (N,) s; ``None`` if
         there are none.
 
-        Times outside of the run by rounding errors alone are moved to its start or end. Of times
-        that JAX traces, only the shape is checked.
+        Times outside of the run by rounding errors alone are moved to its start or end. If JAX
+        traces the times, only their shape is checked; if it traces the start or the end of the run,
+        the times are not compared with these.
 
         **Raises:** `ValueError` for times before `start_time` or after `end_time`, s, by more than
         rounding errors, and for traced times that are not one-dimensional or are empty.
@@ -114,9 +115,9 @@ class Saving:
     def require_none(self, names: Sequence[str], where: str, remedy: str) -> None:
         """Check that results which a kind of run cannot keep are not requested.
 
-        **Arguments:** `names`: names of the fields of `Saving` that request these results; `where`,
-        `remedy`: for the error message, the kind of run, such as "of a run with derivatives", and
-        the remedy.
+        **Arguments:** `names`: names of the fields of `Saving` that request these results; `where`:
+        the kind of run in words for the error message, such as "of a run with derivatives";
+        `remedy`: the remedy that the message names.
 
         **Raises:** `ValueError` that names the first field that requests something.
         """

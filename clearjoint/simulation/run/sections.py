@@ -6,8 +6,8 @@ quantity is a scalar function of an `Instant`, a scene with its motion at one ti
 
 Single runs and runs with derivatives compute the channels at each crossing. Lanes, which are the
 runs of a sweep, record the state at each crossing, from which the channels are computed after the
-run. Since lanes are computed side by side, the run would otherwise have to compute the channels in
-every step of every lane.
+run. Lanes are computed side by side and cannot branch one by one: to compute channels at crossings
+during the run, every lane would have to compute them in every step.
 """
 
 import math
@@ -116,7 +116,7 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
             row = self._crossing(step_outcome, before, after)
             time = step_outcome.system.clock(row.t)
         else:
-            # Most steps have no crossing: other runs search for the root only in those that have.
+            # Most steps have no crossing: other runs search for the root only in steps with one.
             system, channels = step_outcome.system, dict(self.channels)
 
             def columns() -> dict[str, Scalar]:

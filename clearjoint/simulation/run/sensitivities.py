@@ -96,8 +96,9 @@ class Sensitivities(AbstractTabular):
 
         - Each quantity is a variable of the same name along "time", (N,), in the quantity's unit.
         - Its derivatives are the variable "<name>_derivative" along "time" and "parameter", (N, p),
-          with respect to the parameters' coordinates. Coordinates are pure numbers, so that
-          derivatives have the quantity's unit.
+          with respect to the parameters' coordinates. These are pure numbers (for the scale
+          `Linear`, the value divided by the scale's `unit`), so that derivatives have the
+          quantity's unit.
         - "coordinate" has the labels of the parameters' coordinates, such as "log clearance".
         - Attributes are the time at which the run ended, s, its result, the numbers of steps, and
           the settings.
@@ -161,10 +162,11 @@ def sensitivities(
       `clearjoint.quantities`, by names of your choice.
     - `times`: (N,) s, not decreasing, between start and end, at which the outputs are evaluated.
     - `settings`: tolerances, solver and coordinates; `clearjoint.presets.derivatives` unless given.
-    - `save`: further results to keep: states at given times, impacts and sections. Steps and
-      reductions cannot be kept.
-    - `throw`: if the run fails, raise `SimulationError`, whose `solution` is the `Sensitivities` so
-      far. Otherwise these are returned, and their `result` is the code of the failure.
+    - `save`: further results to keep: states at given times, impacts and sections. The states
+      after every step, and reductions such as `Peak`, cannot be kept.
+    - `throw`: whether a run that fails raises `SimulationError`, whose `solution` is the
+      `Sensitivities` up to the failure. If false, these are returned, and their `result` is the
+      code of the failure.
     - `progress`: show the time spent compiling.
 
     **Returns:** `Sensitivities`.

@@ -72,10 +72,10 @@ class Settled:
     - `multiple`: number of these periods in one period of the motion; ``None`` unless periodic.
     - `period`: s, the given period, or the mean time between the last crossings of the section;
       ``None`` with fewer than two crossings.
-    - `changes`: (n,), one number for each period, in the order of time: the largest difference from
-      the period that was `multiple` periods earlier (one earlier if the motion is not periodic).
-      The argument `tolerance` of `settle` says what differences are relative to. The first
-      `multiple` periods (or the first one) have no earlier period, and therefore no number.
+    - `changes`: (n,), for each period after the first `multiple` ones, in the order of time: the
+      largest difference from the period that was `multiple` periods earlier. If the motion is not
+      periodic, each period is compared with the one before it. The argument `tolerance` of `settle`
+      says what differences are relative to.
     - `result`: the `RESULTS` code of the last run.
 
     >>> settled = cj.settle(scene, state, period=0.2 * np.pi, periods=20, progress=False)
@@ -117,13 +117,14 @@ of the statistics of a chaotic motion over finitely many periods."""
 ROOM = PHASES * BLOCK
 """Number of crossings of a section for which there is room in a block of periods."""
 CONFIRMING = 3
-"""Smallest number of successive periods that must each equal an earlier one in a motion that counts
-as periodic, since a single period may resemble an earlier one by chance. A motion that counts as
-steady must be still for as many periods."""
+"""A motion counts as periodic only if each of at least this number of successive periods equals an
+earlier one, since a single period may resemble an earlier one by chance. A motion counts as steady
+only if it is still for this number of periods."""
 STILL = 1e-6
 """Lower bound of the ranges of a motion, in m, m/s and rad/s, by which its changes are divided, so
-that rounding errors of a motion at rest are not taken for changes. It is also the lower bound of
-the scales of a section's waiting times, s, and channels, in their units."""
+that rounding errors of a motion at rest are not taken for changes. With a section, it is also
+the lower bound of the scales of the times between crossings, s, and of each channel, in its
+unit."""
 
 
 @dataclass(frozen=True)
@@ -179,8 +180,8 @@ def columns(states: State) -> dict[str, Float[np.ndarray, "N bodies components"]
     """Return "position" (m), "velocity" (m/s), "spin" (rad/s) and "orientation" of all bodies in N
     states.
 
-    Each is an array (N, bodies, components). An orientation has as its 16 components the products
-    of its Euler parameters, since these do not depend on the parameters' common sign.
+    Each is an array (N, bodies, components). The 16 components of an orientation are all products
+    p_i p_j of its Euler parameters, since these do not depend on the common sign of the parameters.
 
     **Arguments:** `states`: one state whose arrays have a first axis of length N.
     """
@@ -311,7 +312,7 @@ def settle(
     **Returns:** a `Settled`. A motion that does not settle, or a run that fails, raises no error;
     `kind` of the result tells.
 
-    **Raises:** `ValueError` unless either `period`, or `section` with `span`, is given; for a
+    **Raises:** `ValueError` unless either `period` alone, or `section` with `span`, is given; for a
     section that is crossed 160 times or more in ten spans; and for other invalid arguments, such as
     an initial state that violates the constraints. `RunInterrupted`, a `KeyboardInterrupt` with the
     motion so far, after Ctrl-C.
@@ -406,8 +407,8 @@ def _period(period: float | None, section: Section | None, span: float | None) -
     """Check these arguments of `settle`, and return the time, s, that counts as a period: `period`
     if it is given, and `span` with a section.
 
-    **Raises:** `ValueError` unless either `period`, or `section` with `span`, is given; for a time
-    that is not positive, and a section that is no `Section`.
+    **Raises:** `ValueError` unless either `period` alone, or `section` with `span`, is given; for a
+    time that is not positive, and a section that is no `Section`.
     """
     one = (period is None) != (section is None)
     remedy = "pass the drive's period in s; or a section, with its span in s"

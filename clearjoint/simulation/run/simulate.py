@@ -77,8 +77,8 @@ def simulate(
       the steps between stored states are computed again. The default of 300 was fastest up to
       36 000 steps. Any number works for any run, and does not change the solution. A run that JAX
       does not trace ignores `adjoint`.
-    - `throw`: if the run fails, raise `SimulationError`. Otherwise, and always if JAX traces the
-      run, a failed run returns a `Solution`, whose `result` is the code of the failure.
+    - `throw`: whether a run that fails raises `SimulationError`. If false, and always if JAX traces
+      the run, a failed run returns a `Solution`, whose `result` is the code of the failure.
     - `progress`: show a progress bar for runs that take longer than two seconds, and while
       compiling.
 

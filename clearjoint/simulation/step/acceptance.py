@@ -37,10 +37,11 @@ Flag: TypeAlias = Bool[Any, ""]
 DRIVER_TOLERANCE = 3.0
 """Tolerance within which a driver must be smooth over a step, as a multiple of the relative
 tolerance of the step-size controller. A driver is a constraint that prescribes a motion as a
-function of time. It counts as smooth if the change of its rate over the step differs from the
-integral of its second time derivative by at most the tolerance times the driver's speed, and if the
-change of its value differs from the integral of its rate by at most the tolerance times the speed
-and the step's length. The factor leaves room for the error of the quadrature."""
+function of time. It counts as smooth if two pairs of numbers agree: the change of its rate over the
+step and the integral of its second time derivative, within the tolerance times the driver's speed;
+and the change of its value and the integral of its rate, within the tolerance times this speed
+times the step's length. The integrals are computed by a quadrature, and the factor leaves room for
+its error."""
 FIXED_STEPS_RTOL = 1e-6
 """Relative tolerance for drivers if the step-size controller has none, as in runs with fixed steps:
 the default `rtol` of `Settings`."""

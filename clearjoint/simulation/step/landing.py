@@ -2,11 +2,11 @@
 
 A step that starts in flight and ends deeper in a contact than the landing tolerance is rejected. It
 is repeated up to the event, which is the root of the cubic Hermite interpolant of the penetration.
-The same holds for a step that starts in a contact and ends in flight by more than the tolerance,
-and for a step in which a contact begins and ends, or ends and begins. Penetrations are positive
-where a contact has a force: they are measured from the onset of the force. A `ContactGap` has the
-penetration of one contact, `depth`, m, and its `rate`, m/s. Contact gaps are `ContactGap`s by joint
-and contact.
+The same holds for a step that starts in a contact and ends in flight farther from the contact than
+the tolerance, and for a step in which a contact begins and ends, or ends and begins, and passes the
+event by more than the tolerance in between. Penetrations are positive where a contact has a force:
+they are measured from the onset of the force. A `ContactGap` has the penetration of one contact,
+`depth`, m, and its `rate`, m/s. Contact gaps are `ContactGap`s by joint and contact.
 """
 
 import equinox as eqx

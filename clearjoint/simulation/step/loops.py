@@ -76,9 +76,10 @@ class Loops(eqx.Module):
         """Apply `body` to one item after the other, like `jax.lax.scan`.
 
         **Arguments:** `body`: function of the carry and an item that returns the next carry and an
-        output; `start`: the first carry; `items`: PyTree of N items, (N, ...) each.
+        output; `start`: the first carry; `items`: the N items as one PyTree, whose leaves have a
+        first axis of length N.
 
-        **Returns:** the last carry, and the N outputs, (N, ...) each.
+        **Returns:** the last carry, and the N outputs as one PyTree of the same kind.
         """
         if self.checkpoints is None:
             return jax.lax.scan(body, start, items)

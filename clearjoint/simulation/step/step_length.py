@@ -1,4 +1,4 @@
-"""Lengths of steps before and after events, and the magnitudes to which errors are compared.
+"""Lengths of steps before and after events, and the magnitudes with which errors are compared.
 
 An event is the onset or the end of a contact, or a breakpoint, a time at which a driver or load
 changes abruptly. Steps end at events. A step that an event ends earlier than the step-size

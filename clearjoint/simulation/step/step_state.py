@@ -70,8 +70,9 @@ class Tangents(eqx.Module):
     """Derivatives of three fields of a `Step` with respect to p parameters.
 
     Each field has the structure of the field of `Step` with the same name, and each leaf has an
-    additional first axis of length p. The unit of a leaf is that of the variable, per unit of the
-    parameter; for a parameter on a logarithmic scale, the latter unit is 1.
+    additional first axis of length p. The derivatives are with respect to the parameters'
+    coordinates, such as the logarithm of a parameter on a logarithmic scale. Coordinates are pure
+    numbers, so that each leaf has the unit of the variable.
     """
 
     y: Variables

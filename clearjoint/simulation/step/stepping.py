@@ -106,7 +106,8 @@ def start(
     t_next = jnp.asarray(t_next, dtype=float)
     solver_state = method.solver.init(term, t0, t_next, y, args)
     zero, begins_contact = jnp.zeros((), dtype=int), begins_at_start(contact_gaps)
-    # The onset of a contact that exists already is unknown, and counts as long past.
+    # A contact that touches the wall at the start begins now. The onset of a contact that is deeper
+    # is unknown, and counts as long past.
     since_onset = jnp.where(begins_contact, 0.0, jnp.inf)
     # `entry_length` limits the first step after an onset to twice its value. No step has begun with
     # an onset yet, so the length of the run's first step is taken. If that is too short,
@@ -307,11 +308,11 @@ def _across_discontinuities(
     """Return the variables at the end of a trial step and their tangents, corrected for
     discontinuities of forces there. The tangents are ``None`` without a `family`.
 
-    See `.saltation` and `.breakpoint_events`. The corrections change the variables by rounding
-    errors only, with two exceptions. Velocities jump where the angle or distance that a driver
-    prescribes has a kink. Bristle deflections become zero in open contacts. If steps end at onsets,
-    bristles of contacts that began in the step also get the displacement since the onset added. The
-    corrections of the tangents are not small.
+    See `.saltation` and `.breakpoint_events`. If steps end at onsets, bristles of contacts that
+    began in the step also get the displacement since the onset added. The corrections change the
+    variables by rounding errors, or by as little as a step ends past an onset, with two exceptions:
+    velocities jump where the angle or distance that a driver prescribes has a kink, and bristle
+    deflections become zero in open contacts. The corrections of the tangents are not small.
 
     **Arguments:** `step`: the state before the trial; `keep`: whether the trial is accepted.
     """

@@ -30,7 +30,11 @@ _LOCK = ".lock"
 
 
 def opened_group(path: Path, mode: Literal["r", "r+"]) -> "zarr.Group":
-    """Open the group of a store's arrays at a path, to read ("r") or also to write ("r+")."""
+    """Open the Zarr group that has a store's arrays.
+
+    **Arguments:** `path`: folder of the group, `by_lane` in the store; `mode`: "r" to read, "r+" to
+    read and write.
+    """
     import zarr
 
     files = checked_files()(path, read_only=mode == "r")

@@ -136,7 +136,8 @@ _FORMAT, _VERSION = "sweep_format", 3
 _DIGEST = "sweep_digest"
 """Name of the attribute with a digest of all other metadata of the group `by_lane`."""
 ADDED = "sweep_added"
-"""Name of the attribute that lists the variables added when some lanes were already done."""
+"""Name of the attribute that lists the variables added after the store was made. They may lack the
+files of lanes that were done before."""
 ABANDONED_AFTER = 3600.0
 """Age, s, above which an incomplete store counts as left behind by a killed process and is removed.
 Writing one takes about a second."""
@@ -148,7 +149,7 @@ class Contents(NamedTuple):
     - `layout`: axes, variables and settings of the sweep.
     - `identity`: digests by which the sweep and its lanes are recognised.
     - `order`: (lanes,) number of the lane in each row of the store.
-    - `added`: names of the variables that were added when some lanes were already done.
+    - `added`: names of the variables that were added after the store was made.
     """
 
     layout: Layout
@@ -179,8 +180,8 @@ def create(path: Path, contents: Contents) -> None:
 
 
 def extend(path: Path, contents: Contents) -> None:
-    """Add lanes, in rows after the existing ones, or variables to the store at a path, or give it
-    other axes.
+    """Add lanes or variables to the store at a path, or give it other axes. Added lanes get rows
+    after the existing ones.
 
     Existing chunks of results are not changed. The grid (the copy of the results along the axes),
     whose labels are outdated, is removed.

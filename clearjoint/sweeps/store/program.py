@@ -7,6 +7,8 @@ sweep with further axes finds the stored lanes that start from the same numbers 
 
 Programs are traced in the form in which the lanes run them: the numbers of scene and state are
 arguments of a program, and the numbers of solver, controller and outputs are constants in it.
+Exact zeros and ones in the scene's vectors and matrices are constants too, unless an axis can
+change the vector or matrix.
 
 A store compares fingerprints to detect that the code of a sweep has changed. The digest of a value
 combines the operation that computes the value, the operation's parameters and the digests of its
@@ -373,11 +375,12 @@ class _Traced:
     def outputs(
         self, numbers: PyTree, row: Snapshot, inside: Snapshot, tallies: dict[str, PyTree]
     ) -> dict[str, PyTree]:
-        """Return for each variable the values that its output computes for it at the end of a step,
-        so that the variable's digest depends on all code that computes it.
+        """Return, by variable of the sweep's results, all values that are computed for the variable
+        at the end of a step. A variable's digest is made from these values, so that it depends on
+        all of their code.
 
-        **Arguments:** `row`, `inside`: as in `instant`; `tallies`: tallies of the structure that
-        the method `tallies` returns.
+        **Arguments:** `row`, `inside`: as in `instant`; `tallies`: the data that the reductions
+        carry, structured as the method `tallies` returns them.
         """
         now, computed = self.instant(numbers, row, inside), {}
         for name, reduction in self.plan.reductions.items():
@@ -407,7 +410,7 @@ def identity_of(digests: Mapping[str, str], lanes: Lanes, tasks: Task, saved: st
     """Return the identity of a sweep, by which a store recognises it and its lanes.
 
     A lane starts from its scene, its initial state, its end time and the length of its first step.
-    Lanes with invalid values are identified by their error message.
+    A lane in `lanes.bad`, which is not run, is identified by its error message instead.
 
     **Arguments:** `digests`: digests of the programs by name; `lanes`: scenes and initial states;
     `tasks`: end time, length of the first step and times to save at of each lane; `saved`: name of

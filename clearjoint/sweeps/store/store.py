@@ -44,7 +44,7 @@ from .metadata import (
 from .program import RUN, Identity, matching_lanes
 
 _SHOWN = 60
-"""Number of characters of a text that a message shows."""
+"""Largest number of characters of a text that a message shows."""
 Part = str | int | np.ndarray
 """Part of a layout in which two sweeps may differ: a text, such as a setting or a unit; the number
 of lanes in a chunk; or an array of labels."""
@@ -87,8 +87,8 @@ def _settings(layout: Layout) -> dict[str, Part]:
 
 
 def _parts(layout: Layout) -> dict[str, Part]:
-    """Return the units, labels and variables of a layout, by the names that messages show. A sweep
-    must have all of the stored ones."""
+    """Return the units, labels and variables of a layout, by the names that messages show. Those of
+    a store must be the same in a sweep that uses it; the sweep may have more of them."""
     parts: dict[str, Part] = {f"unit of axis {axis.name}": axis.unit for axis in layout.axes}
     parts |= {f"coordinate {c.name}": c.values for c in layout.coordinates}
     parts |= {f"unit of coordinate {c.name}": c.unit for c in layout.coordinates}
@@ -451,6 +451,7 @@ def _joined(path: Path, stored: Contents, wanted: Contents) -> Contents:
             + "\n  ".join(lines)
             + "\nPass another path, or delete the store to compute it again."
         )
+    # `kept` has no -1 here, since a stored lane that is not wanted is one of the differences.
     order = np.concatenate([kept, np.setdiff1d(np.arange(len(digests)), kept)])
     added = stored.added | (set(wanted.layout.variables) - set(stored.layout.variables))
     return wanted._replace(order=order, added=added)
