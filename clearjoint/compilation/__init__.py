@@ -2,10 +2,10 @@
 
 - `Compiled` wraps functions that XLA compiles, and `HostFirst` functions that NumPy computes if it
   can; `traced_once` wraps functions that are called several times while JAX traces another one.
-- `keep_programs` sets whether whole native programs are saved, and `keeps_programs` returns whether
-  they are. Native programs are compiled by `clearjoint.native` instead of XLA; another process can
-  load a whole one without tracing its function again. `prepare_folder` makes the folder of saved
-  programs.
+- Native programs are compiled by `clearjoint.native` instead of XLA, and their machine code is
+  saved. `keep_programs` sets whether the layout of arguments and results is saved with it, so that
+  another process can load the program without tracing its function again; `keeps_programs` returns
+  this setting. `prepare_folder` makes the folder of saved programs.
 - `program_of` returns the jaxpr of a function.
 - `seconds_of_compiling` returns how long the present compilation has taken so far.
 - `plain_values.digest_of` and `package_code.source_digest` make the keys of saved programs.

@@ -126,12 +126,12 @@ class StartRows(NamedTuple):
 def start_rows(
     scene: Scene, coordinates: AbstractCoordinates, state: State, t: Scalar
 ) -> StartRows:
-    """Return the constraint rows in an initial state at time t, s. Scene and state have vectors as
-    arrays (3,).
+    """Return all constraint rows in an initial state at time t, s, and those that `coordinates` do
+    not eliminate. Scene and state have vectors as arrays (3,).
 
-    The rows of the arrays are in the order of the tuples of names. This order determines which of
-    several dependent rows count as redundant: those that depend on rows before them. A dictionary
-    would lose the order, since JAX sorts its keys.
+    The rows of the arrays in `StartRows` are in the order of its tuples `all_names` and `names`.
+    This order determines which of several dependent rows count as redundant: those that depend on
+    rows before them. A dictionary would lose the order, since JAX sorts its keys.
     """
     scene, bodies = unpack(scene), unpack(state.bodies)
     absolute = AbsoluteCoordinates()

@@ -399,10 +399,11 @@ class RadzimovskyCylinder(AbstractLogarithmicCylinder):
 
 
 class AbstractLoadByLength(AbstractLogarithmicCylinder):
-    """Base class of formulas with the load A = L^2 dR/(R_i R_j S), for the length L, and k = 1.
+    """Base class of line contacts with delta = P S [ln(A/P) + 1] and A = L^2 dR/(R_i R_j S), N/m.
 
-    R_i and R_j are the radii of bearing and journal, and dR is the clearance. A, S = 1/(pi E*),
-    1/Pa, and k are the symbols of `AbstractLogarithmicCylinder`.
+    P is the load per length, N/m, S = 1/(pi E*), 1/Pa, L the length, R_i and R_j the radii of
+    bearing and journal, and dR the clearance. This is the formula of `AbstractLogarithmicCylinder`
+    with k = 1 and another A.
     """
 
     constant = 1.0

@@ -3,12 +3,12 @@
 delta is the penetration, m, rate its time derivative, m/s, K the stiffness and D the damping
 coefficient. Such laws don't use the entry speed.
 
-A contact ends at delta = 0, but already before, the force is set to zero as soon as the dashpot
-would pull the surfaces together. The delivered restitution, the ratio of rebound speed to entry
-speed in a free impact, depends on this rule. If the force could pull, `KelvinVoigt` and `Tsuji`
-would deliver the requested restitution. Since it can't, they deliver a larger one, which
-`clamped_restitution` computes. The forces of `KelvinVoigt` and `Ristow`, for which m = 0, jump at
-the onset.
+A contact ends at delta = 0. Already before, in the rebound, the force is set to zero as soon as the
+dashpot pulls more strongly than the spring pushes, so that the surfaces never attract each other.
+The delivered restitution, the ratio of rebound speed to entry speed in a free impact, depends on
+this rule. If the force could pull, `KelvinVoigt` and `Tsuji` would deliver the requested
+restitution. Since it can't, they deliver a larger one, which `clamped_restitution` computes. The
+forces of `KelvinVoigt` and `Ristow`, for which m = 0, jump at the onset.
 
 The last three laws, `ElastoGap`, `ImpactFunction` and `FloresKelvinVoigt`, have other kinds of
 damping, whose force is zero at the onset.

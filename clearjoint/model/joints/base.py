@@ -329,8 +329,12 @@ class AbstractContactJoint(AbstractElement):
         """Return the friction force on the second body, N in global axes; ``None`` without
         friction.
 
-        If the contact has a `face_radius`, the friction force's component along the normal, times
-        this radius, acts as a moment about the normal. If there is friction, the contact's `slip`
+        The friction force is tangential. Only for a contact with a `face_radius` may the result
+        also have a component along the normal, which is not applied as a force: times this radius,
+        it is the moment about the normal by which friction resists the relative rotation of the
+        faces.
+
+        If there is friction, the contact's `slip`
         must not be ``None``: the energy ledger computes the power of the friction from it.
 
         **Arguments:** `name`: label of the contact. `contact`: its geometry. `normal_force`: N,
