@@ -334,8 +334,8 @@ class AbstractContactJoint(AbstractElement):
         it is the moment about the normal by which friction resists the relative rotation of the
         faces.
 
-        If there is friction, the contact's `slip`
-        must not be ``None``: the energy ledger computes the power of the friction from it.
+        If there is friction, the contact's `slip` must not be ``None``: the energy ledger computes
+        the power of the friction from it.
 
         **Arguments:** `name`: label of the contact. `contact`: its geometry. `normal_force`: N,
         positive if the surfaces push each other apart.
