@@ -453,13 +453,12 @@ class Fit(AbstractTabular):
 
         They hardly determine it if a change along the combination by one standard deviation changes
         any coordinate by more than the scale's `max_step`, the largest change in one step of a fit.
-        If `max_step` is infinite, as on a `Linear` scale, `AbstractScale.uninformative_std` takes
-        its place.
+        If `max_step` is infinite, as on a `Linear` scale, the coordinate's own size takes its place.
         """
         limits = step_limits(self.parameters)
-        pairs = zip(self.parameters.values(), self.coordinates, strict=True)
-        least = [one.scale.uninformative_std(float(u)) for one, u in pairs]
-        sizes = np.where(np.isfinite(limits), limits, least)
+        # A coordinate near zero is thus reported too, even if its error is small in its unit. A
+        # fixed size would never report parameters whose usual values are small, such as clearances.
+        sizes = np.where(np.isfinite(limits), limits, np.abs(self.coordinates))
         for change, deviation in statistics.directions(self.best.best.jacobian):
             if np.any(deviation * np.abs(change) > sizes):
                 # Parameters with a negligible part in the combination are not named.

@@ -110,7 +110,6 @@ def test_warnings_of_bounds_blindness_and_no_convergence():
     twins = np.column_stack([np.ones(COUNT), -0.5 * np.ones(COUNT) + 1e-6 * TIMES])
     (warning,) = line(jacobian=twins).warnings
     assert "hardly determine the combination +0.5 offset +1 slope" in warning
-    assert line(at=(0.0, 1e-9)).warnings == []  # values near zero are determined as well as others
     stalled = line(ending=cj.results.Ending.STALLED)
     assert stalled.warnings[0].startswith("Not converged: no step improves the fit")
 
