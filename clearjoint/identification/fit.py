@@ -453,7 +453,8 @@ class Fit(AbstractTabular):
 
         They hardly determine it if a change along the combination by one standard deviation changes
         any coordinate by more than the scale's `max_step`, the largest change in one step of a fit.
-        If `max_step` is infinite, as on a `Linear` scale, the coordinate's own size takes its place.
+        If `max_step` is infinite, as on a `Linear` scale, the coordinate's own size takes its
+        place.
         """
         limits = step_limits(self.parameters)
         # A coordinate near zero is thus reported too, even if its error is small in its unit. A
