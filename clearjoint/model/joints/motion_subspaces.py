@@ -239,8 +239,8 @@ class AbstractTurning(AbstractMotionAtPoints):
     def angle(self, relative: Relative) -> Scalar:
         """Return the angle of rotation, rad, within [-2 pi, 2 pi].
 
-        Revolutions are told apart up to a multiple of two, because Euler parameters depend on half
-        the angle: after one revolution they have the opposite sign.
+        Angles that differ by two revolutions give the same result, because Euler parameters depend
+        on half the angle: after one revolution they have the opposite sign, after two the same.
         """
         rotation = composed(conjugate(self.reference), relative.orientation)
         vector = Vector(rotation.e1, rotation.e2, rotation.e3)
