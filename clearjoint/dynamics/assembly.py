@@ -6,6 +6,7 @@ satisfied.
 """
 
 from collections.abc import Callable, Collection
+from dataclasses import replace
 from functools import partial
 
 import equinox as eqx
@@ -14,11 +15,12 @@ import numpy as np
 
 from ..compilation import HostFirst
 from ..fields.caching import cached_by_numbers
-from ..fields.checks import checkable, nearest, require, require_finite
+from ..fields.cautions import UnusualValueWarning, caution
+from ..fields.checks import caution_unless, checkable, nearest, require, require_finite
 from ..fields.objects import on_device, with_arrays
 from ..math.rotations import rotation_matrix
 from ..math.vectors import Scalar, pack, unpack
-from ..model.bodies import BodyState, State
+from ..model.bodies import BodyState, State, body_state
 from ..model.joints.base import AbstractConstraint
 from ..model.joints.ideal import FixedJoint, PrismaticJoint
 from ..model.scene import Scene
@@ -36,9 +38,24 @@ since the steps converge quadratically."""
 TOLERANCE = 1e-12
 """Largest constraint value |Phi| at which `assemble` stops iterating, in m or rad; without unit for
 equations between directions. It is slightly above the rounding errors of lengths of a metre."""
+SATISFIED = 1e-9
+"""Largest constraint value |Phi|, m or rad, and largest rate of Phi, m/s or rad/s, that `assemble`
+accepts. It is above `TOLERANCE`, since rounding errors of lengths above a metre may exceed that,
+and small beside `ACCEPTED_VIOLATION`."""
+STRIKING = 0.1
+"""Part of the kinetic energy in motion of journals relative to their bearings, above which
+`assemble` warns. In a mechanism that moves as with ideal joints it is zero, and if a crank turns
+while all links behind its clearance rest, it is between a half and one."""
+LOCKED = (
+    "With ideal joints the mechanism can't move as its drivers prescribe, so that bodies behind a "
+    "clearance have the velocities of the guess: give those of the motion, and pass moving=False."
+)
 ACCEPTED_VIOLATION = 1e-6
 """Largest constraint value |Phi|, m or rad, and largest rate of Phi, m/s or rad/s, of a state from
 which a run may start. This limit is far above rounding errors, and small beside a clearance."""
+REDUNDANT = Formulation(AbsoluteCoordinates(), redundant=True)
+"""Formulation of the corrections of `assemble`. Redundant constraints make their equations
+singular; the flag selects a solver for that case, so that they need not be known."""
 REPRESENTED = 1e-3
 """Largest accepted difference of Euler parameters between a state and the same state after
 conversion to variables and back. Rounding errors are far smaller, and the difference of a state
@@ -75,7 +92,13 @@ def check_names(scene: Scene, state: State) -> None:
 
 
 def assemble(
-    scene: Scene, state: State, t: Scalar = 0.0, *, resting: Collection[str] = ()
+    scene: Scene,
+    state: State,
+    t: Scalar = 0.0,
+    *,
+    resting: Collection[str] = (),
+    centred: bool = False,
+    moving: bool | None = None,
 ) -> State:
     """Find a state near a guess that satisfies the constraints, with each journal in its bearing.
 
@@ -87,12 +110,23 @@ def assemble(
     would give it. A user-defined joint without a centred position (its method `centred_joint`
     returns ``None``) is left as it is. A pin in a slot is only centred across the slot.
 
+    Choose `moving` by what the guess says about velocities. Constraints do not determine those of
+    bodies behind a clearance: if a driver turns the crank of a four-bar with a played crank pin
+    and the guess is at rest, then coupler and rocker stay at rest, and the first impact of the run
+    is as hard as a hammer's. With `moving=True`, they move as if all joints were ideal.
+
     **Arguments:**
 
     - `scene`: the mechanism; `state`: the guess, of positions and velocities.
     - `t`: s, time at which constraints and forces that depend on time are evaluated.
     - `resting`: names of clearance joints whose journals are put in contact with the wall, on the
       side to which gravity and the scene's forces press them while all bodies are at rest.
+    - `centred`: whether all journals are put into the centres of their bearings, except `resting`
+      ones.
+    - `moving`: whether the velocities are those of the mechanism with ideal joints, nearest to the
+      guess's, so that no journal moves relative to its bearing; otherwise velocities of journals
+      are those of the guess as far as the constraints allow. By default it is ``True`` if a driver
+      moves at time `t`.
 
     **Returns:** the assembled state, with the `entry_speeds`, `work` and `bristles` of the guess.
 
@@ -104,10 +138,15 @@ def assemble(
     - if a `FixedJoint` or `PrismaticJoint` would hold a wrong orientation, since the guess is
       turned too far;
     - if a journal is deep in a wall although it is centred, such as a pin beyond the end of a slot;
+    - if `moving` is ``True``, but the mechanism with ideal joints cannot move as its drivers
+      prescribe;
     - if `resting` is a single string;
     - if a name in `resting` is not that of a clearance joint with a centred position;
     - if a journal in `resting` has no load across its axis, or its joint has no position of rest
       (its method `resting_joint` returns ``None``).
+
+    **Warns:** `UnusualValueWarning` if `moving` is ``None``, no driver moves, and more than
+    `STRIKING` of the kinetic energy would be lost if all journals stopped in their bearings.
 
     >>> scene, guess = cj.mechanisms.slider_crank(clearance=None)
     >>> state = cj.assemble(scene, guess)
@@ -122,17 +161,77 @@ def assemble(
         remedy = nearest(name, known, "leave out the others")
         require(name in known, "resting", name, f"names of clearance joints {known}", remedy)
     # Loads depend on the position, so resting journals are centred first, then moved to the wall.
-    ideal = centring_joints(scene, resting)
+    ideal = centring_joints(scene, known if centred else resting)
     state = _in_bearings(scene, ideal, state, t)
     require_centred(scene, state, ideal)
-    if not resting:
+    if resting:
+        ideal |= resting_joints(scene, ideal, resting, state, t)
+        state = _in_bearings(scene, ideal, state, t)
+        # Resting journals are not checked: they are placed as circles, so that a journal with a
+        # profile may be deep in the wall.
+        require_centred(scene, state, set(ideal) - set(resting))
+    if not known or moving is False:
         return state
-    ideal |= resting_joints(scene, ideal, resting, state, t)
-    state = _in_bearings(scene, ideal, state, t)
-    # Resting journals are not checked: they are placed as circles, so that a journal with a profile
-    # may be deep in the wall.
-    require_centred(scene, state, set(ideal) - set(resting))
+    held = with_ideal(scene, centring_joints(scene, known) | ideal)
+    driven = _driven(scene, state, t)
+    try:
+        mechanism = _satisfying(held, state, t)
+        moved = _with_velocities(scene, _with_motion(state, mechanism), t)
+    except ValueError as error:
+        if moving:
+            raise ValueError(f"{error} With all joints ideal; or pass moving=False.") from error
+        if driven:
+            caution(f"{LOCKED} ({error})", UnusualValueWarning)
+        return state
+    if moving or driven:
+        return moved
+    _caution_striking(scene, state, moved)
     return state
+
+
+def _driven(scene: Scene, state: State, t: Scalar) -> bool:
+    """Return whether a constraint, such as a driver, moves bodies at time t, s: whether bodies at
+    rest violate its time derivative."""
+    rest = body_state((0.0, 0.0, 0.0))
+    at_rest = _with_motion(state, State(dict.fromkeys(state.bodies, rest)))
+    rates = constraint_report(scene, at_rest, t).rates
+    return bool(np.abs(rates).max(initial=0.0) > SATISFIED)
+
+
+def _with_motion(state: State, other: State) -> State:
+    """Return the positions of one state with the velocities and spins of another."""
+    bodies = {
+        name: replace(body, velocity=other.bodies[name].velocity, spin=other.bodies[name].spin)
+        for name, body in state.bodies.items()
+    }
+    return replace(state, bodies=bodies)
+
+
+def _caution_striking(scene: Scene, state: State, moved: State) -> None:
+    """Warn of journals that move relative to their bearings with much of the kinetic energy.
+
+    **Arguments:** `moved`: the state with the nearest velocities, in the metric of the mass matrix,
+    at which all journals rest in their bearings. Stopping the journals thus loses energy.
+    """
+    energy, left = (float(kinetic_energy(scene, one.bodies)) for one in (state, moved))
+    lost = 1.0 - left / energy if energy > 0.0 else 0.0
+    caution_unless(
+        lost <= STRIKING,
+        "state",
+        round(100.0 * lost, 1),
+        "% of the kinetic energy in motion of journals relative to their bearings",
+        f"at most {100.0 * STRIKING:g} %",
+        "pass moving=True for the velocities of the mechanism with ideal joints, or moving=False "
+        "if the journals shall strike",
+    )
+
+
+# NumPy computes this function if it can, since a compilation takes longer than a single call.
+@HostFirst
+def kinetic_energy(scene: Scene, bodies: dict[str, BodyState]) -> Scalar:
+    """Return the kinetic energy of all bodies, J. In scene and states, vectors are arrays (3,)."""
+    system = System(unpack(scene), Formulation(AbsoluteCoordinates()))
+    return system.energies(system.encode(unpack(bodies)), 0.0)["kinetic"]
 
 
 def _in_bearings(
@@ -166,29 +265,34 @@ def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
     **Raises:** `ValueError` if the iteration does not converge (the message names the worst
     constraint), or if a joint would hold a wrong orientation (see `require_oriented`).
     """
-    # Redundant constraints make the equations of a correction singular. The flag selects a solver
-    # for that case, so that they need not be known here.
-    formulation = Formulation(AbsoluteCoordinates(), redundant=True)
     bodies = state.bodies
     t = on_device(t)
     for _ in range(ITERATIONS):
         report = constraint_report(scene, State(bodies), t)
         if np.abs(report.values).max(initial=0.0) <= TOLERANCE:
             break
-        bodies = _corrected(System.project_positions, scene, formulation, bodies, t)
+        bodies = _corrected(System.project_positions, scene, REDUNDANT, bodies, t)
     report = constraint_report(scene, State(bodies), t)
-    # The iteration aims at TOLERANCE, but with lengths above a metre, rounding errors may keep the
-    # values above it. A thousand times as much, 1e-9 m or rad, is small beside ACCEPTED_VIOLATION.
-    _require_satisfied(report.names, report.values, TOLERANCE * 1e3, "assembled", "positions")
+    _require_satisfied(report.names, report.values, SATISFIED, "assembled", "positions")
+    state = _with_velocities(scene, replace(state, bodies=bodies), t)
+    require_oriented(scene, state)
+    return state
+
+
+def _with_velocities(scene: Scene, state: State, t: Scalar) -> State:
+    """Return the state with the nearest velocities that satisfy the constraints at time t, s.
+
+    **Raises:** `ValueError` that names the worst constraint if there are none.
+    """
+    bodies, t = state.bodies, on_device(t)
     # For velocities the constraints are linear: one projection solves them, and a second one
     # removes the rounding errors of the first.
     for _ in range(2):
-        bodies = _corrected(System.project_velocities, scene, formulation, bodies, t)
-    report = constraint_report(scene, State(bodies), t)
-    # The same limit as for positions, 1e-9, per second.
-    _require_satisfied(report.names, report.rates, 1e-9, "assembled", "velocities")
-    require_oriented(scene, State(bodies))
-    return State(bodies, state.entry_speeds, state.work, state.bristles)
+        bodies = _corrected(System.project_velocities, scene, REDUNDANT, bodies, t)
+    state = replace(state, bodies=bodies)
+    report = constraint_report(scene, state, t)
+    _require_satisfied(report.names, report.rates, SATISFIED, "assembled", "velocities")
+    return state
 
 
 def require_assembled(names: tuple[str, ...], values: np.ndarray, rates: np.ndarray) -> None:

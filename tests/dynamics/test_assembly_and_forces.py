@@ -164,3 +164,101 @@ def test_a_violation_that_is_not_a_number_counts_as_violated(shift, violated):
     name = next(iter(variables))
     moved = replace(variables[name], position=variables[name].position + Vector(shift, 0.0, 0.0))
     assert bool(system.constraints_violated({**variables, name: moved}, 0.0)) == violated
+
+
+SPEED = 50.0
+TURN = cj.PrescribedRotation("ground", "crank", (0, 0, 1), speed=SPEED, initial_angle=0.9)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_assembly_moves_a_driven_mechanism_as_with_ideal_joints(seed):
+    """The guess is at rest, with journals off their centres; `four_bar` has the closed form."""
+    random = np.random.default_rng(seed)
+    pins = random.choice(["crank pin", "rocker pin", "rocker foot"], 1 + seed, replace=False)
+    clearance = 0.5e-3
+    played = {str(pin): clearance for pin in pins}
+    scene, expected = cj.mechanisms.four_bar(played, speed=SPEED, motor=TURN)
+
+    def guess(offset):
+        bodies = {
+            name: cj.body_state(body.position + offset * random.normal(size=3), body.orientation)
+            for name, body in expected.bodies.items()
+        }
+        return cj.State(bodies)
+
+    start = cj.assemble(scene, guess(0.0))
+    shifted = cj.assemble(scene, guess(0.1 * clearance))
+    struck = cj.assemble(scene, guess(0.0), moving=False)
+    centred = cj.assemble(scene, guess(0.1 * clearance), centred=True)
+    for name, body in expected.bodies.items():
+        np.testing.assert_allclose(start.bodies[name].velocity, body.velocity, atol=1e-9)
+        np.testing.assert_allclose(start.bodies[name].spin, body.spin, atol=1e-8)
+        # Journals off their centres change directions by about the clearance over a length.
+        np.testing.assert_allclose(shifted.bodies[name].velocity, body.velocity, atol=0.02)
+    assert cj.constraint_report(scene, shifted).rates == pytest.approx(0.0, abs=1e-9)
+    # Without the drive's motion behind the clearances, at least the rocker is far too slow.
+    errors = struck.bodies["rocker"].velocity - expected.bodies["rocker"].velocity
+    assert np.linalg.norm(errors) > 0.1
+    bodies = {**centred.bodies, "ground": cj.body_state((0, 0, 0))}
+    for joint in scene.contact_joints().values():
+        (first, second) = (
+            body.position + Rotation.from_quat(body.orientation, scalar_first=True).apply(point)
+            for body, point in (
+                (bodies[joint.bearing_body], joint.bearing_point),
+                (bodies[joint.journal_body], joint.journal_point),
+            )
+        )
+        np.testing.assert_allclose(first[:2], second[:2], atol=1e-9)
+
+
+def test_assembly_warns_of_journals_that_strike_with_much_of_the_energy():
+    """A crank turns freely while coupler and rocker rest behind the clearance of its pin."""
+    scene, moving = cj.mechanisms.four_bar({"crank pin": 0.5e-3}, speed=SPEED)
+    bodies = {
+        name: cj.body_state(body.position, body.orientation) for name, body in moving.bodies.items()
+    }
+    guess = cj.State(bodies | {"crank": moving.bodies["crank"]})
+    with pytest.warns(cj.UnusualValueWarning, match="pass moving=True"):
+        struck = cj.assemble(scene, guess)
+    assert (struck.bodies["rocker"].spin == 0.0).all()
+    assert (cj.assemble(scene, guess, moving=False).bodies["rocker"].spin == 0.0).all()
+    state = cj.assemble(scene, guess, moving=True)
+    # The velocities are those of the mechanism at another speed of the crank.
+    ratio = state.bodies["crank"].spin[2] / SPEED
+    assert 0.0 < ratio < 1.0
+    for name, body in moving.bodies.items():
+        np.testing.assert_allclose(state.bodies[name].velocity, ratio * body.velocity, atol=1e-9)
+    # A mechanism that moves as one is left as it is, without a warning.
+    np.testing.assert_allclose(
+        cj.assemble(scene, moving).bodies["rocker"].spin, moving.bodies["rocker"].spin, atol=1e-12
+    )
+
+
+def test_assembly_says_if_only_clearances_let_a_driven_mechanism_move():
+    """A driven crank is pinned to a plate that a second pin holds to the ground."""
+    x, z, law = (1, 0, 0), (0, 0, 1), cj.laws.Hertz(stiffness=1e9)
+    pin = partial(
+        cj.ClearanceJoint, bearing_radius=0.01, clearance=1e-3, journal_length=0.02, law=law
+    )
+    foot = cj.RevoluteJoint("ground", "crank", (0, 0, 0), (0, 0, 0), z, z)
+    # The second pin's axis is X, so that the plate cannot follow the crank.
+    hold = pin(
+        "ground",
+        "plate",
+        bearing_point=(0.2, 0, 0),
+        journal_point=(0.1, 0, 0),
+        bearing_axis=x,
+        journal_axis=x,
+    )
+    knee = pin("crank", "plate", bearing_point=(0.1, 0, 0))
+    body = cj.Body(1.0, (0.01, 0.01, 0.01))
+    drive = cj.PrescribedRotation("ground", "crank", z, speed=1.0)
+    joints = {"foot": foot, "drive": drive, "knee": knee, "hold": hold}
+    scene = cj.Scene({"crank": body, "plate": body}, joints)
+    guess = cj.State({"crank": cj.body_state((0, 0, 0)), "plate": cj.body_state((0.1, 0, 0))})
+    with pytest.raises(ValueError, match="pass moving=False"):
+        cj.assemble(scene, guess, moving=True)
+    with pytest.warns(cj.UnusualValueWarning, match="pass moving=False"):
+        state = cj.assemble(scene, guess)
+    assert (np.asarray(state.bodies["plate"].velocity) == 0.0).all()
+    assert (cj.assemble(scene, guess, moving=False).bodies["plate"].velocity == 0.0).all()
