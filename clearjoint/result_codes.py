@@ -62,6 +62,11 @@ class RESULTS(eqx.Enumeration):
         "outside its range, in a run that JAX traces; no step was taken. The same run outside of "
         "jax.jit, jax.vmap and jax.grad raises a ValueError that names the number."
     )
+    contact_unsolved = (
+        "The impulses of the rigid contacts in a fixed step were not found: friction may be so "
+        "strong that no impulses satisfy it (Painleve's paradox). Use a shorter step, lower the "
+        "coefficient of friction, or take simulate(), whose contacts are elastic."
+    )
 
 
 def result_number(result: RESULTS) -> np.ndarray:

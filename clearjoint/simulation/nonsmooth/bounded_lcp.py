@@ -53,16 +53,17 @@ class BoxProblem:
         self._diagonal = [number * (1.0 + RELATIVE_SHIFT) for number in diagonals]
         self._matrix = [[*row[:-1], d] for row, d in zip(matrix, self._diagonal, strict=True)]
 
-    def solve(self, start: Sequence[Scalar]) -> tuple[Impulses, Scalar]:
+    def solve(self, start: Sequence[Scalar], least: Scalar) -> tuple[Impulses, Scalar]:
         """Return the impulses that solve the problem, and how well they solve it.
 
-        **Arguments:** `start`: the n velocities q without impulses, m/s.
+        **Arguments:** `start`: the n velocities q without impulses, m/s; `least`: m/s, the smallest
+        velocity that is known to better than rounding errors.
 
         **Returns:** n impulses x, N s, and the residual: the largest violation of a condition,
-        relative to the largest magnitude of q among rows that are not fixed (in m/s, if q is zero
-        there). A residual above `TOLERANCE` means that the iteration did not converge.
+        relative to the largest magnitude of q among rows that are not fixed, or to `least` if that
+        is larger. A residual above `TOLERANCE` means that the iteration did not converge.
         """
-        scale = self._scale(start)
+        scale = jnp.maximum(self._scale(start), least)
 
         def goes(now: tuple[Impulses, Scalar, Scalar]) -> Condition:
             _, residual, count = now
@@ -82,8 +83,7 @@ class BoxProblem:
 
     def _scale(self, start: Sequence[Scalar]) -> Scalar:
         rows = zip(start, self._bounds, strict=True)
-        scale = largest([jnp.where(lower < upper, q, 0.0) for q, (lower, upper) in rows])
-        return jnp.where(scale > 0.0, scale, 1.0)
+        return largest([jnp.where(lower < upper, q, 0.0) for q, (lower, upper) in rows])
 
     def _row(self, i: int) -> list[Scalar]:
         return [self._matrix[max(i, j)][min(i, j)] for j in range(len(self._matrix))]

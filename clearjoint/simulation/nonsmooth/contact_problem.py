@@ -44,6 +44,16 @@ FAST = 1e3
 """Slip speed in m/s at which the Coulomb coefficient of a friction law is evaluated. It is far
 above the speeds below which friction laws are regularised."""
 
+NEGLIGIBLE = 1e-9
+"""Contact velocity in m/s that counts as rest. Residuals are relative to the velocities that the
+impulses have to change, but not to smaller ones than this. Of a block at rest, these velocities are
+rounding errors of 1e-17 m/s, of which no residual is a small fraction."""
+ROUNDED = 1e-3
+"""Part of the largest contact velocity of a problem, to which the residual of a part of it is
+relative at least. Velocities along the slip of a block at rest are differences of its normal ones,
+and below 1e-16 of them they are rounding errors: 1e-3 times `.bounded_lcp.TOLERANCE` is far above.
+"""
+
 LEAST_FACTOR, LARGEST_FACTOR = 0.1, 1e4
 """Bounds of the factor by which a change of the tangential impulses is extrapolated. Without them,
 the factor could be negative, or arbitrarily large if two successive changes are nearly equal."""
@@ -249,13 +259,14 @@ class ContactProblem:
         return self._matrix[max(i, j)][min(i, j)]
 
     def normal_impulses(
-        self, closed: Sequence[Condition], aims: Sequence[Scalar]
+        self, closed: Sequence[Condition], aims: Sequence[Scalar], least: Scalar = NEGLIGIBLE
     ) -> tuple[Impulses, Scalar]:
         """Return normal impulses of all contacts in N s, zero at open ones, and the residual.
 
         With these impulses, each closed contact opens at least with the smallest velocity that is
         allowed. The residual is the largest violation of the contact conditions along the normals,
-        relative to the largest magnitude among the `aims` of closed contacts.
+        relative to the largest magnitude among the `aims` of closed contacts, but at least to
+        `least`, m/s.
 
         **Arguments:** `closed`: whether each contact is closed; `aims`: m/s, for each contact its
         opening velocity without impulses, less the smallest one that is allowed, such as -e U- for
@@ -264,7 +275,7 @@ class ContactProblem:
         normal = [row[: i + 1] for i, row in enumerate(self._matrix[: self._count])]
         # An open contact is fixed to an impulse of zero by equal bounds.
         upper = [jnp.where(shut, jnp.inf, 0.0) for shut in closed]
-        return BoxProblem(normal, [0.0] * self._count, upper).solve(aims)
+        return BoxProblem(normal, [0.0] * self._count, upper).solve(aims, least)
 
     def impulses(
         self, closed: Sequence[Condition], aims: Sequence[Scalar], slips: Sequence[Scalar]
@@ -275,8 +286,9 @@ class ContactProblem:
         The residual is the largest of three: that of the normal impulses, that of the friction
         impulses, and the opening velocity by which the two do not fit each other. Each is relative
         to the largest velocity at closed contacts that the impulses of its problem have to change:
-        along the normals, along the slip directions, or along both. The residual is above
-        `TOLERANCE` if the alternation did not converge.
+        along the normals, along the slip directions, or along both, but at least to `ROUNDED` times
+        the largest of all, and to `NEGLIGIBLE`. The residual is above `TOLERANCE` if the
+        alternation did not converge.
 
         **Arguments:** `closed`, `aims`: as for `normal_impulses`; `slips`: m/s, velocities along
         the slip directions without impulses.
@@ -290,22 +302,21 @@ class ContactProblem:
         coefficients = [self.contacts[k].coefficient for k in owner]
         block = [self._matrix[i][count : i + 1] for i in tangents]
         # The residual is relative to the largest velocity that the impulses at closed contacts have
-        # to change. If all these velocities are zero, the residual is in m/s.
+        # to change.
         live = [*closed, *(closed[k] for k in owner)]
-        scale = _largest_of(live, [*aims, *slips])
-        scale = jnp.where(scale > 0.0, scale, 1.0)
+        scale = jnp.maximum(_largest_of(live, [*aims, *slips]), NEGLIGIBLE)
+        least = jnp.maximum(ROUNDED * scale, NEGLIGIBLE)
 
         def go(now: Alternation) -> Alternation:
             # Normal impulses for the tangential ones that the last turn has extrapolated, then
             # friction within the bounds that these normal impulses give.
             tried = now.tried
             aims_with_friction = self.velocities_after(aims, tried, normals, tangents)
-            normal, normal_residual = self.normal_impulses(closed, aims_with_friction)
+            normal, normal_residual = self.normal_impulses(closed, aims_with_friction, least)
             bounds = [mu * normal[k] for mu, k in zip(coefficients, owner, strict=True)]
             problem = BoxProblem(block, [-bound for bound in bounds], bounds)
-            tangential, slip_residual = problem.solve(
-                self.velocities_after(slips, normal, tangents, normals)
-            )
+            slips_with_normal = self.velocities_after(slips, normal, tangents, normals)
+            tangential, slip_residual = problem.solve(slips_with_normal, least)
             # The normal impulses were solved for other tangential ones: the opening velocities that
             # the difference causes are the residual of the alternation.
             change = [a - b for a, b in zip(tangential, tried, strict=True)]

@@ -228,7 +228,7 @@ def _after_step(rigid: Rigid, now: RigidRun, t: Scalar, h: Scalar) -> RigidRun:
         return _total(now.totals[name][label], contacts[name][label], now.touching[name][label])
 
     result = RESULTS.where(finite, now.result, RESULTS.non_finite)
-    result = RESULTS.where(finite & ~solved, RESULTS.solver_failed, result)
+    result = RESULTS.where(finite & ~solved, RESULTS.contact_unsolved, result)
     result = RESULTS.where(finite & ~end.shallow, RESULTS.step_too_long, result)
     good = finite & solved & end.shallow
     # Drivers enter the equations by their second derivatives, at single times of a step only.
