@@ -74,6 +74,9 @@ elements of your own in `clearjoint.extend`. All numbers are in SI units.
 >>> times, x = np.linspace(0.01, 0.3, 30), cj.quantities.Position("ball", "x")
 """
 
+from importlib import import_module as _import_module
+from types import ModuleType as _ModuleType
+
 # First of all, so that the source files are noted before any other module is read from them.
 from .compilation import remember_contents as _remember_contents
 
@@ -219,6 +222,15 @@ from .sweeps.store.store import open_sweep as open_sweep
 from .sweeps.sweep import sweep as sweep
 from .views.viewing import View as View
 from .views.viewing import view as view
+
+
+def __getattr__(name: str) -> _ModuleType:
+    # These modules are imported on first use, since most programs don't need Matplotlib or checks
+    # of user-defined classes.
+    if name in ("plot", "testing"):
+        return _import_module(f".{name}", __name__)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
 
 __dir__ = _without_modules(
     globals(),

@@ -25,6 +25,7 @@ from .model.contact.dashpots import Jankowski as Jankowski
 from .model.contact.dashpots import KelvinVoigt as KelvinVoigt
 from .model.contact.dashpots import KuwabaraKono as KuwabaraKono
 from .model.contact.dashpots import Ristow as Ristow
+from .model.contact.dashpots import SpringDashpot as SpringDashpot
 from .model.contact.dashpots import Tsuji as Tsuji
 from .model.contact.dashpots import clamped_restitution as clamped_restitution
 from .model.contact.hunt_crossley import CarvalhoMartins as CarvalhoMartins

@@ -2,6 +2,8 @@
 the remedy. No test compiles a run."""
 
 import re
+import subprocess
+import sys
 import warnings
 from dataclasses import FrozenInstanceError
 
@@ -477,3 +479,9 @@ def test_supported_bodies_cause_no_warning():
             cj.mechanisms.rotor_in_bearing,
         ):
             make()
+
+
+def test_plot_and_testing_are_attributes_of_the_package():
+    program = "import clearjoint as cj; cj.testing.check_law; cj.plot.report; cj.nothing"
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert "no attribute 'nothing'" in run.stderr, run.stderr

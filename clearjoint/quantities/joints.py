@@ -298,8 +298,12 @@ class Multiplier(AbstractJointQuantity):
 
     The row's Jacobian times the multiplier is the reaction on the bodies. The multiplier's unit is
     N for a row whose value is in m, and N m for one in rad or without unit. For a driver, it is the
-    driving force or moment. In joint coordinates, the joints that the coordinates satisfy by
-    themselves have no multipliers; use `Reaction` for them.
+    driving force or moment, positive if it pushes the second body towards larger values.
+
+    Prefer `Reaction`, which is a force or moment in axes that you know, for all joints. Multipliers
+    belong to single rows: a joint in joint coordinates has none; rows between directions multiply
+    moments by the sine of the angle of their axes; and among redundant constraints, multipliers are
+    those of least norm, so that they are not unique.
 
     **Arguments:** `joint`: name of the joint. `row`: name of its constraint row, a key of the
     dictionary that the joint's method `rows` returns.

@@ -29,8 +29,7 @@ CHANNELS = {"link": cj.quantities.JointAngle("link")}
 def shafts() -> tuple[cj.Scene, cj.State]:
     """Return the scene and its initial state."""
     mass = TOGETHER / RADIUS**2
-    requested = math.exp(-math.pi * DAMPING / math.sqrt(1.0 - DAMPING**2))
-    law = cj.laws.KelvinVoigt(requested, mass * FREQUENCY**2, mass)
+    law = cj.laws.SpringDashpot(mass * FREQUENCY**2, 2.0 * DAMPING * mass * FREQUENCY)
     bodies = {
         "motor": cj.Body(1.0, (5e-3, 5e-3, MOTOR)),
         "link": cj.Body(1.0, (5e-3, 5e-3, LINK)),

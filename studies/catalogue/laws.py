@@ -58,6 +58,7 @@ BY_INTEGRATION: dict[str, tuple[str, Callable[[float], cj.extend.AbstractContact
     ),
     "ExactRestitution": ("Zhang, Sharf 2009", lambda c: cj.laws.ExactRestitution(c, STIFFNESS)),
     "KelvinVoigt": ("Kelvin, Voigt", lambda c: cj.laws.KelvinVoigt(c, 1.5e8, MASS)),
+    "SpringDashpot": ("Kelvin, Voigt", lambda c: cj.laws.SpringDashpot(1.5e8, 2e4 * (1 - c))),
     "FloresKelvinVoigt": ("Flores", lambda c: cj.laws.FloresKelvinVoigt(c, 1.5e8)),
     "Tsuji": ("Tsuji et al. 1992", lambda c: cj.laws.Tsuji(c, STIFFNESS, MASS)),
     "MemorylessHuntCrossley": (

@@ -8,7 +8,7 @@ dashpot pulls more strongly than the spring pushes, so that the surfaces never a
 The delivered restitution, the ratio of rebound speed to entry speed in a free impact, depends on
 this rule. If the force could pull, `KelvinVoigt` and `Tsuji` would deliver the requested
 restitution. Since it can't, they deliver a larger one, which `clamped_restitution` computes. The
-forces of `KelvinVoigt` and `Ristow`, for which m = 0, jump at the onset.
+forces of `KelvinVoigt`, `SpringDashpot` and `Ristow`, for which m = 0, jump at the onset.
 
 The last three laws, `ElastoGap`, `ImpactFunction` and `FloresKelvinVoigt`, have other kinds of
 damping, whose force is zero at the onset.
@@ -163,7 +163,8 @@ class KelvinVoigt(AbstractClampedDashpotLaw):
     restitution would be delivered if the force could pull until the surfaces separate. Since it
     can't, the requested values 0.1, 0.5 and 0.9 deliver 0.253, 0.550 and 0.902. At the onset the
     force jumps to D times the entry speed. S. A. Anagnostopoulos 1988 uses the same law for
-    colliding buildings. The arguments are those of `AbstractTunedDashpotLaw`.
+    colliding buildings. `SpringDashpot` is the same law with a given D. The arguments are those of
+    `AbstractTunedDashpotLaw`.
 
     >>> law = cj.laws.KelvinVoigt(restitution=0.5, stiffness=1e6, effective_mass=1.0)
     >>> print(f"{law.delivered_restitution():.3f}")
@@ -253,6 +254,26 @@ class AbstractGivenDashpotLaw(AbstractDashpotLaw):
     def damping(self, gap: Gap) -> Scalar:
         """Return the damping coefficient D, N s/m^(1+m)."""
         return self.damping_coefficient
+
+
+class SpringDashpot(AbstractGivenDashpotLaw):
+    r"""The law of `KelvinVoigt`, F = K delta + D rate, with the damping coefficient D itself.
+
+    $$F = K \delta + D \dot\delta$$
+
+    Take it for stops and flanks whose D, N s/m, is known or fitted, also overdamped ones;
+    `KelvinVoigt` computes D from a restitution and a mass. K is in N/m. The force jumps at the
+    onset. A free impact of the mass m has the damping ratio z = D/(2 sqrt(K m)), and below 1 it
+    delivers the restitution `clamped_restitution(z)`.
+
+    >>> law = cj.laws.SpringDashpot(stiffness=1e6, damping_coefficient=2e3)
+    >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 100 + 200
+    300.0
+    """
+
+    exponent = 1.0
+    damping_exponent = 0.0
+    force_jumps = True
 
 
 class KuwabaraKono(AbstractGivenDashpotLaw):
