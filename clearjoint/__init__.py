@@ -172,6 +172,7 @@ from .model.joints.ideal import PointInPlaneJoint as PointInPlaneJoint
 from .model.joints.ideal import PrismaticJoint as PrismaticJoint
 from .model.joints.ideal import RevoluteJoint as RevoluteJoint
 from .model.joints.ideal import SphericalJoint as SphericalJoint
+from .model.joints.joint_friction import JointFriction as JointFriction
 from .model.scene import Scene as Scene
 from .parametrisation.parameter import Bounded as Bounded
 from .parametrisation.parameter import Linear as Linear

@@ -113,7 +113,8 @@ def contact_wrenches(
     **Arguments:** `normal_force`: N, positive if it pushes the bodies apart; `friction`: force on
     the second body, N, in global axes, or ``None``; `motions`: pose and velocities of each body;
     `friction_moment`: on the second body about the normal, N m, or ``None``. For a contact that
-    acts as a couple (see `Contact.turning`), `friction` and `friction_moment` are ignored.
+    acts as a couple (see `Contact.turning`), `friction` and `friction_moment` are ignored; for the
+    friction of an ideal hinge (see `Contact.lever`), the normal force is.
     """
     first, second = joint.pair()
     if contact.turning is not None:
@@ -123,6 +124,14 @@ def contact_wrenches(
         for name, turning in zip((first, second), contact.turning, strict=True):
             if name != GROUND:
                 yield name, Wrench(ZERO, turning * -normal_force)
+        return
+    if contact.lever is not None:
+        # Friction of an ideal hinge or ball.
+        assert friction is not None
+        couple = friction * contact.lever
+        for name, moment in ((second, couple), (first, -couple)):
+            if name != GROUND:
+                yield name, motions[name].torque(moment)
         return
     # `push` acts on the second body. The normal is the direction in which the second body
     # penetrates the first, so that the normal force on the second body is against it.

@@ -262,7 +262,7 @@ def test_kelvin_voigt_is_the_closed_form():
 @pytest.mark.parametrize("ratio", [0.05, 0.5, 0.95])
 def test_a_dashpot_coefficient_delivers_its_closed_form(ratio):
     law = cj.laws.SpringDashpot(1e6, 2.0 * ratio * np.sqrt(1e6 * MASS))
-    expected = cj.laws.clamped_restitution(ratio)
+    expected = float(cj.laws.clamped_restitution(ratio))
     assert cj.free_impact(law, MASS, SPEED).restitution == pytest.approx(expected, rel=1e-6)
 
 

@@ -246,6 +246,9 @@ class Contact:
     - `face_radius`: ``None``, except for two flat faces whose friction resists their relative
       rotation as well. It is the mean radius of the faces, m. `slip` then has a component along the
       normal: this radius times the spin of the second body relative to the first about the normal.
+    - `lever`: ``None``, except for friction in an ideal hinge or ball. The friction F then acts as
+      a couple with the moment `lever` F, m, and `slip` is `lever` times the angular velocity of the
+      second body relative to the first, about the axis of the hinge.
 
     >>> gap = extend.Gap(depth=1e-6, rate=0.0)
     >>> arms = extend.Vector(0.0, 0.0, 0.0), extend.Vector(0.0, 0.0, -0.01)
@@ -263,6 +266,7 @@ class Contact:
     line_second: Vector | None = None
     turning: tuple[Vector, Vector] | None = None
     face_radius: Scalar | None = None
+    lever: Scalar | None = None
 
     def points_of_force(self, has_friction: bool) -> tuple[Vector, Vector]:
         """Return the points where the force acts on the first and the second body.

@@ -32,6 +32,7 @@ from ...math.rotations import transverse_axes
 from ...math.smoothing import norm_and_direction
 from ...math.vectors import Condition, Scalar, Vector, add, multiply
 from ...model.joints.base import AbstractContactJoint, Contact, Row, each_label
+from ...model.joints.joint_friction import JointFriction
 from ...model.scene import Scene
 from .bounded_lcp import BoxProblem, Impulses, largest
 
@@ -134,6 +135,10 @@ def _touch(
     expected = f"without a moment of friction at {label!r}"
     remedy = "leave `friction` and `radius` out of EndPlay, or take simulate()"
     require(has_no_moment, f"scene.joints[{name!r}]", type(joint).__name__, expected, remedy)
+    # Its bound is a constant load, not an impulse that the step finds.
+    is_contact, remedy = not isinstance(joint, JointFriction), "leave it out, or take simulate()"
+    expected = "a joint with contacts, not friction of an ideal joint"
+    require(is_contact, f"scene.joints[{name!r}]", type(joint).__name__, expected, remedy)
     on_first, on_second = contact.points_of_force(contact.slip is not None)
 
     def row(direction: Vector) -> Row:
