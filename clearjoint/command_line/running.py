@@ -68,7 +68,7 @@ def run(study: Study, folder: Path) -> CommandResult:
 
     **Returns:** the exit code, 0 if the run reached its end, 130 after Ctrl-C and 1 otherwise, and
     a line with the number of steps, the time reached and, for a scene with contacts, the number of
-    impacts and the largest force.
+    impacts and the largest force of a contact.
 
     **Raises:** `ValueError` for wrong entries in the section [run], such as an `end` that is
     missing or not after the start, and for a state with which the scene can't run.
@@ -122,7 +122,7 @@ def run(study: Study, folder: Path) -> CommandResult:
         say(failure if code == FAILED else f"interrupted at {reached}")
         say(f"the results so far are in {folder}; {folders.REACHED} has the state to continue from")
     count = "" if solution.impacts is None else f", {len(solution.impacts)} impacts"
-    largest = f", largest force {force:.4g} N ({contact})" if contact else ""
+    largest = f", largest force of a contact {force:.4g} N ({contact})" if contact else ""
     return CommandResult(code, f"{int(solution.accepted)} steps to {reached}{count}{largest}")
 
 

@@ -191,7 +191,7 @@ def _impacts(impacts: Impacts | None) -> str:
         return "no finished impact"
     factor, unit = fitting_unit(impacts.peak_force, "N")
     largest = f"{factor * impacts.peak_force.max():.4g} {unit}"
-    return f"{_counted(len(impacts), 'finished impact')}, the largest of {largest}"
+    return f"{_counted(len(impacts), 'finished impact')}, the largest of {largest} at one contact"
 
 
 def impact_rows(impacts: Impacts, most: int) -> list[Cells]:

@@ -75,14 +75,18 @@ class AbstractContactQuantity(AbstractJointQuantity):
 
 
 class ContactForce(AbstractContactQuantity):
-    """Normal force of a contact, or the largest normal force among a joint's contacts, N.
+    """Normal force that a joint transmits by all of its contacts, or by one of them, N.
+
+    The force of all contacts is the magnitude of their resultant, as in Newton's law: a journal
+    that rests on both of its bases with 100 N each carries 200 N, and one that is jammed between
+    opposite walls carries the difference. Name a contact for the load on one base, which is what
+    the tables of impacts list, and about half of the joint's force in a parallel impact.
 
     **Arguments:** `joint`: name of the joint. `contact`: label of the contact, such as "V"; for
-    ``None``, the default, the quantity is the largest force of the joint's contacts.
+    ``None``, the default, all contacts of the joint.
 
-    >>> largest = cj.quantities.ContactForce("shoulder")
-    >>> cj.quantities.ContactForce("shoulder", "V").unit
-    'N'
+    >>> of_joint = cj.quantities.ContactForce("shoulder")
+    >>> of_base = cj.quantities.ContactForce("shoulder", "V")
     """
 
     contact: str | None = eqx.field(default=None, static=True)
@@ -101,8 +105,11 @@ class ContactForce(AbstractContactQuantity):
     def __call__(self, now: Instant) -> Scalar:
         """Return the normal force, N."""
         contacts = now.contacts[self.joint]
-        forces = contacts.values() if self.contact is None else [contacts[self.contact]]
-        return reduce(jnp.maximum, (force.normal_force for force in forces), 0.0)
+        if self.contact is not None or len(contacts) == 1:
+            (label,) = contacts if self.contact is None else [self.contact]
+            return contacts[label].normal_force
+        forces = [force.contact.normal * force.normal_force for force in contacts.values()]
+        return norm_and_direction(reduce(add, forces))[0]
 
 
 class FrictionForce(AbstractContactQuantity):
@@ -395,8 +402,8 @@ class Reaction(AbstractReaction):
         # First the force on the joint's second body; the reaction on the first is its opposite.
         on_second = ZERO
         for loaded in now.contacts[self.joint].values():
-            # A contact with `turning` acts as a couple, without a net force.
-            if loaded.contact.turning is None:
+            # A contact with `turning` or a `lever` acts as a couple, without a net force.
+            if loaded.contact.turning is None and loaded.contact.lever is None:
                 on_second = on_second - loaded.contact.normal * loaded.normal_force
                 on_second = on_second if loaded.friction is None else on_second + loaded.friction
         film_force = joint.film_wrenches(now.motions).get(self.body, NO_WRENCH).force

@@ -141,6 +141,23 @@ def test_reaction_of_a_clearance_joint_is_the_force_on_its_journal():
     assert np.linalg.norm(forces[0]) > float(q.ContactForce("shoulder")(now)) > 100.0
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_the_contact_force_of_a_joint_is_the_resultant_of_its_contacts(seed):
+    """Without friction it is the reaction. A tilted journal touches at opposite sides too."""
+    scene, state = cj.mechanisms.double_pendulum(law=cj.laws.Hertz(1e9))
+    random = np.random.default_rng(seed)
+    arm = state.bodies["arm 2"]
+    direction = random.uniform(0.0, 2.0 * math.pi)
+    position = arm.position + 0.6e-3 * np.array([math.cos(direction), math.sin(direction), 0.0])
+    tilt = cj.rotation(axis=(1, 1, 0), angle=0.1 * random.normal())
+    bodies = {**state.bodies, "arm 2": cj.body_state(position, tilt)}
+    now = instant(scene, cj.State(bodies))
+    bases = [float(q.ContactForce("shoulder", base)(now)) for base in "VW"]
+    total = float(q.ContactForce("shoulder")(now))
+    assert total == pytest.approx(float(q.Reaction("shoulder", "arm 2")(now)), rel=1e-12)
+    assert max(bases) > 0.0 and total <= sum(bases) * (1.0 + 1e-12)
+
+
 def test_point_of_the_ground_stands_still(pendulum):
     now, _, _ = pendulum
     assert vector(q.PointPosition, now, "ground", (1, 2, 3)) == [1.0, 2.0, 3.0]
