@@ -63,7 +63,7 @@ ROUNDING = 0.5e-9
 """Relative error of moments of inertia that is allowed for the rounding of written numbers, less
 than that which `Body` allows."""
 ZERO = 1e-14
-"""Ratio of the smallest to the largest principal moment below which the former counts as zero."""
+"""Ratio of a moment or product of inertia to the largest moment below which it counts as zero."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class JointLimits:
 
 
 @dataclass(frozen=True)
-class LinkFrame:
+class LinkPose:
     """Where the frame of a robot's link is in a scene.
 
     - `body`: name of the body to which the link belongs; "ground" if it doesn't move.
@@ -93,7 +93,7 @@ class LinkFrame:
     - `orientation`: (4,) Euler parameters, scalar first, that transform components in the link's
       frame to the body's frame.
 
-    >>> cj.results.LinkFrame("arm", (0.5, 0.0, 0.0)).orientation
+    >>> cj.results.LinkPose("arm", (0.5, 0.0, 0.0)).orientation
     (1.0, 0.0, 0.0, 0.0)
     """
 
@@ -286,12 +286,12 @@ class Robot:
         shifts = np.array(centres) - centres[0]
         return centres[0] + (masses @ shifts / masses.sum() if masses.sum() > 0.0 else 0.0)
 
-    def frame(self, link: str) -> LinkFrame:
+    def frame(self, link: str) -> LinkPose:
         """Return the place of a link's frame in its body."""
         carrier, pose = self.carriers[link], self.poses[link]
         rotation = _rounded(carrier.pose[:3, :3] @ pose[:3, :3])
         point = self.in_body(carrier, pose[:3, 3])
-        return LinkFrame(carrier.body, point, euler_parameters(rotation))
+        return LinkPose(carrier.body, point, euler_parameters(rotation))
 
     def in_body(self, carrier: Carrier, point: np.ndarray) -> tuple[float, float, float]:
         """Return a point of a carrier, m from its centre of mass in body axes.
@@ -377,8 +377,9 @@ def _bodies(robot: Robot, carriers: Iterable[Carrier]) -> dict[str, Body]:
         rotation = _rounded(carrier.pose[:3, :3])
         tensor = rotation @ tensor @ rotation.T
         # Three moments make a smaller program than a tensor. Rounding makes a rotated tensor
-        # slightly unsymmetric.
-        is_principal = not np.any(tensor - np.diag(tensor.diagonal()))
+        # slightly unsymmetric, and that of a ball not quite diagonal.
+        products = tensor - np.diag(tensor.diagonal())
+        is_principal = np.abs(products).max() <= ZERO * np.abs(tensor).max()
         inertia = tensor.diagonal() if is_principal else 0.5 * (tensor + tensor.T)
         with location.in_errors():
             bodies[carrier.body] = Body(mass, inertia)

@@ -24,7 +24,7 @@ from .files import FilePath
 from .robots import (
     Inertial,
     JointLimits,
-    LinkFrame,
+    LinkPose,
     Options,
     Play,
     Robot,
@@ -75,7 +75,7 @@ def urdf_limits(path: FilePath) -> dict[str, JointLimits]:
 
 def urdf_links(
     path: FilePath, *, merge_fixed: bool = True, free_root: bool = False
-) -> dict[str, LinkFrame]:
+) -> dict[str, LinkPose]:
     """Return where the frames of the links of a URDF file are in the scene of `load_urdf`, by the
     links' names.
 
@@ -297,6 +297,13 @@ def _numbers(
     return numbers
 
 
+def _number(
+    element: Element | None, name: str, default: str | None, location: FileLocation
+) -> float:
+    """Return the only number in an attribute of an element, as `_numbers` does."""
+    return float(_numbers(element, name, default, 1, location)[0])
+
+
 def _pose(origin: Element | None, location: FileLocation) -> np.ndarray:
     """Return the homogeneous matrix (4, 4), m, of an <origin> element; the identity for None."""
     from scipy.spatial.transform import Rotation
@@ -318,7 +325,7 @@ def _inertial(link: Element, location: FileLocation) -> Inertial | None:
     if inertial is None:
         return None
     location = location.at("inertial")
-    (mass,) = _numbers(inertial.find("mass"), "value", "0", 1, location)
+    mass = _number(inertial.find("mass"), "value", "0", location)
     if mass < 0.0:
         location.at("mass").refuse(mass, "a mass in kg that is not negative", "correct it")
     pose = _pose(inertial.find("origin"), location)
@@ -328,7 +335,7 @@ def _inertial(link: Element, location: FileLocation) -> Inertial | None:
 
     def entry(name: str) -> float:
         # Products of inertia are often omitted if they are zero.
-        return _numbers(inertia, name, None if name[1] == name[2] else "0", 1, location)[0]
+        return _number(inertia, name, None if name[1] == name[2] else "0", location)
 
     tensor = np.array([[entry("i" + "".join(sorted(row + c))) for c in "xyz"] for row in "xyz"])
     return Inertial(mass, pose[:3, 3], pose[:3, :3] @ tensor @ pose[:3, :3].T)
@@ -358,6 +365,4 @@ def _joint(joint: Element, name: str, location: FileLocation) -> RobotJoint:
 
 def _limits(limit: Element, location: FileLocation) -> JointLimits:
     names = [name for name in ("lower", "upper", "effort", "velocity") if name in limit.attrib]
-    return JointLimits(
-        **{name: float(_numbers(limit, name, None, 1, location)[0]) for name in names}
-    )
+    return JointLimits(**{name: _number(limit, name, None, location) for name in names})
