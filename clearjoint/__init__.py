@@ -190,6 +190,7 @@ from .scene_files.files import save as save
 from .scene_files.schema import scene_schema as scene_schema
 from .scene_files.urdf import load_urdf as load_urdf
 from .scene_files.urdf import urdf_limits as urdf_limits
+from .scene_files.urdf import urdf_links as urdf_links
 from .simulation.nonsmooth.simulate import simulate_nonsmooth as simulate_nonsmooth
 from .simulation.reductions.joints import ArchardWear as ArchardWear
 from .simulation.reductions.joints import DissipatedEnergy as DissipatedEnergy

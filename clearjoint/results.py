@@ -10,7 +10,8 @@ from .identification.screening.screening import Screened as Screened
 from .information.analysis import Identifiability as Identifiability
 from .information.horizon import FitHorizon as FitHorizon
 from .model.clearance_joints.lubricated import CarriedJournal as CarriedJournal
-from .scene_files.urdf import JointLimits as JointLimits
+from .scene_files.robots import JointLimits as JointLimits
+from .scene_files.robots import LinkPose as LinkPose
 from .simulation.results.impact_table import Impacts as Impacts
 from .simulation.results.nonsmooth_solution import ContactTotals as ContactTotals
 from .simulation.results.nonsmooth_solution import NonsmoothSolution as NonsmoothSolution

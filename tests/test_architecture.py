@@ -65,7 +65,6 @@ THIRD_PARTY = {
     "pint": {"measurements"},
     "tomlkit": {"scene_files"},
     "pdoc": {"reference"},
-    "yourdfpy": {"scene_files"},
     "zarr": {"sweeps"},
     "cloudpickle": {"sweeps"},
 }

@@ -49,7 +49,7 @@ class LeftBearingWarning(UserWarning):
 
 class NotCarriedOverWarning(UserWarning):
     """Warns that an imported file (URDF) contains data that a scene cannot represent, and that are
-    left out.
+    left out or replaced.
 
     Silence it with ``warnings.filterwarnings("ignore",
     category=clearjoint.NotCarriedOverWarning)``.

@@ -1,84 +1,55 @@
-"""Load robots from URDF files, with play in given joints. The package yourdfpy parses the files.
+"""Load robots from URDF files, with play in given joints.
 
-Play is either a radial clearance of a joint or a backlash, a free angle of rotation.
-A link of URDF has a frame, and a joint of URDF gives the frame of its child link relative to the
-frame of its parent link. The frame of a body is parallel to the frame of its link, and its origin
-is the centre of mass.
+Play is either a radial clearance of a joint or a backlash, a free angle of rotation. This module
+parses the XML; `robots` makes the scene. Every message names the file and the element.
 """
 
 import math
-from collections import Counter
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from graphlib import TopologicalSorter
-from io import BytesIO
+from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
-from xml.etree import ElementTree
+from typing import NamedTuple
+from xml.etree.ElementTree import Element, TreeBuilder
+from xml.parsers import expat
 
 import numpy as np
-from jaxtyping import PyTree
 
 from ..fields.cautions import NotCarriedOverWarning, caution
-from ..fields.checks import as_number, nearest, require_positive
+from ..fields.checks import require_positive
 from ..fields.types import TripleLike
-from ..model.bodies import GROUND, Body, State, body_state
-from ..model.clearance_joints.backlash import Backlash
-from ..model.clearance_joints.clearance import ClearanceJoint, FixedAxially
-from ..model.joints.base import AbstractConstraint, AbstractContactJoint
-from ..model.joints.ideal import FixedJoint, PrismaticJoint, RevoluteJoint
+from ..model.bodies import GROUND, State
 from ..model.scene import Scene
-from .classes import Expectation, arguments
-from .documents import FileLocation, listed, read_bytes
+from .documents import FileLocation, read_bytes
 from .files import FilePath
-from .reading import Reader
+from .robots import (
+    Inertial,
+    JointLimits,
+    LinkPose,
+    Options,
+    Play,
+    Robot,
+    RobotJoint,
+    RobotLink,
+    scene_of,
+)
 
-if TYPE_CHECKING:
-    import yourdfpy
-
-Play: TypeAlias = Mapping[str, PyTree]
-"""Arguments of a `ClearanceJoint`, or of a `Backlash`, by name, as the user passes them."""
-OF_JOINTS = {
+LARGEST_FILE = 50_000_000
+"""Size in bytes above which files are refused, since they could exhaust the memory: parsed they are
+far larger."""
+READ = {"link": {"inertial"}, "joint": {"origin", "parent", "child", "axis"}}
+"""Tags of the elements of links and of joints that a scene carries over."""
+TITLES = {
     "limit": "limits",
     "dynamics": "damping and friction",
     "mimic": "mimics",
     "calibration": "calibrations",
     "safety_controller": "safety controllers",
+    "visual": "visual shapes",
+    "collision": "collision shapes",
 }
-OF_LINKS = {"visuals": "visual shapes", "collisions": "collision shapes"}
-"""Contents of URDF joints (`OF_JOINTS`) and links (`OF_LINKS`) that a scene lacks. Keys are the
-names of attributes in yourdfpy, values the names in messages."""
-HINGES = "revolute", "continuous"
-"""Types of URDF joints that rotate about one axis. Only these may have play."""
-BACKLASH = "backlash"
-"""Key of the angle of a backlash, rad, in the arguments of a joint's play. The class `Backlash` has
-the name `play` for this angle."""
-GIVEN_BY_THE_FILE = {
-    *("bearing_body", "bearing_point", "bearing_axis"),
-    *("journal_body", "journal_point", "journal_axis"),
-    *("first", "second", "axis_first", "axis_second", "play", "play_length"),
-}
-"""Arguments of `ClearanceJoint` and `Backlash` that the user can't pass, since they follow from the
-file or, for the angle of a backlash, have the name `BACKLASH`."""
-
-
-@dataclass(frozen=True)
-class JointLimits:
-    """Limits of a joint in a URDF file. Those that the file omits are infinite.
-
-    - `lower`, `upper`: smallest and largest position of the joint, rad or m.
-    - `effort`: largest torque or force, N m or N.
-    - `velocity`: largest speed, rad/s or m/s.
-
-    >>> cj.results.JointLimits(effort=10.0).velocity
-    inf
-    """
-
-    lower: float = -math.inf
-    upper: float = math.inf
-    effort: float = math.inf
-    velocity: float = math.inf
+"""Names, in messages, of elements of links and joints that a scene lacks, by their tags."""
+XACRO = "if the file is a xacro file, expand it with `xacro FILE > robot.urdf` and load that"
+"""Remedy for a file with unexpanded macros."""
 
 
 def urdf_limits(path: FilePath) -> dict[str, JointLimits]:
@@ -86,7 +57,7 @@ def urdf_limits(path: FilePath) -> dict[str, JointLimits]:
     are left out.
 
     A scene has no joint limits. Use them for the torque of a `Motor`, or to check a computed
-    motion. The function needs ``pip install "clearjoint[urdf]"``.
+    motion.
 
     ```python
     import clearjoint as cj
@@ -96,24 +67,49 @@ def urdf_limits(path: FilePath) -> dict[str, JointLimits]:
     ```
 
     **Raises:** `ValueError` for a file that can't be parsed, or of more than 50 MB; `OSError` for a
-    file that does not exist; `ImportError` without the extra.
+    file that does not exist.
     """
-    robot, _ = _robot(Path(path))
-    return {joint.name: _limits(joint.limit) for joint in robot.joints if joint.limit is not None}
+    joints = _parsed(Path(path)).joints
+    return {joint.name: joint.limits for joint in joints if joint.limits is not None}
 
 
-def _limits(limit: "yourdfpy.Limit") -> JointLimits:
-    return JointLimits(**{name: float(x) for name, x in vars(limit).items() if x is not None})
+def urdf_links(
+    path: FilePath, *, merge_fixed: bool = True, free_root: bool = False
+) -> dict[str, LinkPose]:
+    """Return where the frames of the links of a URDF file are in the scene of `load_urdf`, by the
+    links' names.
+
+    Use it for points of links that are parts of other bodies, such as a tool or a sensor.
+
+    ```python
+    import clearjoint as cj
+
+    tool = cj.urdf_links("arm.urdf")["hand"]
+    print(tool.body, tool.point, tool.orientation)
+    ```
+
+    **Arguments:** `path`: path of the file; `merge_fixed`, `free_root`: as for `load_urdf`.
+
+    **Raises:** `ValueError` and `OSError` as `load_urdf`.
+    """
+    content, location = _parsed(Path(path)), FileLocation(str(path))
+    options = Options(merge_fixed=merge_fixed, free_root=free_root)
+    robot = Robot(content.links, content.joints, location, options)
+    return {name: robot.frame(name) for name in robot.links}
 
 
 def load_urdf(
     path: FilePath,
     play: Mapping[str, Play] = MappingProxyType({}),
     gravity: TripleLike | None = (0.0, 0.0, -9.81),
+    *,
+    merge_fixed: bool = True,
+    free_root: bool = False,
+    balance_inertia: bool = False,
+    bound_mass: float = 0.0,
+    bound_inertia: float = 0.0,
 ) -> tuple[Scene, State]:
     """Read a robot from a URDF file, with play in some of its joints.
-
-    It needs ``pip install "clearjoint[urdf]"``.
 
     ```python
     import clearjoint as cj
@@ -128,10 +124,15 @@ def load_urdf(
     scene, state = cj.load_urdf("arm.urdf", play={"elbow": elbow, "wrist": wrist})
     ```
 
-    The root link is the ground. Other links with mass become bodies, whose frames are parallel to
-    the frames of the links, with the origin at the centre of mass. Other links without mass must be
-    fixed to their parents and are parts of them. Revolute, continuous, prismatic and fixed joints
-    keep their names; the child of a floating joint is free.
+    The root link is the ground. Links that move relative to their parents become bodies; links that
+    are fixed to their parents are parts of them (`urdf_links` tells where). Joints keep their
+    names; the child of a floating joint is free. A moving link named "ground" is the body "ground
+    link".
+
+    The frames of all bodies are parallel to the root's frame while all joints are at zero, so that
+    a joint's angle (`quantities.JointAngle`), the middle of a backlash, and the angle of a drive
+    about the joint's axis are those of the file. The axis of a joint has the same components in
+    both bodies: ``scene.joints["wrist"].axis_first`` is the axis of a drive.
 
     **Arguments:**
 
@@ -147,309 +148,221 @@ def load_urdf(
           surfaces in contact (flanks) by a tenth of the backlash. Without an effort limit, a
           `torsional_stiffness` or a `law` must be given.
     - `gravity`: (3,) m/s^2, or ``None``.
+    - `merge_fixed`: False makes fixed links with mass bodies of their own, held by a `FixedJoint`,
+      whose reaction can then be observed. Merged links make runs faster.
+    - `free_root`: True makes the root a free body, as for a robot that walks or a single object.
+    - `balance_inertia`: True replaces the principal moments of a link by their mean if no rigid
+      body can have them, as MuJoCo's compiler does with `balanceinertia`.
+    - `bound_mass`, `bound_inertia`: least mass, kg, and least principal moment of inertia, kg m^2,
+      of a body, as for MuJoCo's compiler. Smaller ones are increased, also those of moving links
+      without mass.
 
     **Returns:** the scene, and its state at rest with all joints at zero.
 
     **Raises:** `ValueError`, with the file and the element, for a file that can't be read, a robot
     that a scene can't represent, and invalid `play`. `OSError` for a file that does not exist.
-    `ImportError` without the extra.
 
     **Warns:** `NotCarriedOverWarning` lists the contents of the file that the scene lacks: limits
-    (see `urdf_limits`), damping and friction, mimics, shapes and others.
+    (see `urdf_limits`), damping and friction, mimics, shapes and others; and the links and bodies
+    whose masses and inertias were replaced.
     """
-    robot, tags = _robot(Path(path))
-    location = FileLocation(str(path))
-    hinges = [joint.name for joint in robot.joints if joint.type in HINGES]
-    play = {name: _checked(name, given, hinges, location) for name, given in play.items()}
-    frames = _frames(robot, location)
-    children = {joint.child for joint in robot.joints}
-    # The root, which may be named "ground", is no child, and not a body.
-    bodies = {
-        link.name: _body(link, location.at(link.name))
-        for link in robot.links
-        if frames[link.name].body == link.name and link.name in children
-    }
-    joints = {}
-    for joint in robot.joints:
-        given, joint_location = play.get(joint.name), location.at(joint.name)
-        has_backlash = given is not None and BACKLASH in given
-        # A clearance replaces the ideal joint, a backlash is added to it.
-        clearance = None if has_backlash else given
-        scene_joint = _joint(joint, frames, clearance, joint_location)
-        if scene_joint is not None:  # floating joints and joints within a body have none
-            joints[joint.name] = scene_joint
-        # Only hinges pass `_checked`, and without a clearance they are always revolute joints.
-        if given is not None and has_backlash and isinstance(scene_joint, RevoluteJoint):
-            backlash_name = f"{joint.name} {BACKLASH}"
-            if any(other.name == backlash_name for other in robot.joints):
-                expected = f"no joint {backlash_name!r}, which is the name of the backlash"
-                joint_location.refuse(backlash_name, expected, "rename that joint")
-            joints[backlash_name] = _backlash(joint, scene_joint, given, joint_location)
-    omitted = _not_carried_over(robot, frames, tags)
+    for name, bound in (("bound_mass", bound_mass), ("bound_inertia", bound_inertia)):
+        require_positive(name, bound, "give zero for no bound", zero=True)
+    content, location = _parsed(Path(path)), FileLocation(str(path))
+    options = Options(merge_fixed, free_root, balance_inertia, bound_mass, bound_inertia)
+    robot = Robot(content.links, content.joints, location, options)
+    made = scene_of(robot, play, gravity)
+    omitted = _not_carried_over(robot, content.omitted)
     if omitted:
         caution(f"{path}: not carried over: {omitted}.", NotCarriedOverWarning)
-    state = {}
-    for name in bodies:
-        # A pose is that of the link's frame. A body's frame is parallel to it and lies in the
-        # centre of mass, from which `origin` leads to the origin of the link's frame.
-        rotation, origin = frames[name].pose[:3, :3], frames[name].pose[:3, 3]
-        centre = origin - rotation @ frames[name].origin
-        state[name] = body_state(centre, _euler_parameters(rotation))
-    with location.in_errors():
-        return Scene(bodies, joints, gravity=gravity), State(state)
+    return made
 
 
-def _not_carried_over(
-    robot: "yourdfpy.Robot", frames: Mapping[str, "Frame"], tags: Iterable[str]
-) -> str:
+def _not_carried_over(robot: Robot, omitted: Mapping[str, list[str]]) -> str:
     """Return a text that lists the contents of the file that the scene lacks; empty if none.
 
-    **Arguments:** `frames`: frames of the links, by name; `tags`: tags of the XML elements of the
-    robot, except of those inside of links and joints.
+    **Arguments:** `omitted`: names of the links and joints that have elements of a title, by title;
+    no names for elements of the robot.
     """
-    omitted = {
-        title: [element.name for element in elements if getattr(element, attribute)]
-        for elements, titles in ((robot.joints, OF_JOINTS), (robot.links, OF_LINKS))
-        for attribute, title in titles.items()
-    }
-    roots = [link for link in robot.links if frames[link.name].body == GROUND]
-    omitted["inertia of the root"] = [link.name for link in roots if not _is_massless(link)]
-    named = [f"{title} of {', '.join(names)}" for title, names in omitted.items() if names]
-    # Materials belong to the visual shapes.
-    others = sorted({*tags} - {"link", "joint", "material"})
-    return "; ".join([*named, *(f"<{tag}>" for tag in others)])
+    grounded = [name for name, carrier in robot.carriers.items() if carrier.body == GROUND]
+    massive = [name for name in grounded if (one := robot.links[name].inertial) and one.mass > 0.0]
+    told = {**omitted} | ({"inertia of the fixed links": massive} if massive else {})
+    named = [f"{title} of {', '.join(names)}" for title, names in told.items() if names]
+    return "; ".join([*named, *sorted(title for title, names in told.items() if not names)])
 
 
-def _robot(path: Path) -> tuple["yourdfpy.Robot", list[str]]:
-    """Return the parsed robot, without meshes, and the tags of its XML elements, except of those
-    inside of links and joints.
+class Content(NamedTuple):
+    """Content of a URDF file.
 
-    **Raises:** `ImportError` without yourdfpy; `ValueError` for a file that can't be parsed, or of
+    - `links`, `joints`: in the order of the file.
+    - `omitted`: names of the links and joints with an element that a scene lacks, by the title of
+      the element in messages; no names for elements of the robot itself.
+    """
+
+    links: list[RobotLink]
+    joints: list[RobotJoint]
+    omitted: dict[str, list[str]]
+
+
+def _parsed(path: Path) -> Content:
+    """Return the content of a URDF file.
+
+    **Raises:** `ValueError`, with the file and the element, for a file that can't be parsed, or of
     more than 50 MB; `OSError` for a file that does not exist.
     """
-    try:
-        import yourdfpy
-    except ImportError as error:
-        raise ImportError('URDF files need pip install "clearjoint[urdf]"') from error
-    # The limit, in bytes, refuses files that would exhaust the memory: parsed they are far larger.
-    content = read_bytes(path, 50_000_000)
-    try:
-        # yourdfpy silently skips elements that it does not know; their tags are needed to warn.
-        tags = [entry.tag for entry in ElementTree.fromstring(content)]
-        parsed = yourdfpy.URDF.load(BytesIO(content), build_scene_graph=False, load_meshes=False)
-    except (ElementTree.ParseError, KeyError, AttributeError, ValueError, TypeError) as error:
-        raise ValueError(f"{path}: {error!r}: check the file, with `check_urdf` say.") from error
-    return parsed.robot, tags
-
-
-def _checked(name: str, given: Play, hinges: list[str], location: FileLocation) -> Play:
-    """Return the arguments of a joint's play, with texts such as "0.1 deg" converted to numbers in
-    SI units.
-
-    **Arguments:** `name`: name of the joint; `given`: its play, as the user passes it to
-    `load_urdf`; `hinges`: names of the joints that can have play; `location`: the file.
-
-    **Raises:** `ValueError` for a joint that can't have play, for arguments that are no dictionary,
-    for an unknown argument, and for a text that is no number with a suitable unit.
-    """
-    if name not in hinges:
-        remedy = nearest(name, hinges, "leave it out")
-        location.refuse(name, f"play in one of the hinges {listed(hinges)}", remedy)
-    if not isinstance(given, Mapping):
-        remedy = 'pass {"backlash": "0.1 deg"}, or the arguments of a ClearanceJoint'
-        location.at(name).refuse(given, "arguments by name", remedy)
-    kind = Backlash if BACKLASH in given else ClearanceJoint
-    expected = arguments(kind)
-    known = {key: value for key, value in expected.items() if key not in GIVEN_BY_THE_FILE}
-    if kind is Backlash:
-        known[BACKLASH] = expected["play"]
-    for argument in given:
-        if argument not in known:
-            # The message lists the backlash too, because it may have been meant.
-            known |= {BACKLASH: Expectation()}
-            remedy = nearest(argument, known, "leave it out")
-            location.at(name).refuse(argument, f"one of the arguments {listed(known)}", remedy)
-    # Only texts are converted here. The constructors check all other values.
-    reader, at = Reader(()), location.at(name)
-    return {
-        key: reader.value(value, known[key], at.at(key)) if isinstance(value, str) else value
-        for key, value in given.items()
-    }
-
-
-def _backlash(
-    joint: "yourdfpy.Joint", hinge: RevoluteJoint, given: Play, location: FileLocation
-) -> Backlash:
-    """Return a `Backlash` between the bodies of a hinge, about the hinge's axis.
-
-    If neither a law nor a stiffness is given, the stiffness follows from the joint's effort limit,
-    as `load_urdf` describes.
-
-    **Arguments:** `joint`, `hinge`: the joint of URDF, and the joint of the scene made from it;
-    `given`: arguments of the backlash, checked by `_checked`.
-
-    **Raises:** `ValueError` if neither a law nor a stiffness is given and the joint has no effort
-    limit, and for invalid arguments.
-    """
-    options = {key: value for key, value in given.items() if key != BACKLASH}
-    axes = {"axis_first": hinge.axis_first, "axis_second": hinge.axis_second}
-    if "law" not in options and "torsional_stiffness" not in options:
-        effort = math.inf if joint.limit is None else _limits(joint.limit).effort
-        if not 0.0 < effort < math.inf:
-            needed = "a `torsional_stiffness`, since the joint has no effort limit"
-            location.refuse(None, needed, "give it in N m/rad")
-        with location.in_errors():  # before the division by the angle
-            angle = as_number(given[BACKLASH], BACKLASH, "rad")
-            require_positive(BACKLASH, angle, "give an angle in rad")
-        # The limit turns the joint past the end of the play by a tenth of it: the elastic
-        # deflection of the surfaces in contact (flanks) is small compared with the play.
-        options["torsional_stiffness"] = effort / (0.1 * float(angle))
-    with location.in_errors():
-        return Backlash(hinge.first, hinge.second, play=given[BACKLASH], **axes, **options)
-
-
-class Frame(NamedTuple):
-    """The frame of a link, relative to its body and to the ground.
-
-    - `body`: name of the body to which the link belongs. A link without mass belongs to the body of
-      its parent, the root link to the ground; every other link is a body of the same name.
-    - `origin`: (3,) m in body axes, from the body's centre of mass to the origin of the frame.
-    - `rotation`: (3, 3), rotation matrix from the link's to the body's axes.
-    - `pose`: (4, 4), homogeneous matrix from the link's to global axes, m, if all joints are at
-      zero.
-    """
-
-    body: str
-    origin: np.ndarray
-    rotation: np.ndarray
-    pose: np.ndarray
-
-
-def _frames(robot: "yourdfpy.Robot", location: FileLocation) -> dict[str, Frame]:
-    """Return the frame of each link by name, found by following the joints from the root.
-
-    The root is the only link that is no joint's child; it is the ground.
-
-    **Raises:** `ValueError` for repeated names, joints that don't form a tree, and links without
-    mass that move relative to their parent.
-    """
-    for kind, elements in (("link", robot.links), ("joint", robot.joints)):
-        counts = Counter(element.name for element in elements)
-        repeated = [name for name, count in counts.items() if count > 1]
-        if repeated:
-            location.refuse(repeated[0], f"the name of one {kind} only", "rename the others")
-    links = {link.name: link for link in robot.links}
-    joints = {joint.child: joint for joint in robot.joints}
-    roots = [name for name in links if name not in joints]
-    if len(roots) != 1:
-        location.refuse(roots, "one root link that is no joint's child", "join the others to it")
-    # Joints of unknown links, and joints whose child is also the child of another joint.
-    wrong = [j.name for j in robot.joints if not {j.parent, j.child} <= links.keys()]
-    wrong += [joint.name for joint in robot.joints if joints[joint.child] is not joint]
-    if wrong:
-        location.refuse(wrong, "joints of a tree between known links", "correct their links")
-    frames = {roots[0]: Frame(GROUND, np.zeros(3), np.eye(3), np.eye(4))}
-    parents = {child: [joint.parent] for child, joint in joints.items()}
-    with location.in_errors():  # an error for a cycle of joints
-        parents_first = [*TopologicalSorter(parents).static_order()]
-    for name in parents_first:
-        if name in frames:
+    location = FileLocation(str(path))
+    robot = _root(read_bytes(path, LARGEST_FILE), location)
+    links: list[RobotLink] = []
+    joints: list[RobotJoint] = []
+    omitted: dict[str, list[str]] = {}
+    for entry in robot:
+        if entry.tag not in READ:
+            # Materials belong to the visual shapes.
+            omitted |= {} if entry.tag == "material" else {f"<{entry.tag}>": []}
             continue
-        joint, link = joints[name], links[name]
-        parent, moved = frames[joint.parent], _transform(joint.origin)
-        pose = parent.pose @ moved
-        if not _is_massless(link):  # the link is a body of its own
-            centre = _transform(link.inertial.origin)[:3, 3]  # pyright: ignore
-            frames[name] = Frame(name, -centre, np.eye(3), pose)
-            continue
-        if joint.type != "fixed":
-            remedy = "give it an <inertial>, or fix it to its parent"
-            location.at(name).refuse("no mass", "the mass of a moving link", remedy)
-        origin = parent.origin + parent.rotation @ moved[:3, 3]
-        frames[name] = Frame(parent.body, origin, parent.rotation @ moved[:3, :3], pose)
-    return frames
+        number = len(links) if entry.tag == "link" else len(joints)
+        at = location.at(entry.tag, number)
+        name = _attribute(entry, "name", at)
+        at = location.at(name)
+        if entry.tag == "link":
+            links.append(RobotLink(name, _inertial(entry, at)))
+        else:
+            joints.append(_joint(entry, name, at))
+        for tag in dict.fromkeys(child.tag for child in entry):
+            if tag not in READ[entry.tag]:
+                omitted.setdefault(TITLES.get(tag, f"<{tag}>"), []).append(name)
+    if not links:
+        location.refuse("no <link>", "links and joints in <robot>", f"add them, or {XACRO}")
+    return Content(links, joints, omitted)
 
 
-def _is_massless(link: "yourdfpy.Link") -> bool:
-    return link.inertial is None or not link.inertial.mass
+def _root(content: bytes, location: FileLocation) -> Element:
+    """Return the element <robot> of a URDF file.
 
+    Tags and attributes keep their prefixes, and a default namespace has no effect, as in other
+    readers of URDF, which ignore namespaces.
 
-def _body(link: "yourdfpy.Link", location: FileLocation) -> Body:
-    """Return the body for a link with mass; body axes are parallel to the link's frame.
-
-    **Raises:** `ValueError` for a missing or invalid inertia.
+    **Raises:** `ValueError` for a file that is not XML, or has another root element.
     """
-    inertial = link.inertial
-    assert inertial is not None
-    if inertial.inertia is None:
-        location.refuse(None, "an <inertia>", "give the moments of inertia in kg m^2")
-    rotation = _transform(inertial.origin)[:3, :3]
-    tensor = rotation @ inertial.inertia @ rotation.T
-    # Three moments make a smaller program than a tensor. Rounding makes a rotated tensor slightly
-    # unsymmetric.
-    is_principal = not np.any(tensor - np.diag(tensor.diagonal()))
-    with location.in_errors():
-        return Body(inertial.mass, tensor.diagonal() if is_principal else 0.5 * (tensor + tensor.T))
+    parser, builder = expat.ParserCreate(), TreeBuilder()
+    parser.StartElementHandler = builder.start
+    parser.EndElementHandler = builder.end
+    try:
+        # Other readers skip empty lines before the declaration, and a zero byte at the end.
+        parser.Parse(content.strip(b"\0\t\n\r "), True)
+    except expat.ExpatError as error:
+        location.refuse("no XML", f"the XML of a URDF file ({error})", "correct that line")
+    root = builder.close()
+    if root.tag != "robot":
+        location.refuse(f"<{root.tag}>", "<robot>", "convert the file to URDF")
+    return root
 
 
-def _joint(
-    joint: "yourdfpy.Joint", frames: Mapping[str, Frame], play: Play | None, location: FileLocation
-) -> AbstractConstraint | AbstractContactJoint | None:
-    """Return the joint of the scene for a joint of URDF.
+def _attribute(element: Element, name: str, location: FileLocation) -> str:
+    """Return an attribute of an element that must have it.
 
-    **Arguments:** `frames`: frames of the links by name; `play`: arguments of a `ClearanceJoint`
-    that replaces the joint, None for an ideal joint.
-
-    **Returns:** the joint; ``None`` for a floating joint, and if both links belong to one body.
-
-    **Raises:** `ValueError` for a type of joint that a scene doesn't have, and for an invalid
-    origin, axis or argument of `play`.
+    **Raises:** `ValueError` without the attribute, with an empty one, and with a macro in it.
     """
-    parent, child = frames[joint.parent], frames[joint.child]
-    if parent.body == child.body or joint.type == "floating":
-        return None
-    # The frame of the joint, which is that of the child link, in the axes of the parent's body. The
-    # axis of the joint is given in this frame, so that it needs no rotation for the child.
-    frame = _transform(joint.origin)
-    rotation = parent.rotation @ frame[:3, :3]
-    points = parent.origin + parent.rotation @ frame[:3, 3], child.origin
-    bodies = parent.body, child.body
-    axis = np.asarray(joint.axis, dtype=float)
-    numbers = np.array([*np.ravel(frame), *np.ravel(axis)])
-    wrong = numbers[~np.isfinite(numbers)].tolist()
-    if axis.shape != (3,) or wrong:
-        remedy = "correct the <origin> and the <axis>"
-        location.refuse(wrong or axis.tolist(), "finite origin and axis (3,)", remedy)
-    with location.in_errors():
-        if play is not None:
-            return ClearanceJoint(
-                *bodies,
-                bearing_point=points[0],
-                journal_point=points[1],
-                bearing_axis=rotation @ axis,
-                journal_axis=axis,
-                **{"axial": FixedAxially(), **play},
-            )
-        if joint.type in HINGES:
-            return RevoluteJoint(*bodies, *points, rotation @ axis, axis)
-        if joint.type == "prismatic":
-            return PrismaticJoint(*bodies, *points, rotation @ axis, _euler_parameters(rotation))
-        if joint.type == "fixed":
-            return FixedJoint(*bodies, *points, _euler_parameters(rotation))
-    kinds = listed([*HINGES, "prismatic", "fixed", "floating"])
-    return location.refuse(joint.type, f"one of the types {kinds}", "add the joint to the scene")
+    value = element.get(name, "")
+    if not value:
+        expected = f"an attribute `{name}` of <{element.tag}>"
+        location.refuse(dict(element.attrib) or None, expected, "add it")
+    if "${" in value or "$(" in value:
+        location.refuse(value, f"`{name}` without macros", XACRO)
+    return value
 
 
-def _transform(origin: np.ndarray | None) -> np.ndarray:
+def _numbers(
+    element: Element | None, name: str, default: str | None, count: int, location: FileLocation
+) -> np.ndarray:
+    """Return the numbers in an attribute of an element, (count,).
+
+    **Arguments:** `element`: None if the file has none; `name`: of the attribute; `default`: its
+    text if the element or the attribute is missing; None if it must exist.
+
+    **Raises:** `ValueError` for a missing attribute, and for another number of finite numbers.
+    """
+    text = default if element is None else element.get(name, default)
+    if element is not None:
+        location = location.at(element.tag, name)
+        if text is None or "$" in text:
+            text = _attribute(element, name, location)
+    try:
+        numbers = np.array([float(word) for word in (text or "").split()])
+    except ValueError:
+        numbers = np.array([math.nan])
+    if numbers.shape != (count,) or not np.isfinite(numbers).all():
+        expected = "a finite number" if count == 1 else f"{count} finite numbers between spaces"
+        location.refuse(text, expected, "correct it")
+    return numbers
+
+
+def _number(
+    element: Element | None, name: str, default: str | None, location: FileLocation
+) -> float:
+    """Return the only number in an attribute of an element, as `_numbers` does."""
+    return float(_numbers(element, name, default, 1, location)[0])
+
+
+def _pose(origin: Element | None, location: FileLocation) -> np.ndarray:
     """Return the homogeneous matrix (4, 4), m, of an <origin> element; the identity for None."""
-    matrix = np.eye(4) if origin is None else np.array(origin, dtype=float)
-    # Rounding restores the exact zeros of a quarter turn, which make the compiled program smaller.
-    matrix[:3, :3] = np.round(matrix[:3, :3], 15)
-    return matrix
-
-
-def _euler_parameters(rotation: np.ndarray) -> np.ndarray:
-    """Return the Euler parameters (4,), scalar first, of a rotation matrix (3, 3)."""
     from scipy.spatial.transform import Rotation
 
-    return Rotation.from_matrix(rotation).as_quat(scalar_first=True)
+    rpy = _numbers(origin, "rpy", "0 0 0", 3, location)
+    pose = np.eye(4)
+    # Rounding restores the exact zeros of a quarter turn, which make the compiled program smaller.
+    pose[:3, :3] = np.round(Rotation.from_euler("xyz", rpy).as_matrix(), 15)
+    pose[:3, 3] = _numbers(origin, "xyz", "0 0 0", 3, location)
+    return pose
+
+
+def _inertial(link: Element, location: FileLocation) -> Inertial | None:
+    """Return the inertia of a link in its frame; None without an <inertial>.
+
+    **Raises:** `ValueError` for a negative mass, and for invalid numbers.
+    """
+    inertial = link.find("inertial")
+    if inertial is None:
+        return None
+    location = location.at("inertial")
+    mass = _number(inertial.find("mass"), "value", "0", location)
+    if mass < 0.0:
+        location.at("mass").refuse(mass, "a mass in kg that is not negative", "correct it")
+    pose = _pose(inertial.find("origin"), location)
+    inertia = inertial.find("inertia")
+    if inertia is None:
+        return Inertial(mass, pose[:3, 3], None)
+
+    def entry(name: str) -> float:
+        # Products of inertia are often omitted if they are zero.
+        return _number(inertia, name, None if name[1] == name[2] else "0", location)
+
+    tensor = np.array([[entry("i" + "".join(sorted(row + c))) for c in "xyz"] for row in "xyz"])
+    return Inertial(mass, pose[:3, 3], pose[:3, :3] @ tensor @ pose[:3, :3].T)
+
+
+def _joint(joint: Element, name: str, location: FileLocation) -> RobotJoint:
+    """Return a joint of the file.
+
+    **Raises:** `ValueError` for a missing type, parent or child, and for invalid numbers.
+    """
+    links = []
+    for tag in ("parent", "child"):
+        element = joint.find(tag)
+        if element is None:
+            location.refuse(None, f'an element <{tag} link="...">', "add it")
+        links.append(_attribute(element, "link", location.at(tag)))
+    limit = joint.find("limit")
+    return RobotJoint(
+        name,
+        _attribute(joint, "type", location),
+        *links,
+        pose=_pose(joint.find("origin"), location),
+        axis=_numbers(joint.find("axis"), "xyz", "1 0 0", 3, location),
+        limits=None if limit is None else _limits(limit, location),
+    )
+
+
+def _limits(limit: Element, location: FileLocation) -> JointLimits:
+    names = [name for name in ("lower", "upper", "effort", "velocity") if name in limit.attrib]
+    return JointLimits(**{name: _number(limit, name, None, location) for name in names})

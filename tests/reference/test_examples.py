@@ -24,8 +24,6 @@ def test_every_public_name_has_an_example():
 
 @pytest.mark.parametrize("name", FAST)
 def test_the_example_runs(name, tmp_path, monkeypatch):
-    if name.startswith("load_urdf"):
-        pytest.importorskip("yourdfpy")
     monkeypatch.chdir(tmp_path)
     assert run_example(WITH_EXAMPLES[name]) == ""
 

@@ -1,0 +1,269 @@
+"""Robots at random, read from URDF: their angles are those of the file, merged links move as
+unmerged ones, and MuJoCo computes the same accelerations.
+
+NumPy evaluates the equations of motion, so that nothing is compiled.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+from xml.etree import ElementTree
+
+import jax
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import clearjoint as cj
+from tests.support.many_states import system_of
+
+FEW, MANY = range(2), range(100, 140)
+SEEDS = [*FEW, *(pytest.param(seed, marks=pytest.mark.slow) for seed in MANY)]
+JOINT = cj.JointCoordinates()
+MOVING = "revolute", "continuous", "prismatic"
+pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
+
+
+def text(numbers) -> str:
+    return " ".join(map(repr, np.asarray(numbers, dtype=float).tolist()))
+
+
+def rpy(generator: np.random.Generator) -> np.ndarray:
+    """Angles of an <origin>: at random, in quarter turns, or zero."""
+    quarters = generator.integers(-2, 3, 3) * math.pi / 2
+    return [generator.uniform(-3, 3, 3), quarters, np.zeros(3)][generator.integers(3)]
+
+
+def origin(generator: np.random.Generator) -> str:
+    return f'<origin xyz="{text(generator.uniform(-1, 1, 3))}" rpy="{text(rpy(generator))}"/>'
+
+
+def inertial(generator: np.random.Generator) -> str:
+    """The inertia of a random box, in axes that are turned if the origin is."""
+    mass, sides = generator.uniform(0.5, 5.0), generator.uniform(0.2, 1.0, 3) ** 2
+    moments = mass * (sides.sum() - sides) / 12
+    frame = Rotation.from_rotvec(generator.uniform(-1, 1, 3) * generator.integers(2)).as_matrix()
+    tensor = frame @ np.diag(moments) @ frame.T
+    entries = (
+        " ".join(
+            f'i{"xyz"[row]}{"xyz"[column]}="{tensor[row, column]!r}"'
+            for row in range(3)
+            for column in range(row, 3)
+        )
+        .replace("np.float64(", "")
+        .replace(")", "")
+    )
+    return f'<inertial>{origin(generator)}<mass value="{mass!r}"/><inertia {entries}/></inertial>'
+
+
+def random_robot(seed: int, kinds=MOVING, links: int = 9) -> str:
+    """A tree of links, whose names are not in the order of the tree; about half of the joints are
+    fixed, and some of the links at these have no mass. All moving links have mass."""
+    generator = np.random.default_rng(seed)
+    names = [f"link {k}" for k in generator.permutation(links)]
+    parts = [f'<link name="{names[0]}">{inertial(generator)}</link>']
+    for k in range(1, links):
+        # The first joint moves, so that there is a body.
+        kind = generator.choice(kinds) if k == 1 or generator.random() < 0.5 else "fixed"
+        has_mass = kind != "fixed" or generator.random() < 0.7
+        axis = [*np.eye(3), -np.eye(3)[2], generator.uniform(-1, 1, 3)][generator.integers(5)]
+        axis = axis / np.linalg.norm(axis)
+        parts += [
+            f'<link name="{names[k]}">{inertial(generator) if has_mass else ""}</link>',
+            f'<joint name="to {names[k]}" type="{kind}">'
+            f'<parent link="{names[generator.integers(k)]}"/><child link="{names[k]}"/>'
+            f'{origin(generator)}<axis xyz="{text(axis)}"/>'
+            '<limit effort="10" velocity="1" lower="-9" upper="9"/></joint>',
+        ]
+    ends = parts[1:]
+    generator.shuffle(ends)  # the order of the file is not that of the tree either
+    return f'<robot name="r">{parts[0]}{"".join(ends)}</robot>'
+
+
+class Motion(NamedTuple):
+    """Joints' positions (rad or m) and speeds, by name."""
+
+    positions: dict[str, float]
+    speeds: dict[str, float]
+
+
+def random_motion(robot: str, seed: int) -> Motion:
+    joints = ElementTree.fromstring(robot).findall("joint")
+    names = [joint.attrib["name"] for joint in joints if joint.attrib["type"] != "fixed"]
+    generator = np.random.default_rng(seed + 1)
+    positions, speeds = generator.uniform(-2, 2, (2, len(names))).tolist()
+    return Motion(dict(zip(names, positions, strict=True)), dict(zip(names, speeds, strict=True)))
+
+
+@pytest.fixture
+def read(tmp_path):
+    def read(robot: str, **options):
+        path = tmp_path / "robot.urdf"
+        path.write_text(robot)
+        return *cj.load_urdf(path, **options), path
+
+    return read
+
+
+def moved(scene: cj.Scene, state: cj.State, motion: Motion):
+    """The equations of motion, and the variables of a motion."""
+    system = system_of(scene, JOINT)
+    in_scalars = cj.extend.unpack(jax.tree.map(np.asarray, state))
+    variables = dict(system.encode(in_scalars.bodies))
+    for name, position in motion.positions.items():
+        body = getattr(scene.joints[name], "second", None)
+        variables[body] = cj.extend.JointState(position, (motion.speeds[name],))
+    return system, variables
+
+
+def accelerations(scene: cj.Scene, state: cj.State, motion: Motion) -> dict[str, float]:
+    """Second time derivatives of the joints' positions, by name."""
+    system, variables = moved(scene, state, motion)
+    rates = system.dynamics(variables, {}, 0.0).variable_rates
+    return {name: float(rates[scene.joints[name].second].speeds[0]) for name in motion.positions}
+
+
+def close(found: Mapping[str, float], expected: Mapping[str, float], tolerance: float) -> None:
+    assert found.keys() == expected.keys()
+    scale = max(map(abs, expected.values()))
+    for name, value in expected.items():
+        assert found[name] == pytest.approx(value, abs=tolerance * scale), name
+
+
+def poses(robot: str, positions: Mapping[str, float]) -> dict[str, np.ndarray]:
+    """Homogeneous matrices of the links' frames, by name, by the definitions of URDF."""
+    root = ElementTree.fromstring(robot)
+    joints = {joint.find("child").attrib["link"]: joint for joint in root.findall("joint")}
+
+    def numbers(element, attribute):
+        return [float(word) for word in element.attrib[attribute].split()]
+
+    def pose(link):
+        if link not in joints:
+            return np.eye(4)
+        joint = joints[link]
+        matrix, motion = np.eye(4), np.eye(4)
+        place, axis = joint.find("origin"), np.array(numbers(joint.find("axis"), "xyz"))
+        roll, pitch, yaw = numbers(place, "rpy")
+        about = [Rotation.from_rotvec(v).as_matrix() for v in np.diag([roll, pitch, yaw])]
+        matrix[:3, :3], matrix[:3, 3] = about[2] @ about[1] @ about[0], numbers(place, "xyz")
+        position = positions.get(joint.attrib["name"], 0.0)
+        if joint.attrib["type"] == "prismatic":
+            motion[:3, 3] = axis * position
+        else:
+            motion[:3, :3] = Rotation.from_rotvec(axis * position).as_matrix()
+        return pose(joint.find("parent").attrib["link"]) @ matrix @ motion
+
+    return {link.attrib["name"]: pose(link.attrib["name"]) for link in root.findall("link")}
+
+
+@pytest.mark.parametrize("merge_fixed", [True, False])
+@pytest.mark.parametrize("seed", SEEDS)
+def test_links_are_where_the_definitions_of_urdf_put_them(seed, merge_fixed, read):
+    robot = random_robot(seed)
+    motion = random_motion(robot, seed)
+    scene, state, path = read(robot, merge_fixed=merge_fixed)
+    system, variables = moved(scene, state, motion)
+    bodies = JOINT.decode(system.scene, variables)
+    frames = cj.urdf_links(path, merge_fixed=merge_fixed)
+    assert frames.keys() == poses(robot, {}).keys()
+    for name, expected in poses(robot, motion.positions).items():
+        frame = frames[name]
+        pose = np.eye(4)
+        if frame.body != cj.GROUND:
+            body = bodies[frame.body]
+            parameters = np.array(jax.tree.leaves(body.orientation))
+            pose[:3, :3] = Rotation.from_quat(parameters, scalar_first=True).as_matrix()
+            pose[:3, 3] = jax.tree.leaves(body.position)
+        place = np.eye(4)
+        place[:3, :3] = Rotation.from_quat(frame.orientation, scalar_first=True).as_matrix()
+        place[:3, 3] = frame.point
+        np.testing.assert_allclose(pose @ place, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_merged_links_move_as_fixed_ones(seed, read):
+    robot = random_robot(seed)
+    motion = random_motion(robot, seed)
+    merged, unmerged = (read(robot, merge_fixed=merge)[:2] for merge in (True, False))
+    assert len(merged[0].bodies) <= len(unmerged[0].bodies)
+    assert not any(isinstance(joint, cj.FixedJoint) for joint in merged[0].joints.values())
+    close(accelerations(*merged, motion), accelerations(*unmerged, motion), 1e-11)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_mujoco_computes_the_same_accelerations(seed, read):
+    mujoco = pytest.importorskip("mujoco")
+    robot = random_robot(seed)
+    motion = random_motion(robot, seed)
+    model = mujoco.MjModel.from_xml_string(robot)
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    data = mujoco.MjData(model)
+    for name, position in motion.positions.items():
+        data.joint(name).qpos, data.joint(name).qvel = position, motion.speeds[name]
+    mujoco.mj_forward(model, data)
+    expected = {name: float(data.joint(name).qacc[0]) for name in motion.positions}
+    scene, state, _ = read(robot)
+    close(accelerations(scene, state, motion), expected, 1e-9)
+
+
+def angles(scene: cj.Scene, state: cj.State, motion: Motion) -> dict[str, float]:
+    """Angles of all elements that have one (`quantities.JointAngle`), by name."""
+    system, variables = moved(scene, state, motion)
+    now = cj.extend.Instant(system, 0.0, variables, entry_speeds={}, work={})
+    names = [name for name, one in scene.joints.items() if hasattr(one, "relative_angle")]
+    return {name: float(cj.quantities.JointAngle(name)(now)) for name in names}
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_angles_of_hinges_backlash_and_drives_are_those_of_the_file(seed, read):
+    robot = random_robot(seed, kinds=("revolute", "continuous"))
+    motion = random_motion(robot, seed)
+    play = {name: {"backlash": 1e-3, "torsional_stiffness": 1e4} for name in motion.positions}
+    scene, state, _ = read(robot, play=play)
+    hinges = {name: scene.joints[name] for name in motion.positions}
+    drives = {
+        f"{name} drive": cj.PrescribedRotation(hinge.first, hinge.second, hinge.axis_first, 1.0)
+        for name, hinge in hinges.items()
+    }
+    driven = cj.Scene(scene.bodies, scene.joints | drives)
+    for positions in (motion.positions, dict.fromkeys(motion.positions, 0.0)):
+        found = angles(driven, state, Motion(positions, motion.speeds))
+        assert len(found) == 3 * len(hinges)
+        for name, angle in found.items():
+            expected = positions[name.removesuffix(" drive").removesuffix(" backlash")]
+            assert angle == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_robots_without_gravity_stay_at_rest_in_their_play(seed, read):
+    robot = random_robot(seed, kinds=("revolute", "continuous"))
+    names = random_motion(robot, seed).positions
+    clearance = {
+        "bearing_radius": 0.01,
+        "clearance": 1e-4,
+        "journal_length": 0.02,
+        "law": cj.laws.Hertz(1e9),
+    }
+    backlash = {"backlash": 1e-3, "torsional_stiffness": 1e4}
+    for play in (backlash, clearance):
+        scene, state, _ = read(robot, play=dict.fromkeys(names, play), gravity=None)
+        system, variables = moved(scene, state, Motion({}, {}))
+        speeds = {name: dict.fromkeys(laws, 0.1) for name, laws in scene.laws().items()}
+        found = system.dynamics(variables, speeds, 0.0).accelerations
+        assert np.abs(jax.tree.leaves(found)).max() < 1e-9
+
+
+@pytest.mark.slow  # compiles
+def test_backlash_at_a_turned_origin_stays_at_rest(read):
+    robot = (
+        '<robot name="r"><link name="base"/><link name="arm"><inertial><mass value="1"/>'
+        '<inertia ixx="0.01" iyy="0.01" izz="0.01"/></inertial></link>'
+        '<joint name="j1" type="continuous"><parent link="base"/><child link="arm"/>'
+        '<origin rpy="0 0 0.3"/><axis xyz="0 0 1"/><limit effort="10" velocity="1"/>'
+        "</joint></robot>"
+    )
+    scene, state, _ = read(robot, play={"j1": {"backlash": "1 deg"}})
+    assert angles(scene, state, Motion({}, {})) == {"j1": 0.0, "j1 backlash": 0.0}
+    end = cj.simulate(scene, state, 0.05, progress=False).final
+    assert np.abs(end.bodies["arm"].spin).max() < 1e-12  # was 8.7 rad/s
