@@ -53,7 +53,7 @@ def indices(**options):
 def test_indices_of_the_ishigami_function():
     found = indices(count=1024)
     for order, exact in zip(("first_order", "total_order"), closed_form(), strict=True):
-        np.testing.assert_allclose(found[f"f_{order}"].values, exact, atol=0.02)
+        np.testing.assert_allclose(found[f"f_{order}"].values, exact, atol=0.05)
         low, high = found[f"f_{order}_low"].values, found[f"f_{order}_high"].values
         assert ((low <= exact + 1e-12) & (exact <= high)).all()
     assert float(found["f_mean"]) == pytest.approx(A / 2.0, abs=0.05)
