@@ -16,7 +16,7 @@ where f is not.
 """
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -37,8 +37,11 @@ if TYPE_CHECKING:
     import xarray as xr
 
 LEAST_RUNS = 10
-"""Smallest number of runs for each coefficient of the regression. With fewer, the standard errors
-are unreliable."""
+"""Smallest number of runs for each coefficient of the regression. The intervals by so few hold the
+derivative as often as stated, but half of them are wider than 3.5 times the root mean square error.
+With 40 runs for each coefficient, half are wider than 2.4 times this error."""
+MOST_POWER = 4.0
+"""Largest power of one minus the leverage of a run by which its squared residual is divided."""
 
 
 def statistics_derivatives(
@@ -74,7 +77,7 @@ def statistics_derivatives(
       of the regression.
     - `disturbance`: m/s, root mean square speed by which the starts differ; `seed`: of all draws.
       Both are as in `ensemble`.
-    - `confidence`: level of the intervals, between 0 and 1.
+    - `confidence`: level of the intervals, between 0 and 1. They are by Student's distribution.
 
     **Returns:** an `xarray.Dataset`. For each output "force" with one number in each run (others
     are left out), ``force_mean`` and ``force_standard_error`` (of the mean) are scalars;
@@ -114,10 +117,8 @@ def statistics_derivatives(
     start_time = options.get("start_time", 0.0)
     lanes = disturbed_axes(scene, state, axes, disturbance, along, start_time)
     results = sweep(scene, state, end_time, lanes, outputs, settings, zipped=True, **options)
-    from scipy.special import ndtri
+    from scipy.special import stdtrit
 
-    # Half the width of an interval, in standard errors.
-    factor = float(ndtri(0.5 * (1.0 + confidence)))
     # One unit of each standardised coordinate, in the coordinate of the parameter's scale.
     sizes = np.array([one.centre_and_size(scene, state)[1] for one in uncertain.values()])
     normal = np.array([one.is_normal for one in uncertain.values()])
@@ -125,7 +126,10 @@ def statistics_derivatives(
     for name, (values, unit) in scalar_outputs(results).items():
         # A coordinate changes by its size when the standardised coordinate changes by 1. Divided by
         # the sizes, derivatives by standardised coordinates become those by nominal coordinates.
-        derivatives, errors = (row / sizes for row in estimate(draws, values, members, normal))
+        found = estimate(draws, values, members, normal)
+        derivatives, errors = found.derivatives / sizes, found.errors / sizes
+        # Half the width of the intervals, by Student's distribution.
+        half = stdtrit(found.freedom, 0.5 * (1.0 + confidence)) * errors
         # Only the first runs are independent draws from the distributions, whose mean is wanted.
         sample = values[:members][np.isfinite(values[:members])]
         error = sample.std(ddof=1) / np.sqrt(len(sample))
@@ -134,8 +138,8 @@ def statistics_derivatives(
         for part, row in {
             "": derivatives,
             "_standard_error": errors,
-            "_low": derivatives - factor * errors,
-            "_high": derivatives + factor * errors,
+            "_low": derivatives - half,
+            "_high": derivatives + half,
         }.items():
             variables[f"{name}_derivative{part}"] = Labelled(("parameter",), row, unit)
     coordinates = [one.parameter.scale.label(name) for name, one in uncertain.items()]
@@ -150,8 +154,12 @@ def statistics_derivatives(
 
 def _fewest_members(parameters: int) -> int:
     """Return the smallest number of runs for the regression with a number of parameters."""
-    coefficients = 1 + 3 * parameters + parameters * (parameters - 1) // 2
-    return LEAST_RUNS * coefficients
+    return LEAST_RUNS * _coefficients(parameters)
+
+
+def _coefficients(parameters: int) -> int:
+    """Return the number of coefficients of the regression with a number of parameters."""
+    return 1 + 3 * parameters + parameters * (parameters - 1) // 2
 
 
 def _draws(uncertain: Mapping[str, Uncertain], members: int, seed: int) -> np.ndarray:
@@ -189,16 +197,26 @@ def _directions(scene: Scene, runs: int, members: int, seed: int) -> np.ndarray:
     return along
 
 
+class Estimate(NamedTuple):
+    """Derivatives (p,) of an output's mean by the nominal values in standardised coordinates, their
+    standard errors (p,) and the degrees of freedom (p,) of these errors.
+
+    Derivatives and errors are in the unit of the output, per standard deviation or half width of
+    the parameter.
+    """
+
+    derivatives: Float[np.ndarray, " p"]
+    errors: Float[np.ndarray, " p"]
+    freedom: Float[np.ndarray, " p"]
+
+
 def estimate(
     draws: Float[np.ndarray, "runs p"],
     values: Float[np.ndarray, " runs"],
     members: int,
     normal: np.ndarray,
-) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
-    """Return the derivatives (p,) of an output's mean by the nominal values in standardised
-    coordinates, and their standard errors (p,).
-
-    Both are in the unit of the output, per standard deviation or half width of the parameter.
+) -> Estimate:
+    """Return the derivatives of an output's mean by the nominal values.
 
     They are computed by regression for a normal parameter, and from pairs of runs for a uniform
     one; see the module's docstring.
@@ -211,13 +229,14 @@ def estimate(
     than two pairs of runs of a uniform parameter succeed.
     """
     count = draws.shape[1]
-    derivatives, errors = np.zeros(count), np.zeros(count)
+    derivatives, errors, freedom = np.zeros((3, count))
     usable = np.isfinite(values[:members])
     needed, successful = _fewest_members(count), int(usable.sum())
     expected = f"so many that {needed} runs succeed ({successful} did)"
     require(successful >= needed, "members", members, expected, "run more, or find the failure")
     slopes, slope_errors = _regression(draws[:members][usable], values[:members][usable], normal)
     derivatives[normal], errors[normal] = slopes[normal], slope_errors[normal]
+    freedom[normal] = successful - _coefficients(count)
     # Each uniform parameter has as many runs as there are independent draws, in pairs.
     blocks = values[members:].reshape(-1, members // 2, 2)
     for k, pairs in zip(np.flatnonzero(~normal), blocks, strict=True):
@@ -226,7 +245,8 @@ def estimate(
         halves = halves[np.isfinite(halves)]
         require(len(halves) > 1, "members", len(halves), "2 pairs of runs or more", "run more")
         derivatives[k], errors[k] = halves.mean(), halves.std(ddof=1) / np.sqrt(len(halves))
-    return derivatives, errors
+        freedom[k] = len(halves) - 1
+    return Estimate(derivatives, errors, freedom)
 
 
 def _regression(z: np.ndarray, y: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -247,9 +267,16 @@ def _regression(z: np.ndarray, y: np.ndarray, normal: np.ndarray) -> tuple[np.nd
     design = np.stack(columns, axis=1)
     inverse = np.linalg.pinv(design)
     residuals = y - design @ (inverse @ y)
-    # The scatter of a chaotic output depends on z: HC3 errors don't assume equal variances.
+    # The scatter of a chaotic output depends on z: the errors don't assume equal variances. They
+    # are the HC4 errors of F. Cribari-Neto, *Asymptotic inference under heteroskedasticity of
+    # unknown form*, 2004. The residual of a smooth output is a polynomial of higher degree: it is
+    # largest at the runs that are farthest from the nominal values, which have the largest
+    # leverage. HC3 errors, with the power 2, were so small there that intervals by 10 runs for each
+    # coefficient held 81 to 89 % of the derivatives, and cross-fitting 77 to 83 %, for the stated
+    # 95 %.
     leverage = np.einsum("ij,ji->i", design, inverse)
+    power = np.minimum(MOST_POWER, leverage / leverage.mean())
     # A leverage of 1, of a run that alone determines a coefficient, would divide by zero.
-    scaled = residuals / np.maximum(1.0 - leverage, 1e-12)
+    scaled = residuals / np.maximum(1.0 - leverage, 1e-12) ** (0.5 * power)
     errors = np.sqrt(((inverse * scaled) ** 2).sum(axis=1))
     return (inverse @ y)[1 : p + 1], errors[1 : p + 1]

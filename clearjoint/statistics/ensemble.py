@@ -187,6 +187,8 @@ correct digits of the tangent, and control by an ever larger tangent would make 
 until runs reach their step limit."""
 TANGENT_TIMES = 256
 """Number of times, evenly spaced over the run, at which the size of the tangent is computed."""
+ROUNDING = 1e-12
+"""Rounding error of a level of a quantile."""
 MEMBER, QUANTILE = "member", "quantile"
 """Names of the dimensions that results have besides the axes."""
 NOT_OUTPUTS = ("result", "time_reached", "attempts", "accepted")
@@ -238,11 +240,13 @@ def ensemble(
     - ``force``: the values along "member", NaN for failed runs;
     - ``force_mean``, ``force_standard_error`` (of the mean), and ``force_deviation`` (standard
       deviation);
-    - ``force_quantile`` and ``force_quantile_standard_error`` along "quantile".
+    - ``force_quantile`` and ``force_quantile_standard_error`` along "quantile". The standard error
+      is NaN for a level too near 0 or 1 for the number of members: for 0.05 with fewer than 19, for
+      0.01 with fewer than 99.
 
     ``failed`` counts the failed runs, which are left out of the statistics. Statistics are NaN at a
-    point where all runs failed; so are ``force_deviation`` and ``force_standard_error`` where only
-    one run succeeded.
+    point where all runs failed; so are ``force_deviation`` and all standard errors where only one
+    run succeeded.
 
     Two further variables exist unless `exponents` is 0. ``lyapunov_exponent``, 1/s, is the growth
     rate of a disturbance in the second half of the run, on average over the first `exponents`
@@ -415,7 +419,8 @@ def _quantile_errors(
 ) -> Float[np.ndarray, "... q"]:
     """Return the standard errors (..., q) of quantiles of `runs` (..., members) at q levels.
 
-    Failed runs, which are NaN, are left out; the errors are NaN where all runs failed.
+    Failed runs, which are NaN, are left out. The errors are NaN where fewer than two runs
+    succeeded, and for a level less than one deviation of the share of runs below it from 0 or 1.
     """
     # The share of n members below the true quantile has a binomial distribution with the standard
     # deviation sqrt(p (1 - p)/n). Half the distance between the quantiles at the levels one
@@ -423,10 +428,14 @@ def _quantile_errors(
     errors = np.full((*runs.shape[:-1], len(levels)), np.nan)
     for point in np.ndindex(*runs.shape[:-1]):
         usable = runs[point][np.isfinite(runs[point])]
-        if len(usable) > 0:
+        if len(usable) > 1:
             aside = np.sqrt(levels * (1.0 - levels) / len(usable))
-            ends = np.clip([levels - aside, levels + aside], 0.0, 1.0)
-            errors[point] = 0.5 * np.diff(np.quantile(usable, ends), axis=0)[0]
+            ends = np.array([levels - aside, levels + aside])
+            # No run shows how far the quantile is from a level outside 0 to 1. Half the distance to
+            # the smallest or largest value was 0.06 to 0.6 of the standard error.
+            within = (ends[0] > -ROUNDING) & (ends[1] < 1.0 + ROUNDING)
+            quantiles = np.quantile(usable, np.clip(ends[:, within], 0.0, 1.0))
+            errors[point][within] = 0.5 * (quantiles[1] - quantiles[0])
     return errors
 
 

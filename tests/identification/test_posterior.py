@@ -1,5 +1,6 @@
 """Posteriors against closed forms: free flights, whose position is linear in the velocity, linear
-problems of several parameters, two minima of known weights, and ranks of the truth among points."""
+problems of several parameters, two minima of known weights, and ranks of the truth among points.
+Normal priors of random widths have a closed form as well."""
 
 import math
 from dataclasses import dataclass, replace
@@ -14,8 +15,10 @@ from scipy.stats import kstest, norm
 import clearjoint as cj
 from clearjoint.identification.posterior.posterior import modes
 from clearjoint.identification.posterior.tempering import (
+    Mixture,
     Target,
     draw,
+    effective_number,
     level_or_infinity,
     next_count,
     resampled,
@@ -124,7 +127,8 @@ def test_few_effective_runs_are_reported():
     result = found(number=64)
     assert result.warnings == [] and result.effective_sample_size >= 64.0
     (warning,) = replace(result, effective_sample_size=20.0).warnings
-    assert warning == "The points come from only 20 effective runs: increase `number`."
+    distinct = f"The points, {len(np.unique(result.coordinates))} of which are distinct, "
+    assert warning == f"{distinct}come from only 20 effective runs: increase `number`."
 
 
 @pytest.mark.parametrize(("top", "even"), [(2.0, True), (1.5, False)])
@@ -144,6 +148,53 @@ def test_a_cloud_of_one_point_is_impossible(monkeypatch):
     monkeypatch.setattr("clearjoint.identification.posterior.posterior.draw", singular)
     with pytest.raises(ValueError, match="Almost all points are impossible: .*`log_prior`"):
         found(number=64)
+
+
+def test_copies_of_a_point_are_no_points():
+    copies, even = np.repeat([[0.5, 1.0]], 40, axis=0), np.full(40, 1.0 / 40.0)
+    with pytest.raises(np.linalg.LinAlgError, match="1 distinct points"):
+        Mixture.around(copies, even)
+    assert effective_number(copies, even) == pytest.approx(1.0)
+    other = np.concatenate([copies[:20], copies[:20] + np.arange(20.0)[:, None]])
+    # One point with the weight 21/40, and nineteen others.
+    assert effective_number(other, even) == pytest.approx(1600.0 / (21.0**2 + 19.0))
+    wide = Mixture.around(other, even)
+    assert len(wide.centres) == 21 and wide.weights.sum() == pytest.approx(1.0)
+    result = found(number=64)
+    same = replace(result, coordinates=np.full((64, 1), 0.5), effective_sample_size=1.0)
+    assert same.distinct == 1 and "1 of which are distinct" in same.warnings[0]
+    assert "64 points, 1 of which are distinct, from 1 effective runs" in str(same)
+
+
+def test_a_prior_much_narrower_than_the_box_is_drawn_from():
+    """The data hardly matter; formerly one point had all the weight."""
+    width = 2e-3
+    data = cj.Measurements({"x": cj.Series(CHANNEL, TIMES, SPEED * TIMES, noise=10.0)})
+    for seed in (2, 9):
+        result = found(
+            data=data,
+            log_prior=lambda v: -0.5 * ((v["speed"] - SPEED) / width) ** 2,
+            number=64,
+            seed=seed,
+        )
+        assert result.means["speed"] == pytest.approx(SPEED, abs=0.5 * width)
+        assert result.standard_deviations["speed"] == pytest.approx(width, rel=0.3)
+        assert result.distinct > 50 and result.effective_sample_size > 64 and not result.warnings
+        constant = -len(TIMES) * math.log(10.0 * math.sqrt(2 * math.pi))
+        assert abs(result.log_evidence - constant) < 4.0 * result.log_evidence_error < 0.4
+
+
+def test_a_prior_that_is_zero_almost_everywhere_is_reported():
+    def log_prior(values):
+        return np.where(np.abs(values["speed"] - SPEED) < 1e-4, 0.0, -np.inf)
+
+    options = {"guess": {"speed": SPEED + 1e-3}, "log_prior": log_prior, "number": 64}
+    message = r"almost all points of the box .*\(finite at 0 of 4096 points\).*reduce `spread`"
+    with pytest.raises(ValueError, match=message):
+        found(**options, spread=1e-4)
+    # The advice: a box that the prior fills in part.
+    result = found(**(options | {"guess": {"speed": SPEED}}), spread=1e-3)
+    assert np.abs(result.samples["speed"] - SPEED).max() < 1e-4
 
 
 def test_runs_that_fail_are_impossible_and_counted():
@@ -197,7 +248,7 @@ def test_the_result_is_exported():
         ({"number": 3}, "number.*a whole number from 32.*is 3"),
         ({"seed": -1}, "seed.*-1.*pass 0"),
         ({"guess": {"height": 1.0}}, "guess.*height.*name parameters: speed"),
-        ({"log_prior": lambda values: 0.0}, r"log_prior.*of shape \(100,\), but is \(\)"),
+        ({"log_prior": lambda values: 0.0}, r"log_prior.*of shape \(4096,\), but is \(\)"),
         ({"log_prior": lambda v: np.nan * v["speed"]}, "log_prior.*return -inf"),
         ({"start_time": 0.5}, "start_time.*0.5.*start earlier"),
         ({"parameters": {"speed": 3.0}}, "parameters.*a Parameter.*float"),
@@ -247,6 +298,88 @@ def test_linear_problems_have_the_posterior_of_the_closed_form(parameters):
     assert set(modes(draws[0].points, draws[0].chi_squared)) == {0}
     ends = np.quantile(whitened, (0.025, 0.975), axis=1).T
     np.testing.assert_allclose(ends, np.tile((-1.96, 1.96), (parameters, 1)), atol=0.3)
+
+
+@dataclass(frozen=True)
+class Narrow:
+    """Result of a random linear problem with a normal prior in a much wider box.
+
+    `mean`, `size`: error of the points' mean and their standard deviation, in standard deviations
+    of the posterior; `inside`: whether the intervals contain the truth; `error`, `stated`: of the
+    logarithm of the evidence; `effective`: effective number of runs.
+    """
+
+    mean: np.ndarray
+    size: np.ndarray
+    inside: np.ndarray
+    error: float
+    stated: float
+    effective: float
+
+
+def narrow(seed, number):
+    """One to three parameters, a prior of 1e-9 to 0.1 of the box, and data that are worse or up to
+    a hundred times better than the prior, whose truth is drawn from the prior."""
+    generator = np.random.default_rng(seed)
+    parameters = int(generator.integers(1, 4))
+    width = 10.0 ** generator.uniform(-9.0, -1.0, parameters)
+    centre = generator.uniform(-0.4, 0.4, parameters)
+    truth = centre + width * generator.standard_normal(parameters)
+    noise = 10.0 ** generator.uniform(-2.0, 2.0)
+    design = generator.standard_normal((10, parameters)) / width / noise
+    values = design @ truth + generator.standard_normal(10)
+    ends, scale = np.ones(parameters), 7.0  # The prior is given up to a constant.
+    target = replace(
+        target_of(lambda points: points @ design.T - values, parameters),
+        low=-ends,
+        high=ends,
+        log_prior=lambda x: scale - 0.5 * (((x - centre) / width) ** 2).sum(axis=1),
+    )
+    drawn = draw(target, number, generator)
+    # In units of the prior: its covariance is 1, and the design has no unit.
+    slopes, misses = design * width, values - design @ centre
+    covariance = np.linalg.inv(np.eye(parameters) + slopes.T @ slopes)
+    spread = np.eye(10) + slopes @ slopes.T
+    evidence = -0.5 * (misses @ np.linalg.solve(spread, misses) + np.linalg.slogdet(spread)[1])
+    mean = covariance @ slopes.T @ misses
+    whitened = np.linalg.solve(
+        np.linalg.cholesky(covariance), ((drawn.points - centre) / width - mean).T
+    )
+    low, high = np.quantile(drawn.points, (0.025, 0.975), axis=0, method="weibull")
+    return Narrow(
+        whitened.mean(axis=1),
+        whitened.std(axis=1),
+        (low < truth) & (truth < high),
+        drawn.log_evidence - evidence,
+        drawn.error,
+        drawn.effective,
+    )
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_narrow_priors_have_the_posterior_and_the_evidence_of_the_closed_form(seed):
+    result = narrow(seed, 100)
+    assert np.abs(result.mean).max() < 0.5 and np.abs(result.size - 1.0).max() < 0.4
+    assert abs(result.error) < 4.0 * result.stated < 0.6 and result.effective >= 100.0
+
+
+@pytest.mark.slow
+def test_intervals_and_evidence_of_narrow_priors_are_as_good_as_stated():
+    results = [narrow(seed, 200) for seed in range(100)]
+    ratios = np.array([one.error / one.stated for one in results])
+    inside = np.concatenate([one.inside for one in results])
+    means, sizes = (np.concatenate([getattr(one, n) for one in results]) for n in ("mean", "size"))
+    print(f"\n{len(results)} narrow priors: 95 % intervals with the truth {inside.mean():.3f} of")
+    print(
+        f"{len(inside)}; errors of the log evidence over the stated ones: mean {ratios.mean():.2f},"
+    )
+    print(f"deviation {ratios.std():.2f}, within 1.96 {np.mean(np.abs(ratios) < 1.96):.2f};")
+    print(f"largest error of a mean {np.abs(means).max():.2f}, deviations {sizes.min():.2f} to")
+    print(f"{sizes.max():.2f}, of the posterior's deviation")
+    assert 0.90 < inside.mean() < 0.99
+    assert abs(ratios.mean()) < 0.35 and 0.75 < ratios.std() < 1.25
+    assert np.abs(means).max() < 0.4 and sizes.min() > 0.7 and sizes.max() < 1.3
+    assert min(one.effective for one in results) >= 200.0
 
 
 @pytest.mark.slow

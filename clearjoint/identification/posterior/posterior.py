@@ -24,7 +24,7 @@ from ..residuals import UNREACHED, check_start, experiment, samples
 from ..screening.misfit_curves import SideBySide
 from ..starts import Guess, half_widths, start_coordinates
 from .result import Posterior
-from .tempering import Target, draw
+from .tempering import ImpossiblePriorError, Target, draw
 
 RISE = 3.84
 """Smallest rise of chi squared between two minima that count as separate: the rise at the ends of a
@@ -129,9 +129,10 @@ def posterior(
     """Return the posterior distribution of parameters, by sequential Monte Carlo.
 
     Unlike the covariance of a fit, a posterior is right where chi squared is rough or has several
-    minima, and it needs no start near the truth. Points, the coordinates of parameters, fill a box
-    around the guess. Then more and more of the record enters the likelihood, and at each step the
-    points are weighted, resampled and moved. At the end, importance sampling around these points
+    minima, and it needs no start near the truth. Points, the coordinates of parameters, are drawn
+    from the prior in a box around the guess, which may be much narrower than the box. Then more and
+    more of the record enters the likelihood, and at each step the points are weighted, resampled
+    and moved. At the end, importance sampling around these points
     gives the points of the result and the evidence. The noise is assumed to be normal, with the
     standard deviations stated in the measurements.
 
@@ -145,6 +146,7 @@ def posterior(
       name.
     - `log_prior`: logarithm of the prior density of the coordinates in the box, up to a constant: a
       function of the values by name, (n,) each, that returns (n,). By default the prior is uniform.
+      It is called for some ten thousand values, some hundred or thousand at once.
     - `number`: number of points, at least 32. The importance sampling goes on until the effective
       number of its weighted runs is at least this, for at most five rounds; the result's `warnings`
       tell if the effective number is too small. With three parameters, 500 points take about
@@ -156,9 +158,9 @@ def posterior(
     **Returns:** a `clearjoint.results.Posterior`. A run that fails, or whose prediction is 1e6
     standard deviations off a sample, has the likelihood zero, and is counted in `failed`.
 
-    **Raises:** `ValueError` for unsupported arguments, and if all points are impossible, because
-    their runs fail or their prior is zero, or so few points are possible that their covariance is
-    singular.
+    **Raises:** `ValueError` for unsupported arguments, if the prior is zero at all or almost all
+    points of the box, and if so few points are possible, because the runs of the others fail, that
+    they have no covariance.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-3)
     >>> found = cj.posterior(
@@ -226,9 +228,9 @@ def drawn_posterior(
     - `on_step`: function that is called after each step with the time, s, up to which the record is
       in the likelihood, and the number of runs so far.
 
-    **Raises:** `ImpossiblePointsError`, a `ValueError`, if all points are impossible, or so few are
-    possible that their covariance is singular; `TooManyRunsError` if more than `most_runs` runs are
-    needed.
+    **Raises:** `ImpossiblePointsError`, a `ValueError`, if the prior is zero at all or almost all
+    points of the box, or so few points are possible that they have no covariance;
+    `TooManyRunsError` if more than `most_runs` runs are needed.
     """
     begun = time.perf_counter()
     lanes = _Lanes(side_by_side, most_runs)
@@ -239,14 +241,18 @@ def drawn_posterior(
 
     try:
         drawn = draw(target, number, np.random.default_rng(seed), after)
+    except ImpossiblePriorError as error:
+        raise ImpossiblePointsError(
+            f"The prior is zero at all or almost all points of the box around `guess` ({error}). "
+            "Centre `guess` where `log_prior` is finite, and reduce `spread` to that region."
+        ) from error
     except (FloatingPointError, np.linalg.LinAlgError) as error:
-        # All weights are zero, or the covariance of the points with a weight is singular.
+        # All weights are zero, or the points with a weight have no covariance.
         few = isinstance(error, np.linalg.LinAlgError)
         raise ImpossiblePointsError(
             f"{'Almost all' if few else 'All'} points are impossible: {lanes.failed} of "
-            f"{lanes.runs} runs failed or predicted values 1e6 standard deviations off, and the "
-            "prior or the likelihood of the others is zero. Centre `guess` on values with which "
-            "the scene runs, or change `spread` or `log_prior`."
+            f"{lanes.runs} runs failed or predicted values 1e6 standard deviations off. Centre "
+            "`guess` on values with which the scene runs, or change `spread` or `log_prior`."
         ) from error
     # Logarithm of the normal density at a residual of zero, summed over all samples. Weights are
     # inverse standard deviations, and zero where a series has no sample.
@@ -271,7 +277,7 @@ def drawn_posterior(
 
 
 class ImpossiblePointsError(ValueError):
-    """Error of `drawn_posterior` if too few points have a likelihood and a prior above zero."""
+    """Error of `drawn_posterior` if too few points have a likelihood or a prior above zero."""
 
 
 class TooManyRunsError(ArithmeticError):

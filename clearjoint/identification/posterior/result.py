@@ -39,9 +39,11 @@ class Posterior(AbstractTabular):
     - `modes`: (n,) index of the separate minimum of chi squared to which each point belongs. The
       minimum with the most points has the index 0, the next one 1, and so on.
     - `log_evidence`: logarithm of the marginal likelihood, the mean of the likelihood over the
-      prior; `log_evidence_error`: its standard error.
+      prior; `log_evidence_error`: its standard error, including that of the integral of
+      `log_prior` by which it is divided.
     - `effective_sample_size`: effective number of the weighted runs from which the points were
-      drawn: the square of the sum of the weights over the sum of their squares.
+      drawn: the square of the sum of the weights over the sum of their squares. Runs at equal
+      points count as one.
     - `box`: lower and upper ends (p,) of the coordinates, outside which the prior is zero.
     - `runs`: number of runs; `failed`: number of runs that failed, or whose prediction was 1e6
       standard deviations off a sample; the likelihood of all these is zero.
@@ -84,6 +86,12 @@ class Posterior(AbstractTabular):
         """Values of each parameter by name, (n,), in `units`."""
         pairs = zip(self.parameters.items(), self.coordinates.T, strict=True)
         return {name: values_on(p.scale, row) for (name, p), row in pairs}
+
+    @property
+    def distinct(self) -> int:
+        """Number of points that differ; the others are copies, made because a run had the weight of
+        several points."""
+        return len(np.unique(self.coordinates, axis=0))
 
     @property
     def means(self) -> dict[str, float]:
@@ -144,8 +152,8 @@ class Posterior(AbstractTabular):
                 )
         if self.effective_sample_size < min(FEWEST_EFFECTIVE, 0.5 * len(self.coordinates)):
             found.append(
-                f"The points come from only {self.effective_sample_size:.0f} effective runs: "
-                "increase `number`."
+                f"The points, {self.distinct} of which are distinct, come from only "
+                f"{self.effective_sample_size:.0f} effective runs: increase `number`."
             )
         return found
 
@@ -215,7 +223,8 @@ class Posterior(AbstractTabular):
             f"{number} separate {'minimum' if number == 1 else 'minima'}, weights {weights}\n"
             f"logarithm of the evidence {self.log_evidence:.6g}, standard error "
             f"{self.log_evidence_error:.2g}\n"
-            f"{len(self.coordinates)} points from {self.effective_sample_size:.0f} effective runs",
+            f"{len(self.coordinates)} points, {self.distinct} of which are distinct, from "
+            f"{self.effective_sample_size:.0f} effective runs",
             "\n".join(f"Warning: {warning}" for warning in self.warnings),
         ]
         return "\n\n".join(part for part in parts if part)

@@ -1,14 +1,14 @@
 """Sequential Monte Carlo over a growing record, and importance sampling at its end.
 
-A cloud of points, coordinates of p parameters, is drawn from the prior. Then the record enters the
-likelihood in steps of many samples, or of a fraction of a sample that changes the likelihood much.
-After each step the points are weighted, resampled and moved, so that they are distributed as
-the posterior of the record so far (N. Chopin, *A sequential particle filter method for static
-models*, 2002; adaptive steps as by A. Jasra et al., *Inference for Lévy-driven stochastic
-volatility models via adaptive sequential Monte Carlo*, 2011). Over a part of the record with
-few impacts, chi squared is a smooth function of the parameters, so that the cloud finds the region
-of the truth before later impacts make chi squared rough. The usual way, by growing powers of the
-likelihood of the whole record, would have to find this region in the rough chi squared.
+A cloud of points, coordinates of p parameters, is drawn from the prior (see `from_prior`). Then the
+record enters the likelihood in steps of many samples, or of a fraction of a sample that changes the
+likelihood much. After each step the points are weighted, resampled and moved, so that they are
+distributed as the posterior of the record so far (N. Chopin, *A sequential particle filter method
+for static models*, 2002; adaptive steps as by A. Jasra et al., *Inference for Lévy-driven
+stochastic volatility models via adaptive sequential Monte Carlo*, 2011). Over a part of the record
+with few impacts, chi squared is a smooth function of the parameters, so that the cloud finds the
+region of the truth before later impacts make chi squared rough. The usual way, by growing powers of
+the likelihood of the whole record, would have to find this region in the rough chi squared.
 
 A length of the record is given as a number of its T sample times: chi squared over the first k
 times is that of all samples up to the k-th time.
@@ -26,7 +26,7 @@ likelihood.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -40,12 +40,13 @@ further times serve the next steps."""
 ACCEPTED, SWEEPS = 1.5, 10
 """Mean number of accepted moves of a point after which a step ends, and largest number of moves
 tried for each point in a step."""
-PRIOR_POINTS = 2**12
-"""Number of points by which the prior is integrated over the box."""
-HALVINGS = 50
-"""Number of bisections that find the length of a step."""
-LEAST = 1e-9
-"""Smallest step along the record, as a fraction of a sample, so that no step is zero."""
+PRIOR_POINTS, PRIOR_NUMBER = 2**12, 2**10
+"""`PRIOR_POINTS`: number of points of the box that show where the prior is zero, and whether it is
+uniform. `PRIOR_NUMBER`: smallest number of points that are drawn from another prior. None of them
+takes a run."""
+HALVINGS = 200
+"""Largest number of bisections that find the length of a step. A step may be as short as 1e-30: a
+prior of which a share of 1e-15 of the box's width is likely varies by 1e30 in its logarithm."""
 CLOUD, SHARE = 100, 5
 """The cloud has `CLOUD` points, or the number of points to draw divided by `SHARE` if that is more,
 but no more points than are to be drawn."""
@@ -93,6 +94,13 @@ class Target:
         """Return whether each of n points is in the box, (n,)."""
         return np.all((points >= self.low) & (points <= self.high), axis=1)
 
+    def filled(self, number: int, generator: np.random.Generator) -> Float[np.ndarray, "n p"]:
+        """Return points (number, p) that fill the box evenly."""
+        from scipy.stats import qmc
+
+        cube = qmc.LatinHypercube(len(self.low), rng=generator).random(number)
+        return self.low + (self.high - self.low) * cube
+
 
 @dataclass(frozen=True)
 class Cloud:
@@ -129,9 +137,9 @@ class Drawn:
 
     - `points`: (n, p) coordinates; `chi_squared`: (n,) of the whole record.
     - `log_evidence`: logarithm of the mean of exp(-chi squared / 2) over the prior; `error`: its
-      standard error.
+      standard error, to which the prior's integral over the box contributes.
     - `effective`: effective number of the weighted runs from which the points were drawn, 1 / (sum
-      of their squared weights).
+      of their squared weights). Runs at equal points count as one.
     - `steps`: number of steps along the record.
     """
 
@@ -143,11 +151,85 @@ class Drawn:
     steps: int
 
 
+class ImpossiblePriorError(ArithmeticError):
+    """Error of `draw` if the prior is zero at all or almost all points of the box."""
+
+
 def draw(
     target: Target,
     number: int,
     generator: np.random.Generator,
     on_step: Callable[[float], None] = lambda count: None,
+) -> Drawn:
+    """Draw points from the posterior: from the prior, by steps along the record and then by
+    importance sampling.
+
+    **Arguments:** `target`: the posterior; `number`: number of points to draw; `generator`: source
+    of random numbers; `on_step`: function that is called after each step and round with the number
+    of times in the likelihood, which may be a fraction.
+
+    **Raises:** `ImpossiblePriorError` if the prior is zero at all or almost all points of the box;
+    `FloatingPointError` if, in a step or round, the likelihood is zero at each point (that of a
+    failed run is zero); `numpy.linalg.LinAlgError` if so few distinct points have a weight that
+    they have no covariance.
+    """
+    points, log_integral, error = from_prior(target, _cloud_size(number), generator)
+    drawn = drawn_from(target, points, number, generator, on_step)
+    # The prior is given up to a constant, so the evidence is divided by its integral over the box.
+    # The two are estimated from independent random numbers.
+    log_evidence = drawn.log_evidence - log_integral
+    return replace(drawn, log_evidence=log_evidence, error=math.hypot(drawn.error, error))
+
+
+def _cloud_size(number: int) -> int:
+    """Return the number of points in the cloud for a number of points to draw."""
+    return min(number, max(CLOUD, number // SHARE))
+
+
+def from_prior(
+    target: Target, number: int, generator: np.random.Generator
+) -> tuple[Float[np.ndarray, "n p"], float, float]:
+    """Return points of the prior, (number, p), the logarithm of the prior's integral over the box,
+    and the standard error of this logarithm.
+
+    Points of a uniform prior fill the box evenly, and its integral is exact. Any other prior is
+    drawn from by `drawn_from`, as the likelihood of a record of one sample, of which growing
+    fractions enter. Points that fill the box can't be weighted by the prior instead: where it is
+    much narrower than the box, one of them has all the weight.
+
+    **Raises:** `ImpossiblePriorError` as `draw`.
+    """
+    filled = target.filled(PRIOR_POINTS, generator)
+    logarithms = target.log_prior(filled)
+    possible = filled[logarithms > -np.inf]
+    if len(possible) <= filled.shape[1]:
+        raise ImpossiblePriorError(f"finite at {len(possible)} of {PRIOR_POINTS} points")
+    if np.ptp(logarithms) == 0.0:
+        log_volume = float(np.log(target.high - target.low).sum())
+        return target.filled(number, generator), log_volume + float(logarithms[0]), 0.0
+
+    def curves(points: np.ndarray, count: int) -> np.ndarray:
+        """Return minus two times the logarithms of the prior in place of chi squared."""
+        return np.stack([np.zeros(len(points)), -2.0 * target.log_prior(points)][: count + 1], 1)
+
+    prior = replace(target, curves=curves, count=1, log_prior=lambda points: np.zeros(len(points)))
+    drawn_number = max(number, PRIOR_NUMBER)
+    # The cloud begins with points of the uniform distribution over the part of the box where the
+    # prior is not zero. If they are few, they are repeated, and moves separate them.
+    start = np.resize(generator.permutation(possible), (_cloud_size(drawn_number), len(target.low)))
+    try:
+        drawn = drawn_from(prior, start, drawn_number, generator, lambda count: None)
+    except (FloatingPointError, np.linalg.LinAlgError) as error:
+        raise ImpossiblePriorError(str(error)) from error
+    return generator.permutation(drawn.points)[:number], drawn.log_evidence, drawn.error
+
+
+def drawn_from(
+    target: Target,
+    points: Float[np.ndarray, "n p"],
+    number: int,
+    generator: np.random.Generator,
+    on_step: Callable[[float], None],
 ) -> Drawn:
     """Draw points from the posterior, by steps along the record and then by importance sampling.
 
@@ -161,19 +243,15 @@ def draw(
     the evidence: the mixture is fixed before the round, whose runs only decide whether another
     round follows.
 
-    **Arguments:** `target`: the posterior; `number`: number of points to draw; `generator`: source
-    of random numbers; `on_step`: function that is called after each step and round with the number
-    of times in the likelihood, which may be a fraction.
+    **Arguments:** `points`: (n, p) points of the prior, the cloud before the first step; the others
+    are those of `draw`.
 
-    **Raises:** `FloatingPointError` if, in a step or round, the prior or the likelihood is zero at
-    each point (the likelihood of a failed run is zero); `numpy.linalg.LinAlgError` if a
-    covariance of points is not positive definite in spite of `RIDGE`, for example because the
-    points with a positive weight are equal.
+    **Returns:** the points. The evidence is not divided by the integral of the prior: it is the
+    logarithm of the integral of prior times likelihood over the box.
+
+    **Raises:** as `draw`, except `ImpossiblePriorError`.
     """
-    from scipy.stats import qmc
-
-    size = min(number, max(CLOUD, number // SHARE))
-    points, weights, steps = along_record(target, size, generator, on_step)
+    points, weights, steps = along_record(target, points, generator, on_step)
     mixture, runs = Mixture.around(points, weights, WIDER), FIRST * number
     for _ in range(ROUNDS):
         drawn = mixture.drawn(runs, generator)
@@ -183,7 +261,7 @@ def draw(
         chi_squared = cloud.curves[:, -1]
         logarithms = cloud.log_priors - 0.5 * chi_squared - mixture.log_density(cloud.points)
         weights, log_mean = normalised(logarithms)
-        effective = 1.0 / (weights**2).sum()
+        effective = effective_number(cloud.points, weights)
         on_step(target.count)
         chosen = resampled(weights, generator, number)
         if effective >= number:
@@ -195,13 +273,9 @@ def draw(
         # If the share of effective runs stays the same, `number` of the next ones are effective.
         next_runs = int(number * len(drawn) / effective)
         runs = min(next_runs, GROWTH * len(drawn), MOST * number)
-    # The prior is given up to a constant, so the result is divided by its integral over the box.
     # `log_mean` is the logarithm of the mean weight of the draws inside the box. The weights of all
     # others are zero, so the mean over all draws is this mean times the share of those inside.
-    widths = target.high - target.low
-    box = qmc.LatinHypercube(len(widths), rng=generator)
-    prior = normalised(target.log_prior(target.low + widths * box.random(PRIOR_POINTS)))[1]
-    log_evidence = log_mean + math.log(inside.mean()) - prior - float(np.log(widths).sum())
+    log_evidence = log_mean + math.log(inside.mean())
     # Standard error of the mean of all weights, those outside the box included, relative to it.
     error = math.sqrt(max(1.0 / effective - 1.0 / len(drawn), 0.0))
     points, chi_squared = cloud.points[chosen], chi_squared[chosen]
@@ -210,30 +284,21 @@ def draw(
 
 def along_record(
     target: Target,
-    number: int,
+    points: Float[np.ndarray, "n p"],
     generator: np.random.Generator,
     on_step: Callable[[float], None],
 ) -> tuple[Float[np.ndarray, "n p"], Float[np.ndarray, " n"], int]:
     """Return weighted points near the posterior of the whole record, by steps along the record.
 
-    **Arguments:** as in `draw`, but `number` is the number of points in the cloud, and `on_step` is
-    called after each step only.
+    **Arguments:** as in `drawn_from`, but `on_step` is called after each step only.
 
     **Returns:** the points (n, p), their weights (n,) of sum 1, and the number of steps.
 
-    **Raises:** as `draw`.
+    **Raises:** as `drawn_from`.
     """
-    from scipy.stats import qmc
-
-    box = qmc.LatinHypercube(len(target.low), rng=generator)
-    points = target.low + (target.high - target.low) * box.random(number)
     # Number of times over which the points have been run, and number of times in the likelihood.
     ahead, reached, steps = 1, 0.0, 0
     cloud = evaluated(target, points, ahead)
-    # The points fill the box evenly. Resampled by the prior density, they are distributed as the
-    # prior.
-    prior, _ = normalised(cloud.log_priors)
-    cloud = cloud.taken(resampled(prior, generator))
     while True:
         following = next_count(cloud.curves, reached)
         # If the step could go to the end of the runs, they may be too short for it: the points run
@@ -306,8 +371,12 @@ def next_count(curves: Float[np.ndarray, "n T"], reached: float) -> float:
     low, high = reached, float(last)
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
+        if middle in (low, high):  # No number is between them.
+            break
         low, high = (middle, high) if enough(middle) else (low, middle)
-    return max(low, min(reached + LEAST, float(last)))
+    # Where most runs miss the next sample, no step leaves enough points. The shortest one discards
+    # them. A longer one would also leave a single point where chi squared is steep.
+    return max(low, float(np.nextafter(reached, np.inf)))
 
 
 def normalised(logarithms: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], float]:
@@ -323,6 +392,25 @@ def normalised(logarithms: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, "
         raise FloatingPointError("no point has a likelihood")
     weights = np.exp(finite - largest)
     return weights / weights.sum(), float(largest + np.log(weights.mean()))
+
+
+def effective_number(points: Float[np.ndarray, "n p"], weights: Float[np.ndarray, " n"]) -> float:
+    """Return the effective number of weighted points, 1 / (sum of their squared weights).
+
+    Equal points count as one: copies of a point tell nothing more about a distribution.
+
+    **Arguments:** `points`: (n, p); `weights`: (n,) of sum 1.
+    """
+    return 1.0 / float((_distinct(points, weights)[1] ** 2).sum())
+
+
+def _distinct(
+    points: Float[np.ndarray, "n p"], weights: Float[np.ndarray, " n"]
+) -> tuple[Float[np.ndarray, "m p"], Float[np.ndarray, " m"]]:
+    """Return the distinct ones of n weighted points, (m, p), and the sums of their weights."""
+    distinct, numbers = np.unique(points, axis=0, return_inverse=True)
+    # Some versions of NumPy return the inverse of `unique` as a column, hence `ravel`.
+    return distinct, np.bincount(numbers.ravel(), weights, len(distinct))
 
 
 def resampled(
@@ -425,15 +513,25 @@ class Mixture:
     def around(
         points: Float[np.ndarray, "n p"], weights: Float[np.ndarray, " n"], wider: float = 1.0
     ) -> "Mixture":
-        """Return a mixture of n + 1 normal distributions that follows a cloud of n points.
+        """Return a mixture of n + 1 normal distributions that follows a cloud of n distinct points.
 
         There is one around each point, with the covariance of the points near it and the weight of
-        the point, and a wide one around all points.
+        the point, and a wide one around all points. Equal points count as one, whose weight is the
+        sum of theirs: as neighbours of each other they would have no covariance.
 
         **Arguments:** `points`: (n, p); `weights`: (n,) of sum 1; `wider`: factor on all standard
         deviations.
+
+        **Raises:** `numpy.linalg.LinAlgError` if no more than p distinct points have a weight.
         """
+        points, weights = _distinct(points, weights)
         count, p = points.shape
+        # `RIDGE` would turn their covariance into one of rounding errors, and all later points
+        # would equal one of these, with equal weights.
+        if np.count_nonzero(weights) <= p:
+            raise np.linalg.LinAlgError(
+                f"{np.count_nonzero(weights)} distinct points with a weight"
+            )
         # Enough points for a covariance, and so few that they follow a curved region.
         near = min(max(fewest_for_covariance(p), round(2.0 * math.sqrt(count))), count)
         mean = weights @ points
@@ -471,10 +569,15 @@ class Mixture:
         with np.errstate(divide="ignore"):
             heights = np.log(self.weights) - np.log(sizes).sum(axis=1)
         heights = heights - 0.5 * points.shape[1] * math.log(2.0 * math.pi)
+        # The offset of a point from a centre, scaled by the inverse root, is a difference of two
+        # scaled vectors: all those of the points are one product of matrices. Their origin is in
+        # the cloud, because differences of large vectors would have rounding errors.
+        origin, rows = self.centres[-1], inverse.reshape(-1, points.shape[1])
+        centres = np.einsum("nij,nj->ni", inverse, self.centres - origin)
         found = []
         # In parts, because the offsets of all points from all centres may take much memory.
         for part in np.split(points, range(TOGETHER, len(points), TOGETHER)):
-            offsets = part[:, None] - self.centres
-            squares = (np.einsum("nij,mnj->mni", inverse, offsets) ** 2).sum(axis=2)
+            offsets = ((part - origin) @ rows.T).reshape(len(part), *centres.shape) - centres
+            squares = np.einsum("mni,mni->mn", offsets, offsets)
             found.append(logsumexp(heights - 0.5 * squares, axis=1))
         return np.concatenate(found)
