@@ -14,6 +14,7 @@ from ..measurements.series import Measurements
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter, step_limits, values_at
+from ..parametrisation.readings import units_of
 from ..result_codes import RESULTS
 from ..simulation.run.terminal import ProgressBar, telling_of_compiling
 from ..simulation.step import presets
@@ -230,7 +231,8 @@ def identify_many(
     # A screening only ranks points, for which cheaper runs are accurate enough.
     coarse_runs = runs_with(settings.looser(LOOSER)) if isinstance(starts, Screening) else runs
     ends = (*grow, float(times[-1]))
-    units = {n: p.variation.unit_in(scene, state) for n, p in parameters.items()}
+    series_units = {name: series.unit for name, series in measurements[0].series.items()}
+    units = units_of(parameters, scene, state, series_units)
     problem = _Problem(
         runs,
         coarse_runs,
@@ -327,7 +329,8 @@ class _Problem:
             best, stopped = best_search(searches), True
         fitted = self.runs.family.scene_and_state(best.best.coordinates)
         results = tuple(searches), best, screened, self.horizon, checked
-        fit = Fit(*fitted, dict(self.parameters), self.units, one, *results)
+        start_time = float(self.runs.start_time)
+        fit = Fit(*fitted, dict(self.parameters), self.units, one, *results, start_time)
         return fit, stopped
 
     def _search(self, data: Samples, start: np.ndarray, on_iteration: OnFitIteration) -> Search:
