@@ -32,7 +32,7 @@ from . import goodness_of_fit as statistics
 from .checking import LikelihoodCheck
 from .levenberg_marquardt import Ending, Search
 from .posterior.result import Posterior
-from .report import estimates_table, numbered
+from .report import duration, estimates_table, numbered
 from .residuals import LEAST_SINGULAR_VALUE, RunMisfit
 from .screening.screening import Screened
 
@@ -406,7 +406,7 @@ class Fit(AbstractTabular):
         covariance predicts, and if not, where the intervals come from."""
         assert self.check is not None
         check, test, explored = self.check, self.check.test, self.check.exploration
-        cost = f"{check.runs} runs around the estimates, {check.seconds:.2g} s"
+        cost = f"{check.runs} runs around the estimates, {duration(check.seconds)}"
         if explored is None:
             return (
                 f"The covariance was tested up to 4 standard errors away ({cost}): chi squared "
@@ -437,7 +437,7 @@ class Fit(AbstractTabular):
         if check.posterior is not None:
             intervals = (
                 f"The intervals are those of a posterior by {check.posterior.runs} more runs "
-                f"without derivatives, {check.posterior.seconds:.2g} s, around the lowest of "
+                f"without derivatives, {duration(check.posterior.seconds)}, around the lowest of "
                 f"{number} ({cost})."
             )
         else:
@@ -472,7 +472,13 @@ class Fit(AbstractTabular):
                 "of a fit by a single run."
             )
         if not explored.settled and check.posterior is None:
-            yield ("The intervals were still growing: increase check_runs, or shorten the record.")
+            yield (
+                "The exploration ended when it had cost as much as the fit itself, before the "
+                f"intervals were final: pass check_runs={checking.MOST_NUMBER}, or shorten the "
+                "record."
+                if check.bounded
+                else "The intervals were still growing: increase check_runs, or shorten the record."
+            )
         # A rise of chi squared by 1 is that of a displacement by one standard error.
         if abs(check.difference) > 1.0:
             yield (

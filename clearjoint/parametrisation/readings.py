@@ -15,6 +15,9 @@ from ..model.scene import Scene
 from .parameter import AbstractScale, Parameter
 from .variations import AbstractSeriesVariation, MadeByFunction, SeriesDelay, unchanged
 
+Row = jax.Array | np.ndarray
+"""Numbers of one output at several times, or coordinates."""
+
 
 class SensorErrors(eqx.Module):
     """Those parameters of a run that are errors of the sensors of its outputs.
@@ -44,19 +47,18 @@ class SensorErrors(eqx.Module):
         # A user-defined scale need not accept arrays.
         return jnp.vectorize(self.scales[number].value)(coordinates[..., number])
 
-    def reading(
-        self, name: str, quantity: jax.Array, elapsed: jax.Array, coordinates: jax.Array
-    ) -> jax.Array:
+    def reading(self, name: str, quantity: Row, elapsed: Row, coordinates: Row) -> jax.Array:
         """Return the reading of a sensor, (T,), with all errors except a delay.
 
         **Arguments:** `name`: of the output; `quantity`: (T,) its values; `elapsed`: (T,) s, times
         since the start of the run; `coordinates`: (p,) of the parameters.
         """
-        reading = quantity
+        exact, since_start = jnp.asarray(quantity), jnp.asarray(elapsed)
+        reading = exact
         for number, one in self.errors:
             if name in one.series:
                 value = self.scales[number].value(coordinates[number])
-                reading = reading + one.error(value, quantity, elapsed)
+                reading = reading + one.error(value, exact, since_start)
         return reading
 
 
@@ -66,20 +68,20 @@ NO_ERRORS = SensorErrors()
 @Compiled
 def with_sensor_errors(
     sensors: SensorErrors,
-    values: Mapping[str, jax.Array],
-    derivatives: Mapping[str, jax.Array],
-    elapsed: jax.Array,
-    coordinates: jax.Array,
+    values: Mapping[str, Row],
+    derivatives: Mapping[str, Row],
+    elapsed: Row,
+    coordinates: Row,
 ) -> tuple[dict[str, jax.Array], dict[str, jax.Array]]:
     """Return the readings of all sensors, (T,) each, and their derivatives, (T, p), by name.
 
     **Arguments:** `values`: quantities (T,) by name; `derivatives`: theirs by the coordinates,
     (T, p); `elapsed`: (T,) s, times since the start of the run; `coordinates`: (p,).
     """
-    readings, slopes = dict(values), dict(derivatives)
+    readings, slopes = jax.tree.map(jnp.asarray, (dict(values), dict(derivatives)))
     for name in {name: None for _, one in sensors.errors for name in one.series}:
 
-        def reading(quantity: jax.Array, coordinates: jax.Array, name: str = name) -> jax.Array:
+        def reading(quantity: Row, coordinates: Row, name: str = name) -> jax.Array:
             return sensors.reading(name, quantity, elapsed, coordinates)
 
         # A reading depends on the quantity at the same time only.
@@ -96,9 +98,9 @@ def with_sensor_errors(
 @Compiled
 def readings_of_runs(
     sensors: SensorErrors,
-    values: Mapping[str, Float[np.ndarray | jax.Array, "n T"]],
-    elapsed: Float[np.ndarray | jax.Array, " T"],
-    coordinates: Float[np.ndarray | jax.Array, "n p"],
+    values: Mapping[str, Float[jax.Array | np.ndarray, "n T"]],
+    elapsed: Float[jax.Array | np.ndarray, " T"],
+    coordinates: Float[jax.Array | np.ndarray, "n p"],
 ) -> dict[str, jax.Array]:
     """Return the readings of all sensors in n runs, (n, T) each, by name.
 
@@ -106,7 +108,7 @@ def readings_of_runs(
     the runs; `coordinates`: (n, p).
     """
 
-    def of_one(values: Mapping[str, jax.Array], coordinates: jax.Array) -> dict[str, jax.Array]:
+    def of_one(values: Mapping[str, Row], coordinates: Row) -> dict[str, jax.Array]:
         return {n: sensors.reading(n, row, elapsed, coordinates) for n, row in values.items()}
 
     return jax.vmap(of_one)(values, coordinates)

@@ -256,8 +256,38 @@ def sensitivities(
         settings=setting_notes(settings),
     )
     if throw:
-        raise_failure(result)
+        raise_failure(result, _growth_of_derivatives(result))
     return result
+
+
+GROWN = 1e6
+"""Growth of derivatives above which it counts as the cause of a failed run. Along a regular motion
+derivatives grow about as the time or its square."""
+
+
+def _growth_of_derivatives(run: Sensitivities) -> str | None:
+    """Return a text that explains a run that took too many or too short steps by the growth of its
+    derivatives; ``None`` if they have not grown much or the run ended for another reason.
+
+    The growth is the largest, of all quantities and parameters, of the ratio of the peak to the
+    peak in the first tenth of the samples at which the derivative is not zero.
+    """
+    steps = [RESULTS.max_steps_reached, RESULTS.step_too_small]
+    growth = 1.0
+    for rows in run.derivatives.values():
+        for column in np.abs(rows.T):
+            sizes = column[column > 0.0]
+            if sizes.size:
+                growth = max(growth, sizes.max() / sizes[: -(-sizes.size // 10)].max())
+    if not any(run.result == code for code in steps) or growth < GROWN:
+        return None
+    return (
+        f"derivatives have grown by a factor of {growth:.1g}, which takes ever shorter steps. "
+        "Impacts make the motion so sensitive that beyond a horizon its derivatives describe no "
+        "finite change of a parameter. End the run earlier: cj.fit_horizon tells how long a record "
+        "a fit can use. Later, only statistics of the motion vary smoothly: differentiate them by "
+        "cj.statistics_derivatives."
+    )
 
 
 def check_outputs(outputs: Mapping[str, Quantity], scene: Scene) -> None:
