@@ -3,7 +3,7 @@
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -505,8 +505,8 @@ class Fit(AbstractTabular):
             [
                 f"Residuals are not white in {series}: {cause}. Standard errors and intervals "
                 f"allow for the correlation of neighbouring samples, and are up to {largest:.3g} "
-                "times as large as for independent noise. They don't allow for an error of the "
-                "estimates due to a missing effect.",
+                "times as large as for independent noise of the stated size. They don't allow for "
+                "an error of the estimates due to a missing effect.",
                 *faults,
             ]
         )
@@ -767,13 +767,13 @@ def _effects_of_errors(
     error's neutral value."""
     series = fit.measurements[name]
     quantity, times = fit.predictions[name], np.asarray(series.times)
-    noise, elapsed = np.asarray(series.noise), times - fit.start_time
-    effects = {SeriesDelay: -np.gradient(quantity, times) / noise}
+    effects: dict[type[AbstractSeriesVariation], np.ndarray] = {}
+    effects[SeriesDelay] = -np.gradient(quantity, times)
     for kind in (SeriesBias, SeriesGain, SeriesDrift):
-        one = kind((name,))
-        shifted = one.error(kind.neutral + 1.0, quantity, elapsed)
-        effects[kind] = np.broadcast_to(np.asarray(shifted, float), noise.shape) / noise
-    return effects
+        error = partial(kind((name,)).error, kind.neutral + 1.0)
+        pairs = zip(quantity.tolist(), (times - fit.start_time).tolist(), strict=True)
+        effects[kind] = np.array([error(*pair) for pair in pairs])
+    return {kind: effect / np.asarray(series.noise) for kind, effect in effects.items()}
 
 
 def _sample_rows(fit: Fit) -> Float[np.ndarray, "N p"]:

@@ -180,7 +180,7 @@ def test_pending_lanes_have_not_failed():
         ([-1, limit, 0], "^1 of 3 lanes failed: 1 max_steps_reached.*1 of 3 lanes are pending"),
     ):
         with pytest.warns(UserWarning, match=text) as caught:
-            _warn_of_failures(xr.Dataset({"result": ("lane", codes)}), lanes)
+            _warn_of_failures(xr.Dataset({"result": ("lane", codes)}), lanes, 0.0, None)
         assert caught[0].filename == __file__
 
 
