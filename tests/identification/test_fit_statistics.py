@@ -366,20 +366,20 @@ def coverage(correlation, seeds):
     return np.mean(held), np.mean(plain)
 
 
-def check_coverage(seeds):
+def check_coverage(seeds, *correlations):
     assert coverage(0.0, seeds)[0] > 0.9
-    for correlation, least in ((0.5, 0.88), (0.8, 0.85), (0.9, 0.8)):
+    for correlation, least in correlations:
         held, plain = coverage(correlation, seeds)
         assert held > least and plain < held - 0.1, correlation
 
 
 def test_intervals_hold_the_truth_where_noise_is_coloured():
-    check_coverage(40)
+    check_coverage(25, (0.8, 0.8))
 
 
 @pytest.mark.slow
 def test_intervals_hold_the_truth_where_noise_is_coloured_in_many_draws():
-    check_coverage(1000)
+    check_coverage(500, (0.5, 0.88), (0.8, 0.86), (0.9, 0.84))
 
 
 @pytest.mark.parametrize("correlation", [-0.6, 0.5, 0.9])

@@ -42,7 +42,9 @@ def parameters_of(kinds):
     return {"stiffness": STIFF} | {kind: KINDS[kind]("probe") for kind in kinds}
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 10))]
+)
 def test_values_and_derivatives_are_those_of_the_closed_form(seed):
     """Random errors in random order, in single runs and in runs side by side."""
     generator = np.random.default_rng(seed)
