@@ -23,6 +23,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ..parametrisation.parameter import Parameter, step_limits
+from ..simulation.run.terminal import ProgressBar, telling_of_compiling
 from . import goodness_of_fit as statistics
 from .levenberg_marquardt import Ending, Iteration, Search, WindowSearch, search_with_damping
 from .posterior.posterior import ImpossiblePointsError, TooManyRunsError, drawn_posterior
@@ -253,6 +254,7 @@ def explore(
     rounds: int,
     likely: float,
     generator: np.random.Generator,
+    affordable: Callable[[], bool] = lambda: True,
 ) -> Exploration:
     """Explore the neighbourhood of a minimum for all points with a similar chi squared.
 
@@ -276,6 +278,8 @@ def explore(
     - `rounds`: maximum number of rounds.
     - `likely`: largest chi squared that noise alone explains.
     - `generator`: source of random numbers.
+    - `affordable`: function that returns whether there may be more runs. After the first round and
+      its first local search, there are none if it returns ``False``.
 
     **Returns:** an `Exploration` with all points and minima of all rounds.
     """
@@ -306,7 +310,10 @@ def explore(
         # more.
         several = len(candidates) > 1
         chosen = far_apart(np.array(candidates), DESCENTS) if several else range(len(candidates))
-        descended = [descend(candidates[k]) for k in chosen]
+        descended: list[RunMisfit] = []
+        for k in chosen:
+            if not descended or affordable():
+                descended.append(descend(candidates[k]))
         # Returned as it is only if the intervals have settled.
         explored = Exploration(points, values, (*minima, *descended), count, True)
         low, high = explored.intervals()
@@ -323,6 +330,8 @@ def explore(
             if (grown < SETTLED).all():
                 return explored
         before = low, high
+        if not affordable():
+            break
         # New points are drawn among the kept points and the minima, because local searches reach
         # lower chi squared than random points.
         limit = explored.lowest + WORTH * RISE
@@ -365,6 +374,12 @@ FARTHEST = 100.0
 POINTS, MOST_RUNS = 1.25, 75
 """Number of points of the small posterior, and number of runs above which it is given up. Both are
 multiples of `check_runs`, the number of points in the first round of the exploration."""
+LEAST_NUMBER, MOST_NUMBER = 50, 400
+"""Smallest and largest number of points in the first round of an exploration whose cost is bounded
+by that of the fit."""
+LEAST_RUNS = 20
+"""Smallest number of runs, in multiples of the number of points of a posterior, without which no
+posterior is begun."""
 MARGIN = 4.0
 """Half the width of the posterior's box, in multiples of `_extent`, the size of the region that the
 explored points with a low chi squared cover. A wider box takes more runs, a narrower one may cut
@@ -385,6 +400,8 @@ class LikelihoodCheck:
     - `searches`: the local searches of the exploration. If they find a minimum whose chi squared is
       more than 0.5 below that of the fit's own search, a more accurate search starts from this
       minimum; it is the last entry.
+    - `bounded`: whether the exploration, or a posterior, was limited to the cost of the fit and the
+      test, because the argument `check_runs` of `identify` was not given.
     - `posterior`: a small `Posterior`, of few points, around the lowest minimum. The fit's
       intervals come from it. ``None`` if the test passed, if noise doesn't explain chi squared, if
       more runs would be needed than 75 times the argument `check_runs` of `identify`, if no points
@@ -412,6 +429,7 @@ class LikelihoodCheck:
     seconds: float
     difference: float
     posterior: Posterior | None = None
+    bounded: bool = False
 
     @property
     def passed(self) -> bool:
@@ -470,8 +488,10 @@ def check(
     data: Samples,
     parameters: Mapping[str, Parameter],
     units: Mapping[str, str],
-    number: int,
+    number: int | None,
     on_iteration: Callable[[Iteration], None],
+    cost: int = 0,
+    show: bool = False,
 ) -> LikelihoodCheck:
     """Test the covariance of a fit by runs around its best run.
 
@@ -484,61 +504,100 @@ def check(
     - `runs`: the scene to run; `data`: the samples with which to compare it.
     - `parameters`, `units`: the parameters and the units of their values, by name.
     - `number`: number of points in the first round of an exploration. The number of points of the
-      posterior and its largest number of runs are proportional to it.
+      posterior and its largest number of runs are proportional to it. If it is ``None``,
+      exploration and posterior together cost about as much as the fit and the test.
     - `on_iteration`: function that is called with every iteration of the local searches.
+    - `cost`: of the fit, in runs with derivatives.
+    - `show`: whether to show the number of runs.
 
     **Raises:** `KeyboardInterrupt` if the user interrupts the check.
     """
     started = time.perf_counter()
+    bar = ProgressBar(desc="check of the covariance", unit=" runs", leave=False, disable=not show)
+    with telling_of_compiling(bar):
+        given = best, runs, data, parameters, units, number, on_iteration, cost, bar
+        checked = _check(*given)
+    return replace(checked, seconds=time.perf_counter() - started)
+
+
+def _check(
+    best: RunMisfit,
+    runs: Experiment,
+    data: Samples,
+    parameters: Mapping[str, Parameter],
+    units: Mapping[str, str],
+    number: int | None,
+    on_iteration: Callable[[Iteration], None],
+    cost: int,
+    bar: ProgressBar,
+) -> LikelihoodCheck:
+    """Return the result of `check`, without its time, and count all runs in `bar`."""
     # The seed is fixed: the check of the same fit always gives the same result.
     generator = np.random.default_rng(0)
     limits = _largest_offsets(best, parameters)
-    test = _quadratic_test(best, runs, data, limits, generator)
-    explored, posterior, searches, difference = None, None, [], 0.0
+    test = _quadratic_test(best, runs, data, limits, generator, bar)
     count = len(test.actual)
-    if not test.passed:
-        lanes = SideBySide(runs, data)
+    if test.passed:
+        return LikelihoodCheck(test, None, (), count, 0.0, 0.0)
+    # A run with derivatives by p parameters costs about as much as 1 + p runs without.
+    each = 1 + len(best.coordinates)
+    most_runs = math.inf if number is not None else float(each * (cost + count))
+    if number is None:
+        number = int(np.clip(most_runs // 4, LEAST_NUMBER, MOST_NUMBER))
+    searches: list[Search] = []
+    lanes, computed = SideBySide(runs, data), 0
 
-        def chi_squared(points: np.ndarray) -> np.ndarray:
-            # The last column is that of the whole record.
-            return lanes.chi_squared(points, lanes.count)[:, -1]
+    def chi_squared(points: np.ndarray) -> np.ndarray:
+        nonlocal computed
+        computed += len(points)
+        # The last column is that of the whole record.
+        values = lanes.chi_squared(points, lanes.count)[:, -1]
+        bar.update(len(points))
+        return values
 
-        def descend(start: np.ndarray, near: float = NEAR, steps: int = STEPS_DOWN) -> RunMisfit:
-            searches.append(_descent(runs, data, parameters, start, near, steps, on_iteration))
-            return searches[-1].best
+    def descend(start: np.ndarray, near: float = NEAR, steps: int = STEPS_DOWN) -> RunMisfit:
+        searches.append(_descent(runs, data, parameters, start, near, steps, on_iteration))
+        bar.update(searches[-1].evaluations)
+        return searches[-1].best
 
-        difference = float(chi_squared(best.coordinates[None])[0]) - best.chi_squared
-        farthest = np.minimum(limits, FARTHEST * np.sqrt(np.diag(best.covariance)))
-        likely = statistics.likely_chi_squared(data.count - len(best.coordinates))
-        # Chi squared of an early part of the record is smoother and wider: its covariance draws
-        # points beyond the minimum that the whole record's covariance describes.
-        covariances = [best.covariance, *_early_covariances(best, runs, data, test.horizon)]
-        explored = explore(
-            chi_squared,
-            descend,
-            best,
-            covariances,
-            farthest,
-            number,
-            ROUNDS,
-            likely,
-            generator,
-        )
-        # The local searches of the exploration end early. If one of them has found a lower minimum,
-        # the fit moves there, which takes an accurate search. The test tolerates a decrease of chi
-        # squared up to `FLOOR`, so that a smaller one is no other minimum.
-        lowest = min(explored.minima, key=lambda minimum: minimum.chi_squared)
-        if best.chi_squared - lowest.chi_squared > FLOOR:
-            descend(lowest.coordinates, NEAREST, 4 * STEPS_DOWN)
-        count += len(explored.points) + sum(search.evaluations for search in searches)
-        # If noise doesn't explain chi squared, the model is wrong, and so would be its posterior.
-        if explored.lowest <= likely:
-            half = np.minimum(farthest, MARGIN * _extent(explored, lowest))
-            box = lowest.coordinates - half, lowest.coordinates + half
-            posterior = _small_posterior(lanes, parameters, units, box, number, explored.lowest)
-    seconds = time.perf_counter() - started
-    found = tuple(searches)
-    return LikelihoodCheck(test, explored, found, count, seconds, difference, posterior)
+    def left() -> float:
+        return most_runs - computed - each * sum(one.evaluations for one in searches)
+
+    difference = float(chi_squared(best.coordinates[None])[0]) - best.chi_squared
+    farthest = np.minimum(limits, FARTHEST * np.sqrt(np.diag(best.covariance)))
+    likely = statistics.likely_chi_squared(data.count - len(best.coordinates))
+    # Chi squared of an early part of the record is smoother and wider: its covariance draws points
+    # beyond the minimum that the whole record's covariance describes.
+    covariances = [best.covariance, *_early_covariances(best, runs, data, test.horizon)]
+    explored = explore(
+        chi_squared,
+        descend,
+        best,
+        covariances,
+        farthest,
+        number,
+        ROUNDS,
+        likely,
+        generator,
+        lambda: left() > 0.0,
+    )
+    # The local searches of the exploration end early. If one of them has found a lower minimum, the
+    # fit moves there, which takes an accurate search. The test tolerates a decrease of chi squared
+    # up to `FLOOR`, so that a smaller one is no other minimum.
+    lowest = min(explored.minima, key=lambda minimum: minimum.chi_squared)
+    if best.chi_squared - lowest.chi_squared > FLOOR:
+        descend(lowest.coordinates, NEAREST, 4 * STEPS_DOWN)
+    count += len(explored.points) + sum(search.evaluations for search in searches)
+    posterior, bounded = None, math.isfinite(most_runs)
+    # If noise doesn't explain chi squared, the model is wrong, and so would be its posterior.
+    if explored.lowest <= likely and left() > LEAST_RUNS * POINTS * number:
+        half = np.minimum(farthest, MARGIN * _extent(explored, lowest))
+        box = lowest.coordinates - half, lowest.coordinates + half
+        most = int(min(left(), MOST_RUNS * number))
+        given = lanes, parameters, units, box, number, explored.lowest, most, bar
+        posterior = _small_posterior(*given)
+    results = test, explored, tuple(searches), count, 0.0, difference, posterior
+    return LikelihoodCheck(*results, bounded)
 
 
 def _extent(explored: Exploration, lowest: RunMisfit) -> Float[np.ndarray, " p"]:
@@ -563,6 +622,8 @@ def _small_posterior(
     box: tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]],
     number: int,
     lowest: float,
+    most_runs: int,
+    bar: ProgressBar,
 ) -> Posterior | None:
     """Return the posterior for a uniform prior in a box of coordinates, computed with few points.
 
@@ -571,17 +632,25 @@ def _small_posterior(
 
     **Arguments:** `lanes`: the runs, computed side by side, and the samples with which to compare
     them; `parameters`, `units`, `number`: as in `check`; `box`: lower and upper ends (p,) of the
-    coordinates; `lowest`: smallest chi squared that is known.
+    coordinates; `lowest`: smallest chi squared that is known; `most_runs`: largest number of runs;
+    `bar`: shows the number of runs.
     """
 
     def uniform(points: np.ndarray) -> np.ndarray:
         """Return the logarithm of a constant density at points (n, p)."""
         return np.zeros(len(points))
 
-    points, most_runs = int(POINTS * number), MOST_RUNS * number
+    before = bar.n
+
+    def on_step(time: float, runs: int) -> None:
+        bar.set_postfix_str(f"posterior to {time:.4g} s")
+        bar.update(before + runs - bar.n)
+
+    points = int(POINTS * number)
+    given = lanes, parameters, units, box, uniform, points
     try:
         # The seed is fixed at 0, so that the same fit always has the same posterior.
-        found = drawn_posterior(lanes, parameters, units, box, uniform, points, 0, most_runs)
+        found = drawn_posterior(*given, 0, most_runs, on_step)
     except (TooManyRunsError, ImpossiblePointsError):
         return None  # The fit keeps its other intervals.
     # Warnings say that the box cuts the posterior off, that the data hardly determine a parameter,
@@ -598,15 +667,19 @@ def _quadratic_test(
     data: Samples,
     limits: Float[np.ndarray, " p"],
     generator: np.random.Generator,
+    bar: ProgressBar,
 ) -> QuadraticTest:
     """Compare runs at points around the best run with the prediction of its covariance.
 
     **Arguments:** `best`, `runs`, `data`: as in `check`; `limits`: (p,) largest distance of the
-    points, in coordinates; `generator`: source of random numbers.
+    points, in coordinates; `generator`: source of random numbers; `bar`: shows the number of runs.
     """
     offsets = displacements(best.covariance, limits, generator)
     times, shape = np.asarray(runs.times), data.weights.shape
-    trials = [run_misfit(runs, data, times[-1], best.coordinates + offset) for offset in offsets]
+    trials = []
+    for offset in offsets:
+        trials.append(run_misfit(runs, data, times[-1], best.coordinates + offset))
+        bar.update()
     moved = np.array([trial.residuals.reshape(shape) for trial in trials])
     # At far points chi squared deviates from the quadratic model because the scale of a parameter,
     # such as a logarithm, is not linear, whatever the motion: only near points decide up to which

@@ -1,11 +1,11 @@
 """Result of a fit: estimates, uncertainty, tests of the residuals, and report."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -18,15 +18,22 @@ from ..measurements.series import Measurements
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Bounded, Parameter, step_limits, values_at
-from ..parametrisation.variations import SeriesDelay, StateNumber
+from ..parametrisation.variations import (
+    AbstractSeriesVariation,
+    SeriesBias,
+    SeriesDelay,
+    SeriesDrift,
+    SeriesGain,
+    StateNumber,
+)
 from ..result_codes import RESULTS
 from . import checking
 from . import goodness_of_fit as statistics
 from .checking import LikelihoodCheck
 from .levenberg_marquardt import Ending, Search
 from .posterior.result import Posterior
-from .report import estimates_table, numbered
-from .residuals import RunMisfit
+from .report import duration, estimates_table, numbered
+from .residuals import LEAST_SINGULAR_VALUE, RunMisfit
 from .screening.screening import Screened
 
 if TYPE_CHECKING:
@@ -45,14 +52,16 @@ GOOD = 1.5
 """Ratio of residuals to stated noise up to which a series counts as well fitted."""
 PIECES = 20
 """Number of equal pieces of the record, of which the first with large residuals is found. Also the
-smallest number of samples of a series that is examined for a delay, and of a fit that is examined
-for outliers."""
+smallest number of samples of a series that is examined for errors of its sensor, and of a fit that
+is examined for outliers."""
 DOUBLINGS = 5
 """Number of growing windows to suggest, each twice as long as the one before it."""
 MOST = 0.5
 """Share of chi squared above which one cause counts as the main cause."""
 OUTLIER_SHARE = 0.02
 """Share of the samples that may be outliers: the largest residuals are summed over this share."""
+MOST_LOST = 0.25
+"""Smallest share of a series of correlated samples that counts as left after a fit."""
 UNCORRELATED = 1e-3
 """p-value of the test of whiteness below which residuals are not white."""
 
@@ -72,6 +81,7 @@ class Fit(AbstractTabular):
     - `horizon`: the `FitHorizon` given to `identify`, the longest record that a fit by a single run
       can use, or ``None``.
     - `check`: the test of the covariance by runs around the estimates, or ``None`` if not made.
+    - `start_time`: s, start of the fitted run.
 
     Chi squared is the sum of the squared residuals, which are in standard deviations of the noise.
     A coordinate is a parameter's value on its scale, such as the logarithm of the value.
@@ -100,6 +110,7 @@ class Fit(AbstractTabular):
     screened: tuple[Screened, ...] = ()
     horizon: FitHorizon | None = None
     check: LikelihoodCheck | None = None
+    start_time: float = 0.0
 
     def to_xarray(self) -> "xr.Dataset":
         """Return an `xarray.Dataset` with the estimates along the dimension "parameter".
@@ -147,10 +158,64 @@ class Fit(AbstractTabular):
         """Estimated value of each parameter by name, in `units`."""
         return values_at(self.parameters, self.coordinates)
 
+    @property
+    def correlated(self) -> list[str]:
+        """Names of the series whose residuals are correlated: their `whiteness` is below 0.001."""
+        reached = self.best.best.result == RESULTS.successful
+        return [name for name, p in self.whiteness.items() if reached and p < UNCORRELATED]
+
+    @cached_property
+    def widening(self) -> Float[np.ndarray, " p"]:
+        """Factor, 1 or more, by which the correlation of residuals widens the standard error of
+        each coordinate, (p,).
+
+        It is 1 if no series is in `correlated`. Otherwise the errors of the estimates follow from
+        the Jacobian J and the covariance R of the residuals, (J^T J)^-1 J^T R J (J^T J)^-1. The
+        noise of a series with correlated residuals has the autocovariances of an autoregressive
+        process that is fitted to them; that of other series is as stated.
+        """
+        if not self.correlated:
+            return np.ones(len(self.parameters))
+        rows, stated, start = _sample_rows(self), self.best.best.covariance, 0
+        information = np.zeros_like(stated)
+        for name, residuals in self.residuals.items():
+            count = len(residuals)
+            part = rows[start : start + count]
+            start += count
+            noise = self._correlated_noise.get(name)
+            if noise is None:
+                information += part.T @ part
+                continue
+            own = noise.information(part)
+            # The fit has made the residuals smaller than the noise, by as many samples of it as
+            # this trace; without correlation, that is the number of parameters.
+            lost = float(np.trace(stated @ own)) / noise.variance
+            information += own * count / max(count - lost, MOST_LOST * count)
+        errors = np.sqrt(np.diag(stated))
+        actual = np.sqrt(np.maximum(np.diag(stated @ information @ stated), 0.0))
+        return np.maximum(actual / errors, 1.0)
+
+    @cached_property
+    def _correlated_noise(self) -> dict[str, statistics.CorrelatedNoise]:
+        """The noise of each series with correlated residuals, by name."""
+        return {name: statistics.correlated_noise(self.residuals[name]) for name in self.correlated}
+
+    @property
+    def _interval_widening(self) -> Float[np.ndarray, " p"]:
+        """Factor, 1 or more, by which the correlation of residuals widens each interval, (p,).
+
+        It is the `widening` and, because the size of correlated noise is known from few independent
+        samples, a factor of Student's distribution.
+        """
+        fewest = min((one.effective for one in self._correlated_noise.values()), default=math.inf)
+        factor = statistics.student_factor(fewest) if math.isfinite(fewest) else 1.0
+        return np.where(self.widening > 1.0, factor * self.widening, 1.0)
+
     @cached_property
     def covariance(self) -> Float[np.ndarray, "p p"]:
-        """Covariance of the coordinates, (p, p), if the noise is as stated in the measurements."""
-        return self.best.best.covariance
+        """Covariance of the coordinates, (p, p), if the noise is as stated in the measurements, or
+        larger by the `widening` if residuals are correlated."""
+        return self.best.best.covariance * np.outer(self.widening, self.widening)
 
     @cached_property
     def value_covariance(self) -> Float[np.ndarray, "p p"]:
@@ -182,7 +247,9 @@ class Fit(AbstractTabular):
         a chi squared at most 3.84 above the lowest. In all cases, the intervals are extended to
         contain those around other minima in which a search has converged, if the chi squared of
         such a minimum is at most 3.84 above that of the fit. Minima inside the box of coordinates
-        to which a posterior is restricted are left out, since they are part of the posterior.
+        to which a posterior is restricted are left out, since they are part of the posterior. At
+        the end, each interval of coordinates is extended about its middle by the `widening`, and by
+        a factor of Student's distribution for the few independent samples of correlated noise.
         """
         minima, posterior = [self.best.best, *self._other_minima], self.posterior
         # Minima in the posterior's box are part of the posterior.
@@ -199,8 +266,10 @@ class Fit(AbstractTabular):
             parts.append(self.check.exploration.intervals())
         # The hull of all parts, in coordinates.
         lows, highs = (np.vstack(ends) for ends in zip(*parts, strict=True))
-        low = values_at(self.parameters, lows.min(axis=0))
-        high = values_at(self.parameters, highs.max(axis=0))
+        ends = np.stack([lows.min(axis=0), highs.max(axis=0)])
+        middle, half = ends.mean(axis=0), 0.5 * np.diff(ends, axis=0)[0] * self._interval_widening
+        low = values_at(self.parameters, middle - half)
+        high = values_at(self.parameters, middle + half)
         return {name: (low[name], high[name]) for name in self.parameters}
 
     @property
@@ -290,7 +359,8 @@ class Fit(AbstractTabular):
     @property
     def warnings(self) -> list[str]:
         """Sentences on problems of the fit; an empty list if there are none."""
-        return [*self.doubts, *self._problems(), *self._uncertain_directions(), *self._noise()]
+        problems = *self._problems(), *self._uncertain_directions(), *self._noise()
+        return [*self._correlation(), *self.doubts, *problems]
 
     @cached_property
     def advice(self) -> list[str]:
@@ -309,6 +379,7 @@ class Fit(AbstractTabular):
         and remedies."""
         # The result of the check comes first, and is then left out of the warnings at the end.
         first = [] if self.check is None else [self._test_report()]
+        first = [*self._correlation(), *first]
         series, end = len(self.measurements.series), self.measurements.times()[-1]
         parts = [
             f"Fit of {self.samples} samples in {series} series to {end:g} s: "
@@ -335,7 +406,7 @@ class Fit(AbstractTabular):
         covariance predicts, and if not, where the intervals come from."""
         assert self.check is not None
         check, test, explored = self.check, self.check.test, self.check.exploration
-        cost = f"{check.runs} runs around the estimates, {check.seconds:.2g} s"
+        cost = f"{check.runs} runs around the estimates, {duration(check.seconds)}"
         if explored is None:
             return (
                 f"The covariance was tested up to 4 standard errors away ({cost}): chi squared "
@@ -366,7 +437,7 @@ class Fit(AbstractTabular):
         if check.posterior is not None:
             intervals = (
                 f"The intervals are those of a posterior by {check.posterior.runs} more runs "
-                f"without derivatives, {check.posterior.seconds:.2g} s, around the lowest of "
+                f"without derivatives, {duration(check.posterior.seconds)}, around the lowest of "
                 f"{number} ({cost})."
             )
         else:
@@ -401,7 +472,13 @@ class Fit(AbstractTabular):
                 "of a fit by a single run."
             )
         if not explored.settled and check.posterior is None:
-            yield ("The intervals were still growing: increase check_runs, or shorten the record.")
+            yield (
+                "The exploration ended when it had cost as much as the fit itself, before the "
+                f"intervals were final: pass check_runs={checking.MOST_NUMBER}, or shorten the "
+                "record."
+                if check.bounded
+                else "The intervals were still growing: increase check_runs, or shorten the record."
+            )
         # A rise of chi squared by 1 is that of a displacement by one standard error.
         if abs(check.difference) > 1.0:
             yield (
@@ -414,6 +491,25 @@ class Fit(AbstractTabular):
         """Sentences on a failed test of the covariance; empty if the test passed or was not
         made."""
         return [] if self.check is None or self.check.passed else [self._test_report()]
+
+    def _correlation(self) -> Iterator[str]:
+        """Yield a sentence on correlated residuals, if there are any."""
+        if not self.correlated:
+            return
+        largest, probabilities = float(self.widening.max()), self.whiteness
+        series = ", ".join(f"{name!r} (p = {probabilities[name]:.2g})" for name in self.correlated)
+        cause = "the noise is coloured, or the model or a sensor lacks an effect"
+        # The advice, if there is any, contains this sentence already.
+        faults = [] if self.advice else [*_sensor_faults(self)]
+        yield " ".join(
+            [
+                f"Residuals are not white in {series}: {cause}. Standard errors and intervals "
+                f"allow for the correlation of neighbouring samples, and are up to {largest:.3g} "
+                "times as large as for independent noise of the stated size. They don't allow for "
+                "an error of the estimates due to a missing effect.",
+                *faults,
+            ]
+        )
 
     def _problems(self) -> Iterator[str]:
         """Yield warnings of an unfinished search or screening, other minima, and estimates at a
@@ -550,7 +646,7 @@ def _remedies(fit: Fit, scatter: float) -> Iterator[str]:
             "noise. Check its unit, sign, axes and noise, and the position of the sensor."
         )
     if reached:
-        yield from _delays(fit)
+        yield from _sensor_faults(fit)
         yield from _outliers(fit)
     yield from _shorter_records(fit)
     if len(fit.searches) == 1 and not fit.screened:
@@ -580,34 +676,133 @@ def _remedies(fit: Fit, scatter: float) -> Iterator[str]:
         )
 
 
-def _delays(fit: Fit) -> Iterator[str]:
-    """Yield a sentence on the first series whose misfit is mainly that of a delayed clock; nothing
-    if there is none."""
-    variations = [parameter.variation for parameter in fit.parameters.values()]
-    estimated = {name for one in variations if isinstance(one, SeriesDelay) for name in one.series}
+class _SensorFault(NamedTuple):
+    """Errors of the sensor of a series that would explain most of its misfit.
+
+    - `series`: name of the series.
+    - `values`: estimated value of each error, by the class of its `AbstractSeriesVariation`.
+    - `explained`: share of the series' mean square residual that estimating them would remove.
+    """
+
+    series: str
+    values: dict[type[AbstractSeriesVariation], float]
+    explained: float
+
+
+def _sensor_fault(fit: Fit) -> _SensorFault | None:
+    """Return the errors of the sensor of one series that explain most of its misfit, as few of them
+    as possible; ``None`` if there are none.
+
+    Of several series it is the one whose errors lower the chi squared of all series the most.
+    """
+    names, rows = [*fit.residuals], [*fit.residuals.values()]
+    ends = np.cumsum([len(row) for row in rows])
+    parts = dict(zip(names, map(slice, [0, *ends[:-1]], ends), strict=True))
+    residuals, jacobian = np.concatenate(rows), _sample_rows(fit)
+    basis = np.linalg.qr(jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300))[0]
+    known = {
+        (type(one.variation), name)
+        for one in fit.parameters.values()
+        if isinstance(one.variation, AbstractSeriesVariation)
+        for name in one.variation.series
+    }
+    best, most = None, 0.0
     for name, series in fit.measurements.series.items():
-        if len(series) < PIECES:  # Too few samples to tell a delay from other causes.
+        # Too few samples don't tell one cause from another.
+        far = _rms(fit.residuals[name]) > FAR or name in fit.correlated
+        if len(series) < PIECES or not far:
             continue
-        # A small delay adds delay * rate to the residuals. Least squares gives the delay that
-        # explains most of them.
-        slope = np.gradient(fit.predictions[name], np.asarray(series.times))
-        rate, row = slope / np.asarray(series.noise), fit.residuals[name]
-        power = float(rate @ rate)
-        shift = float(row @ rate) / power if power > 0.0 else 0.0
-        # The share of the mean square that a shift removes; 1e-300 avoids a division by zero.
-        explained = 1.0 - _rms(row - shift * rate) ** 2 / max(_rms(row) ** 2, 1e-300)
-        if explained > MOST and _rms(row) > FAR:
-            direction = "late" if shift > 0.0 else "early"
-            remedy = (
-                "start its delay from another guess"
-                if name in estimated
-                else f"estimate its delay, by a parameter cj.Parameter.delay({name!r})"
-            )
-            yield (
-                f"Series {name!r} seems {abs(shift):.3g} s {direction}, which would explain "
-                f"{explained:.0%} of its misfit: check its clock and its trigger, or {remedy}."
-            )
-            return
+        effects = {}
+        for kind, effect in _effects_of_errors(fit, name).items():
+            column = np.zeros(len(residuals))
+            column[parts[name]] = effect
+            # The fit has changed its parameters to make up for the error as far as possible. What
+            # they can make up for is left out of the error's effect, or the error would seem
+            # smaller than it is, and to be one of other series.
+            effects[kind] = column - basis @ (basis.T @ column)
+        fault = _explanation(residuals, parts[name], effects, {k for k, n in known if n == name})
+        if fault is not None and fault[1] > most:
+            (values, explained), most = fault[0], fault[1]
+            best = _SensorFault(name, values, explained)
+    return best
+
+
+def _explanation(
+    residuals: Float[np.ndarray, " M"],
+    part: slice,
+    effects: Mapping[type[AbstractSeriesVariation], Float[np.ndarray, " M"]],
+    estimated: Collection[type[AbstractSeriesVariation]],
+) -> tuple[tuple[dict[type[AbstractSeriesVariation], float], float], float] | None:
+    """Return the values of the fewest errors that explain most of the misfit of a series, the share
+    that they explain, and the decrease of chi squared; ``None`` if even all don't.
+
+    **Arguments:** `residuals`: of all series; `part`: those of the series; `effects`: of each error
+    on the residuals per unit of its value; `estimated`: errors that the fit has estimated already.
+    """
+    chosen: list[type[AbstractSeriesVariation]] = []
+    before = float(np.sum(residuals[part] ** 2))
+    usable = [k for k in effects if k not in estimated and np.linalg.norm(effects[k]) > 0.0]
+
+    def without(kinds: Sequence[type[AbstractSeriesVariation]]) -> tuple[np.ndarray, np.ndarray]:
+        columns = np.stack([effects[kind] for kind in kinds], axis=1)
+        sizes = np.linalg.norm(columns, axis=0)
+        values = -np.linalg.lstsq(columns / sizes, residuals, rcond=LEAST_SINGULAR_VALUE)[0] / sizes
+        return values, residuals + columns @ values
+
+    while len(chosen) < len(usable):
+        rest = [kind for kind in usable if kind not in chosen]
+        chosen.append(min(rest, key=lambda kind: float(np.sum(without([*chosen, kind])[1] ** 2))))
+        values, left = without(chosen)
+        explained = 1.0 - float(np.sum(left[part] ** 2)) / before
+        if explained > MOST:
+            decrease = float(np.sum(residuals**2) - np.sum(left**2))
+            return (dict(zip(chosen, values.tolist(), strict=True)), explained), decrease
+    return None
+
+
+def _effects_of_errors(
+    fit: Fit, name: str
+) -> dict[type[AbstractSeriesVariation], Float[np.ndarray, " N"]]:
+    """Return the derivatives (N,) of the residuals of a series by each error of its sensor, at the
+    error's neutral value."""
+    series = fit.measurements[name]
+    quantity, times = fit.predictions[name], np.asarray(series.times)
+    effects: dict[type[AbstractSeriesVariation], np.ndarray] = {}
+    effects[SeriesDelay] = -np.gradient(quantity, times)
+    for kind in (SeriesBias, SeriesGain, SeriesDrift):
+        error = partial(kind((name,)).error, kind.neutral + 1.0)
+        pairs = zip(quantity.tolist(), (times - fit.start_time).tolist(), strict=True)
+        effects[kind] = np.array([error(*pair) for pair in pairs])
+    return {kind: effect / np.asarray(series.noise) for kind, effect in effects.items()}
+
+
+def _sample_rows(fit: Fit) -> Float[np.ndarray, "N p"]:
+    """Return the derivatives of the residuals of all samples, series after series."""
+    times, best = fit.measurements.times(), fit.best.best
+    rows = best.jacobian.reshape(*best.predicted.shape, -1)
+    each = zip(fit.measurements.series.values(), rows, strict=True)
+    return np.concatenate([row[np.searchsorted(times, one.times)] for one, row in each])
+
+
+def _sensor_faults(fit: Fit) -> Iterator[str]:
+    """Yield a sentence on the series whose misfit is mainly that of an error of its sensor; nothing
+    if there is none."""
+    fault = _sensor_fault(fit)
+    if fault is None:
+        return
+    name, unit = fault.series, fit.measurements[fault.series].unit
+    described, makers = [], []
+    for kind, value in fault.values.items():
+        value_unit = kind((name,)).unit_of(unit)
+        size = f"{kind.neutral + value:.3g}" + ("" if value_unit == "1" else f" {value_unit}")
+        described.append(f"a {kind.noun} of {size}")
+        makers.append(f"cj.Parameter.{kind.noun}({name!r})")
+    part = "clock and trigger" if [*fault.values] == [SeriesDelay] else "sensor"
+    yield (
+        f"Series {name!r} differs from the motion as if its {part} had "
+        f"{' and '.join(described)}, which would explain {fault.explained:.0%} of its misfit: "
+        f"check the {part}, or estimate it, by {' and '.join(makers)} among the parameters."
+    )
 
 
 def _outliers(fit: Fit) -> Iterator[str]:

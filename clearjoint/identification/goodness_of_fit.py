@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from statistics import NormalDist
 from typing import NamedTuple
 
@@ -18,6 +19,9 @@ CONFIDENCE = 0.95
 """Level of confidence intervals."""
 DEVIATIONS = NormalDist().inv_cdf(0.5 + 0.5 * CONFIDENCE)
 """Half the width of a confidence interval in standard deviations."""
+
+FEWEST_FREEDOM = 2.0
+"""Smallest number of degrees of freedom that an interval assumes."""
 
 
 class Direction(NamedTuple):
@@ -96,6 +100,77 @@ def whiteness(residuals: Float[np.ndarray, " M"]) -> float:
     autocorrelations = np.array([residuals[lag:] @ residuals[:-lag] for lag in lags]) / spread
     statistic = count * (count + 2) * np.sum(autocorrelations**2 / (count - lags))
     return float(chdtrc(LAGS, statistic))
+
+
+@dataclass(frozen=True)
+class CorrelatedNoise:
+    """Noise whose covariance depends only on the distance of samples, which are at equal intervals.
+
+    `autocovariances`: (M,) covariance of samples that are 0 to M - 1 intervals apart.
+    """
+
+    autocovariances: Float[np.ndarray, " M"]
+
+    @property
+    def variance(self) -> float:
+        """Variance of a sample."""
+        return float(self.autocovariances[0])
+
+    @property
+    def effective(self) -> float:
+        """Number of independent samples from which the variance would be known as accurately."""
+        first, rest = self.autocovariances[0], self.autocovariances[1:]
+        return float(len(rest) + 1) / (1.0 + 2.0 * float(np.sum((rest / first) ** 2)))
+
+    def information(self, rows: Float[np.ndarray, "M p"]) -> Float[np.ndarray, "p p"]:
+        """Return J^T R J for the covariance R (M, M) of the samples and a matrix J = `rows`."""
+        from scipy.linalg import matmul_toeplitz
+
+        return rows.T @ matmul_toeplitz(self.autocovariances, rows)
+
+
+def correlated_noise(residuals: Float[np.ndarray, " M"]) -> CorrelatedNoise:
+    """Return the noise of which residuals (M,), not all zero, are a sample.
+
+    It is an autoregressive process, fitted by Burg's method. Its order is that of the smallest
+    corrected criterion of Akaike (C. Hurvich and C. Tsai, *Regression and time series model
+    selection in small samples*, 1989).
+    """
+    count = len(residuals)
+    ahead = behind = residuals
+    weights = np.ones(1)  # x_k + w_1 x_(k-1) + ... is the part that cannot be predicted.
+    power = float(residuals @ residuals) / count
+    known = [power]
+    best, least = (weights, 1), math.inf
+    for order in range(min(int(10.0 * math.log10(count)), count // 4) + 1):
+        criterion = count * math.log(power) + count * (count + order) / (count - order - 2)
+        if criterion < least:
+            best, least = (weights, order + 1), criterion
+        ahead, behind = ahead[1:], behind[:-1]
+        size = float(ahead @ ahead + behind @ behind)
+        if size == 0.0:
+            break
+        reflection = -2.0 * float(ahead @ behind) / size
+        known.append(-reflection * power - float(weights[1:] @ np.array(known[:0:-1])))
+        padded = np.append(weights, 0.0)
+        weights = padded + reflection * padded[::-1]
+        ahead, behind = ahead + reflection * behind, behind + reflection * ahead
+        power *= max(1.0 - reflection**2, np.finfo(float).eps)
+    weights, first = best
+    autocovariances = np.zeros(count)
+    autocovariances[:first] = known[:first]
+    if first > 1:
+        for lag in range(first, count):
+            autocovariances[lag] = -weights[1:] @ autocovariances[lag - 1 : lag - first : -1]
+    return CorrelatedNoise(autocovariances)
+
+
+def student_factor(effective: float) -> float:
+    """Return the ratio of the half widths of 95 % intervals by Student's distribution and by the
+    normal one, for a variance that is known from an effective number of samples."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(max(effective, FEWEST_FREEDOM), 0.5 + 0.5 * CONFIDENCE)) / DEVIATIONS
 
 
 def normality(residuals: Float[np.ndarray, " M"]) -> float:

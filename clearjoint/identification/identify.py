@@ -14,6 +14,7 @@ from ..measurements.series import Measurements
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter, step_limits, values_at
+from ..parametrisation.readings import units_of
 from ..result_codes import RESULTS
 from ..simulation.run.terminal import ProgressBar, telling_of_compiling
 from ..simulation.step import presets
@@ -87,7 +88,7 @@ def identify(
     max_iterations: int = 100,
     tolerance: float = 1e-3,
     horizon: FitHorizon | None = None,
-    check_runs: int = 400,
+    check_runs: int | None = None,
     progress: bool | OnIteration = True,
 ) -> Fit:
     """Estimate parameters of a scene and of its initial state from measurements, by least squares.
@@ -122,16 +123,17 @@ def identify(
       which a search ends.
     - `horizon`: result of `clearjoint.fit_horizon`, for a warning if the record is too long for a
       fit by a single run.
-    - `check_runs`: number of runs for exploring chi squared if the test of the covariance after the
-      searches fails, 50 or more; 0 for no test. No test is made if the best search failed or
-      reached `max_iterations`. About twenty runs for each parameter compare chi squared, up to four
-      standard errors around the estimates, with the prediction of the covariance. If chi squared
-      differs from the prediction, it has several minima close together or is not quadratic. Then
-      `check_runs` runs without derivatives, more rounds of runs near those of lowest chi squared,
-      and local searches explore it. The fit moves to the lowest minimum, and its report begins with
-      the result of the test. Intervals are those of a posterior around this minimum, by at most 75
-      times `check_runs` runs without derivatives; without a posterior they contain all explored
-      points with a chi squared at most 3.84 above the lowest. See `Fit.check` and
+    - `check_runs`: number of runs in the first round of exploring chi squared if the test of the
+      covariance after the searches fails, 50 or more, such as 400; 0 for no test. By default the
+      exploration costs about as much as the searches and the test. No test is made if the best
+      search failed or reached `max_iterations`. About twenty runs for each parameter compare chi
+      squared, up to four standard errors around the estimates, with the prediction of the
+      covariance. If chi squared differs from the prediction, it has several minima close together
+      or is not quadratic. Then runs without derivatives, in up to six rounds, and local searches
+      explore it. The fit moves to the lowest minimum, and its report begins with the result of the
+      test. Intervals contain all explored points with a chi squared at most 3.84 above the lowest.
+      With `check_runs`, or after a long search, they are those of a posterior around this minimum,
+      by at most 75 times `check_runs` runs without derivatives. See `Fit.check` and
       `clearjoint.posterior`.
     - `progress`: whether to show a line with the iterations, or a function that is called with
       each `Iteration`.
@@ -190,7 +192,7 @@ def identify_many(
     max_iterations: int = 100,
     tolerance: float = 1e-3,
     horizon: FitHorizon | None = None,
-    check_runs: int = 400,
+    check_runs: int | None = None,
     progress: bool | OnIteration = True,
 ) -> list[Fit]:
     """Estimate parameters from each of several sets of measurements, such as draws of the noise.
@@ -230,7 +232,8 @@ def identify_many(
     # A screening only ranks points, for which cheaper runs are accurate enough.
     coarse_runs = runs_with(settings.looser(LOOSER)) if isinstance(starts, Screening) else runs
     ends = (*grow, float(times[-1]))
-    units = {n: p.variation.unit_in(scene, state) for n, p in parameters.items()}
+    series_units = {name: series.unit for name, series in measurements[0].series.items()}
+    units = units_of(parameters, scene, state, series_units)
     problem = _Problem(
         runs,
         coarse_runs,
@@ -277,7 +280,7 @@ class _Problem:
     ends: Sequence[float]
     tolerance: float
     max_iterations: int
-    check_runs: int
+    check_runs: int | None
     horizon: FitHorizon | None
 
     def fit(
@@ -314,9 +317,12 @@ class _Problem:
                     search_from(row)
             best = best_search(searches)
             # Searches that failed or reached their limit of iterations have no minimum to check.
-            if self.check_runs > 0 and best.ending in (Ending.CONVERGED, Ending.STALLED):
+            if self.check_runs != 0 and best.ending in (Ending.CONVERGED, Ending.STALLED):
                 inputs = best.best, self.runs, data, self.parameters, self.units
-                checked = check(*inputs, self.check_runs, partial(on_iteration, data.count))
+                cost = sum(search.evaluations for search in searches)
+                cost += sum(one.runs for one in screened) // (1 + len(self.parameters))
+                on_run = partial(on_iteration, data.count)
+                checked = check(*inputs, self.check_runs, on_run, cost, show)
                 # The check may have found lower minima by local searches. Of equal chi squared the
                 # first counts: the fit's own search, then the last local one, which started from
                 # the lowest minimum.
@@ -327,7 +333,8 @@ class _Problem:
             best, stopped = best_search(searches), True
         fitted = self.runs.family.scene_and_state(best.best.coordinates)
         results = tuple(searches), best, screened, self.horizon, checked
-        fit = Fit(*fitted, dict(self.parameters), self.units, one, *results)
+        start_time = float(self.runs.start_time)
+        fit = Fit(*fitted, dict(self.parameters), self.units, one, *results, start_time)
         return fit, stopped
 
     def _search(self, data: Samples, start: np.ndarray, on_iteration: OnFitIteration) -> Search:
@@ -462,7 +469,7 @@ def _check(
     grow: Sequence[float],
     max_iterations: int,
     tolerance: float,
-    check_runs: int,
+    check_runs: int | None,
 ) -> None:
     """Check the arguments of `identify_many`.
 
@@ -493,6 +500,7 @@ def _check(
     require_count("max_iterations", max_iterations, "allow one run")
     require_positive("tolerance", tolerance, "1e-3 standard deviations suffice")
     # An exploration by fewer points would hardly describe chi squared of several parameters.
-    fine = isinstance(check_runs, int) and (check_runs == 0 or check_runs >= 50)
+    whole = isinstance(check_runs, int) and (check_runs == 0 or check_runs >= 50)
     remedy = "pass 0 to leave out the test"
-    require(fine, "check_runs", check_runs, "0, or a whole number from 50", remedy)
+    expected = "None, 0, or a whole number from 50"
+    require(check_runs is None or whole, "check_runs", check_runs, expected, remedy)

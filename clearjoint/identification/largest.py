@@ -189,7 +189,10 @@ def largest_feasible(
       peak is limited; or a reduction, such as `ImpactCount`, whose main result (its name is "") is
       limited; or several functions and reductions by name.
     - `limit`: largest allowed value, positive, in SI; for several quantities by name, one for each.
-    - `settings`: settings of the integration; by default `clearjoint.presets.derivatives`.
+    - `settings`: settings of the integration. By default the search uses
+      `clearjoint.presets.derivatives`, with which margins are smoother, and the values just below
+      the first violation must also satisfy the limits in runs with the default settings of
+      `simulate`.
     - `between`: smallest and largest value considered; the smallest must satisfy the limits.
     - `after`: s, time after which peaks of quantities count, to exclude a transient. Reductions
       have times of their own.
@@ -216,14 +219,18 @@ def largest_feasible(
     low, high = _range_on_scale(parameter, between)
     _check_limits(quantities, limits)
     _check(scene, quantities, draws, quantile, lanes, tolerance)
-    settings = settings_or(settings, presets.derivatives)
     # A quantity without reduction is limited by its peak.
     outputs = {name: as_reduction(one, after) for name, one in quantities.items()}
-    run = partial(
-        sweep, scene, state, end_time, settings=settings, start_time=start_time, progress=progress
-    )
-    margins = partial(lane_margins, run, parameter, outputs, limits, draws, quantile)
-    search = _Search(margins, lanes, tolerance, parameter)
+
+    def margins_with(settings: Settings) -> Callable[[np.ndarray], LaneMargins]:
+        given = {"settings": settings, "start_time": start_time, "progress": progress}
+        run = partial(sweep, scene, state, end_time, **given)
+        return partial(lane_margins, run, parameter, outputs, limits, draws, quantile)
+
+    # Near a limit, integration errors decide: the answer must hold in the run that a user makes.
+    plain = margins_with(presets.default) if settings is None else None
+    margins = margins_with(settings_or(settings, presets.derivatives))
+    search = _Search(margins, lanes, tolerance, parameter, plain)
     return search.run(low, high, parameter.variation.unit_in(scene, state))
 
 
@@ -260,6 +267,23 @@ class LaneMargins:
             for name in ("margins", "low", "high")
         )
         return LaneMargins(coordinates, margins, low, high, self.peak)
+
+    def lowered_by(self, others: "LaneMargins") -> "LaneMargins":
+        """Return these margins, with the smaller one where `others` has a margin at a coordinate.
+
+        A margin that is NaN, of these or of the others, counts as smaller.
+        """
+        at = np.searchsorted(self.coordinates, others.coordinates)
+
+        def lowered(name: str) -> np.ndarray:
+            row = getattr(self, name).copy()
+            row[at] = np.minimum(row[at], getattr(others, name))
+            return row
+
+        peak = others.peak if 0 in at else self.peak
+        return LaneMargins(
+            self.coordinates, lowered("margins"), lowered("low"), lowered("high"), peak
+        )
 
     def doubtful(self) -> Bool[np.ndarray, " m"]:
         """Return for each interval between neighbouring values, (n - 1,), whether it may hide a
@@ -411,12 +435,15 @@ class _Search:
     - `lanes`: number of values in a row.
     - `tolerance`: relative tolerance of the value.
     - `parameter`: the parameter, whose scale converts between values and coordinates.
+    - `plain`: the same function as `margins` with the settings of plain runs, which must satisfy
+      the limits too; ``None`` if these are the settings of `margins`.
     """
 
     margins: Callable[[np.ndarray], LaneMargins]
     lanes: int
     tolerance: float
     parameter: Parameter
+    plain: Callable[[np.ndarray], LaneMargins] | None = None
 
     def run(self, low: float, high: float, unit: str) -> LargestFeasible:
         """Search between the coordinates `low` and `high` of the parameter, and return the result.
@@ -426,23 +453,56 @@ class _Search:
         **Raises:** `ValueError` if the value at `low` violates a limit.
         """
         lanes = self.margins(np.linspace(low, high, self.lanes))
-        smallest, expected = self._values(lanes)[0], "a value that satisfies the limits"
-        remedy = f"{lanes.peak}; decrease it, or raise the limit"
-        require(bool(lanes.margins[0] >= 0.0), "between[0]", smallest, expected, remedy)
+        self._require_smallest(lanes)
         # The first row is coarse: just below its first violation another one may lie between two
         # values.
         if first_violation(lanes.margins) < len(lanes.margins):
             lanes = self._refined(lanes, below=True)
-        lanes = self._inspected(lanes)
-        if first_violation(lanes.margins) < len(lanes.margins):
-            computed = 0
-            # A row adds no value if there are no floats between the last value and the violation.
-            while (
-                len(lanes.coordinates) > computed
-                and self._widths(lanes)[first_violation(lanes.margins) - 1] > self.tolerance
-            ):
-                computed, lanes = len(lanes.coordinates), self._refined(lanes)
-        return self._result(lanes, unit)
+        lanes = self._narrowed(self._inspected(lanes))
+        return self._result(self._confirmed(lanes), unit)
+
+    def _require_smallest(self, lanes: LaneMargins) -> None:
+        """Check that the smallest value satisfies the limits.
+
+        **Raises:** `ValueError` with the peak otherwise.
+        """
+        smallest, expected = self._values(lanes)[0], "a value that satisfies the limits"
+        remedy = f"{lanes.peak}; decrease it, or raise the limit"
+        require(bool(lanes.margins[0] >= 0.0), "between[0]", smallest, expected, remedy)
+
+    def _narrowed(self, lanes: LaneMargins) -> LaneMargins:
+        """Return the margins with rows added until the interval in which the first violation
+        begins is as narrow as the tolerance."""
+        computed = 0
+        # A row adds no value if there are no floats between the last value and the violation.
+        while (
+            first_violation(lanes.margins) < len(lanes.margins)
+            and len(lanes.coordinates) > computed
+            and self._widths(lanes)[first_violation(lanes.margins) - 1] > self.tolerance
+        ):
+            computed, lanes = len(lanes.coordinates), self._refined(lanes)
+        return lanes
+
+    def _confirmed(self, lanes: LaneMargins) -> LaneMargins:
+        """Return the margins after those just below the first violation, and thus the largest
+        feasible value, have been confirmed by plain runs.
+
+        **Raises:** `ValueError` if the smallest value violates a limit in a plain run.
+        """
+        if self.plain is None:
+            return lanes
+        checked, rounds = np.empty(0), 0
+        first = first_violation(lanes.margins)
+        while lanes.coordinates[first - 1] not in checked:
+            last = lanes.coordinates[max(first - self.lanes, 0) : first]
+            lanes = lanes.lowered_by(self.plain(last))
+            checked = np.append(checked, last)
+            self._require_smallest(lanes)
+            # Rows added between a confirmed value and a violation need confirmation again.
+            if (rounds := rounds + 1) <= INSPECTIONS:
+                lanes = self._narrowed(lanes)
+            first = first_violation(lanes.margins)
+        return lanes
 
     def _refined(self, lanes: LaneMargins, below: bool = False) -> LaneMargins:
         """Return the margins with a row of values added just below the first violation.

@@ -37,6 +37,23 @@ def _digits(value: float, error: float) -> int:
     return min(max(size + 2, 2), 15)
 
 
+def duration(seconds: float) -> str:
+    """Return a duration as text with two or three digits, such as "0.23 s", "68 s" or "3 min 20 s".
+
+    >>> print(duration(0.0123), duration(110.2), duration(4000.0), sep=", ")
+    0.012 s, 110 s, 1 h 7 min
+    """
+    if seconds < 9.95:
+        return f"{seconds:.2g} s"
+    whole = round(seconds)
+    if whole < 120:
+        return f"{whole} s"
+    minutes, rest = divmod(whole, 60)
+    if minutes < 60:
+        return f"{minutes} min {rest} s"
+    return f"{minutes // 60} h {minutes % 60} min"
+
+
 def numbered(sentences: Sequence[str]) -> str:
     """Return sentences as lines with the numbers 1, 2 and so on."""
     return "\n".join(f"{number}. {sentence}" for number, sentence in enumerate(sentences, 1))

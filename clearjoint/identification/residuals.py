@@ -9,7 +9,7 @@ other. With derivatives, a `jax.vmap` of them would take longer (1.3 times with 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import equinox as eqx
@@ -29,7 +29,13 @@ from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import PASS_PARAMETERS, Parameter, check_parameters
 from ..parametrisation.parametrised_scene import ParametrisedScene, parametrised
-from ..parametrisation.variations import MadeByFunction, SeriesDelay, unchanged
+from ..parametrisation.readings import (
+    NO_ERRORS,
+    SensorErrors,
+    in_scene,
+    sensor_errors,
+    with_sensor_errors,
+)
 from ..quantities.base import Quantity
 from ..result_codes import RESULTS
 from ..simulation.run.run_checks import derivative_scheme
@@ -58,8 +64,8 @@ class Experiment(eqx.Module):
     """A scene with p parameters and measured quantities, to be run for many parameter values.
 
     `experiment` makes it. All its runs share one compiled program. Some of the parameters may be
-    delays: a delay, s, is an unknown shift of the time stamps of some measured series, which does
-    not change the scene.
+    errors of the sensors, which don't change the scene. A delay, s, is one of them: an unknown
+    shift of the time stamps of some measured series.
 
     - `scheme`: formulation and integration method.
     - `family`: scene and initial state as functions of the parameters. Its `values` are not used;
@@ -67,8 +73,7 @@ class Experiment(eqx.Module):
     - `outputs`: measured quantity by name; `names` has their order in arrays.
     - `times`: (T,) s, rising: the times of the samples. The last one is repeated until T is 64,
       512, 4096 and so on, so that records of similar length share a program.
-    - `delays`: for each delay among the parameters, its index, and the names of the outputs that it
-      delays.
+    - `sensors`: the errors of sensors among the parameters.
     - `start_time`: s, start of the runs.
     - `first_step`: s, length of the first step; `max_steps`: largest number of steps tried.
     """
@@ -81,14 +86,14 @@ class Experiment(eqx.Module):
     first_step: jax.Array
     max_steps: jax.Array
     names: tuple[str, ...] = eqx.field(static=True)
-    delays: tuple[tuple[int, tuple[str, ...]], ...] = eqx.field(static=True, default=())
+    sensors: SensorErrors = NO_ERRORS
 
     def run(self, coordinates: ArrayLike, end_time: Scalar) -> Sampled:
         """Run the scene at coordinates (p,) of the parameters.
 
-        An output with a delay is evaluated at `times` minus this delay, or at the start of the run
-        if this is earlier. With negative delays, the run ends later than `end_time`, by the
-        absolute value of the most negative one.
+        Outputs are readings of the sensors, with their errors. An output with a delay is evaluated
+        at `times` minus this delay, or at the start of the run if this is earlier. With negative
+        delays, the run ends later than `end_time`, by the absolute value of the most negative one.
 
         **Arguments:** `end_time`: s, time of the last sample to compare.
 
@@ -98,12 +103,20 @@ class Experiment(eqx.Module):
         delays, `reached` is false there, and the numbers are meaningless; with delays, `reached` is
         true throughout, and the values of an output are NaN at the times that it misses.
         """
-        if not self.delays:
+        if not self.sensors.errors:
             return self._sampled(coordinates, self.times, on_device(end_time))
         at = on_device(coordinates)
-        rising, indices, inside, end = _instants(self, at, on_device(end_time))
-        sampled = self._sampled(coordinates, rising, end)
-        return _delayed(self, at, rising, indices, inside, sampled)
+        if self.delays:
+            rising, indices, inside, end = _instants(self, at, on_device(end_time))
+            sampled = self._sampled(coordinates, rising, end)
+            sampled = _delayed(self, at, rising, indices, inside, sampled)
+        else:
+            sampled = self._sampled(coordinates, self.times, on_device(end_time))
+        if not self.sensors.of_values:
+            return sampled
+        numbers = sampled.values, sampled.derivatives, self.times - self.start_time, at
+        readings, slopes = with_sensor_errors(self.sensors, *numbers)
+        return replace(sampled, values=readings, derivatives=slopes)
 
     def _sampled(self, coordinates: ArrayLike, times: jax.Array, end_time: jax.Array) -> Sampled:
         """Run at coordinates (p,) up to `end_time`, s, and evaluate all outputs at given times.
@@ -123,13 +136,11 @@ class Experiment(eqx.Module):
             NOTHING_ELSE,
         )
 
-    def delay(self, number: int, coordinates: jax.Array) -> jax.Array:
-        """Return the value of a delay, s, (...), at coordinates (..., p).
-
-        `number`: index of the delay among the parameters.
-        """
-        # A user-defined scale need not accept arrays.
-        return jnp.vectorize(self.family.scales[number].value)(coordinates[..., number])
+    @property
+    def delays(self) -> tuple[tuple[int, tuple[str, ...]], ...]:
+        """The index of each delay among the parameters, with the names of the outputs that it
+        delays."""
+        return self.sensors.delays
 
 
 @Compiled
@@ -153,7 +164,7 @@ def _instants(
     - (D, T) whether the delayed times are at or after the start of the run.
     - () end of the run, s.
     """
-    delays = [runs.delay(number, coordinates) for number, _ in runs.delays]
+    delays = [runs.sensors.value(number, coordinates) for number, _ in runs.delays]
     # A series with a negative delay is compared with the motion after its last sample.
     end = end_time + jnp.maximum(0.0, -jnp.min(jnp.stack(delays)))
     # Samples after the end time have no weight. Their times are replaced by the end time, because
@@ -240,8 +251,9 @@ def experiment(
 
     **Raises:** `ValueError` for an invalid scene or state, for no parameters, for no outputs or
     outputs that the scene doesn't have, for no times, for times that decrease or are before the
-    start, if the last time is not after the start, for a delay of an unknown output, for two delays
-    of one output, and for settings with which derivatives can't be computed.
+    start, if the last time is not after the start, for an error of the sensors of an unknown
+    output, for two errors of the same kind of one output, and for settings with which derivatives
+    can't be computed.
     """
     check_parameters(parameters)
     require(len(parameters) > 0, "parameters", {}, "at least one Parameter", PASS_PARAMETERS)
@@ -251,15 +263,9 @@ def experiment(
     end_time = float(rising_times(times, "times")[-1])
     check_span(start_time, end_time)
     rising = checked_times(start_time, end_time, times, "times")
-    delays = _delays(parameters, outputs)
-    # For the scene, a delay is a parameter that changes nothing.
-    still = MadeByFunction(unchanged, "s")
-    in_scene = {
-        name: Parameter(still, parameter.scale, value=0.0) if number in dict(delays) else parameter
-        for number, (name, parameter) in enumerate(parameters.items())
-    }
+    sensors = sensor_errors(parameters, outputs)
     # The zeros are placeholders for coordinates that `Experiment.run` receives.
-    family = parametrised(scene, state, in_scene, np.zeros(len(parameters)))
+    family = parametrised(scene, state, in_scene(parameters), np.zeros(len(parameters)))
     return Experiment(
         scheme,
         family,
@@ -269,30 +275,8 @@ def experiment(
         on_device(settings.length_of_first_step(start_time, end_time)),
         on_device(settings.max_steps, int),
         tuple(outputs),
-        delays,
+        sensors,
     )
-
-
-def _delays(
-    parameters: Mapping[str, Parameter], outputs: Mapping[str, Quantity]
-) -> tuple[tuple[int, tuple[str, ...]], ...]:
-    """Return the index of each delay among the parameters, with the names of its outputs.
-
-    **Raises:** `ValueError` for a delay of an unknown output, or for two delays of one output.
-    """
-    delays, taken = [], set()
-    for number, (label, parameter) in enumerate(parameters.items()):
-        if isinstance(parameter.variation, SeriesDelay):
-            names = parameter.variation.series
-            for name in names:
-                argument = f"parameters[{label!r}]"
-                known = f"a delay of measured series: {', '.join(outputs)}"
-                require(name in outputs, argument, name, known, "correct the name of the series")
-                once, remedy = "the only delay of its series", "remove the series from one delay"
-                require(name not in taken, argument, name, once, remedy)
-                taken.add(name)
-            delays.append((number, names))
-    return tuple(delays)
 
 
 def check_start(start_time: float, times: np.ndarray) -> None:

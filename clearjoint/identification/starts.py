@@ -18,7 +18,7 @@ from ..fields.checks import (
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter
-from ..parametrisation.variations import SeriesDelay
+from ..parametrisation.variations import AbstractSeriesVariation
 
 Guess = Mapping[str, float]
 """Value of each guessed parameter by its name, in SI units."""
@@ -139,8 +139,8 @@ def _coordinate(scene: Scene, state: State, parameter: Parameter, guess: Guess, 
             return parameter.coordinate_in(scene, state)
         value = np.asarray(as_number(guess[name], f"guess[{name!r}]"))
         coordinate = parameter.scale.coordinate(value)
-        # A delay is no number of the scene, so there is nothing to check.
-        if not isinstance(parameter.variation, SeriesDelay):
+        # An error of sensors is no number of the scene, so there is nothing to check.
+        if not isinstance(parameter.variation, AbstractSeriesVariation):
             setter = parameter.variation.setter(scene, state, value.item())
             changed, _ = setter(scene, state, value.item())
             recheck(changed)  # Raises the errors of constructors here, not in a run.

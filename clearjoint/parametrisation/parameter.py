@@ -22,11 +22,15 @@ from ..model.scene import Scene
 from .paths import NumberPath, value_at
 from .variations import (
     AbstractNumber,
+    AbstractSeriesVariation,
     AbstractVariation,
     Change,
     MadeByFunction,
     SceneNumber,
+    SeriesBias,
     SeriesDelay,
+    SeriesDrift,
+    SeriesGain,
     StateNumber,
 )
 
@@ -244,8 +248,8 @@ class Parameter:
     """A number of the scene that a fit estimates, and the scale of the estimate.
 
     A parameter may also be a number of the initial state (`Parameter.initial`), a value from which
-    a function makes scene and state (`Parameter.change`), or the unknown delay of the time stamps
-    of measured series (`Parameter.delay`).
+    a function makes scene and state (`Parameter.change`), or an unknown error of the sensors of
+    measured series: `Parameter.delay`, `Parameter.bias`, `Parameter.gain` and `Parameter.drift`.
 
     **Arguments:**
 
@@ -332,7 +336,7 @@ class Parameter:
         """Return a parameter that is the delay, s, of the time stamps of measured series.
 
         A sample at time t is compared with the motion at t - delay. Fits by `identify`,
-        `identify_many` and `minimise` accept delays.
+        `identify_many` and `minimise`, and `posterior`, accept delays.
 
         **Arguments:**
 
@@ -353,10 +357,66 @@ class Parameter:
         >>> delay.value
         0.0
         """
-        remedy = 'pass their names in the measurements, such as Parameter.delay("probe")'
-        named = len(series) > 0 and all(isinstance(name, str) for name in series)
-        require(named, "series", series, "names of series", remedy)
-        return Parameter(SeriesDelay(series), scale, value=value)
+        return _of_sensors(SeriesDelay, series, value, scale)
+
+    @staticmethod
+    def bias(*series: str, value: float = 0.0, scale: AbstractScale | None = None) -> "Parameter":
+        """Return a parameter that is the bias of the sensors of measured series.
+
+        The reading of a sensor with errors is gain * y + bias + drift * t, for the quantity y and
+        the time t since the start of the run. `identify`, `identify_many`, `minimise`, `posterior`,
+        `sensitivities`, `identifiability` and `fit_horizon` accept these parameters; the last three
+        refer to outputs or sensors in place of series.
+
+        **Arguments:**
+
+        - `series`: names of the series in `Measurements`, the measured data of the fit; at least
+          one. All of them have the same value, so that they must have the same unit.
+        - `value`: first guess, in the SI unit of the series.
+        - `scale`: `Linear()` by default.
+
+        If the channel has a period, such as an angle, whole periods of a residual don't count.
+
+        **Raises:** `ValueError` without names, for names that are not texts, and for a `scale` that
+        is no `AbstractScale`.
+
+        >>> bias = cj.Parameter.bias("encoder", value=0.01)
+        >>> bias.value
+        0.01
+        """
+        return _of_sensors(SeriesBias, series, value, scale)
+
+    @staticmethod
+    def gain(*series: str, value: float = 1.0, scale: AbstractScale | None = None) -> "Parameter":
+        """Return a parameter that is the gain of the sensors of measured series: the factor by
+        which they multiply the quantity.
+
+        See `Parameter.bias` for the reading of a sensor with several errors. A gain is identifiable
+        only if something else than the size of the motion shows it, such as the frequency of a
+        vibration, the scene's known lengths, or another sensor. The reading of an angle that jumps
+        from pi to -pi jumps by 2 pi times the gain.
+
+        **Arguments, errors:** as in `Parameter.bias`; `value`: 1 for an ideal sensor.
+
+        >>> cj.Parameter.gain("torque", scale=cj.Bounded(0.8, 1.2)).value
+        1.0
+        """
+        return _of_sensors(SeriesGain, series, value, scale)
+
+    @staticmethod
+    def drift(*series: str, value: float = 0.0, scale: AbstractScale | None = None) -> "Parameter":
+        """Return a parameter that is the drift of the sensors of measured series: the constant rate
+        at which their bias changes, in the SI unit of the series per second.
+
+        At the start of the run the drift has no effect. See `Parameter.bias` for the reading of a
+        sensor with several errors.
+
+        **Arguments, errors:** as in `Parameter.bias`.
+
+        >>> cj.Parameter.drift("encoder").value
+        0.0
+        """
+        return _of_sensors(SeriesDrift, series, value, scale)
 
     def coordinate_in(self, scene: Scene, state: State) -> float:
         """Return the coordinate of `value` on the parameter's scale.
@@ -366,7 +426,7 @@ class Parameter:
 
         **Raises:** `ValueError` for a value that the scale doesn't allow. If `value` is ``None``,
         also for a path that leads to no number, and for a variation that selects no number of the
-        scene or state, such as a delay.
+        scene or state, such as an error of sensors.
         """
         value = self.value
         if value is None:
@@ -379,6 +439,23 @@ class Parameter:
                 )
             value = value_at(variation.tree(scene, state), variation.path)
         return self.scale.coordinate(value)
+
+
+def _of_sensors(
+    kind: type[AbstractSeriesVariation],
+    series: tuple[str, ...],
+    value: float,
+    scale: AbstractScale | None,
+) -> Parameter:
+    """Return a parameter that is an error of the sensors of measured series, given by name.
+
+    **Raises:** `ValueError` without names, for names that are not texts, and for a `scale` that is
+    no `AbstractScale`.
+    """
+    remedy = f'pass their names in the measurements, such as Parameter.{kind.noun}("probe")'
+    named = len(series) > 0 and all(isinstance(name, str) for name in series)
+    require(named, "series", series, "names of series", remedy)
+    return Parameter(kind(series), scale, value=value)
 
 
 PASS_PARAMETERS = 'pass {"clearance": cj.Parameter(lambda scene: scene.joints["pin"].clearance)}'

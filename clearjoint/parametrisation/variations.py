@@ -2,13 +2,13 @@
 a run.
 
 The value may be a number of the scene, a number of the initial state, the argument of a function
-that makes both, or the delay of a measured series.
+that makes both, or an error of the sensors of measured series, such as a delay.
 """
 
 import abc
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NoReturn
 
 import jax
 from jaxtyping import PyTree
@@ -37,8 +37,8 @@ class AbstractVariation(abc.ABC):
         """The function that says what varies: a path, which selects a number of a scene or state,
         or a function that makes scene and state from a value.
 
-        For a delay, which changes neither, it returns scene and state unchanged. The notes of
-        a sweep's results contain a description of this function.
+        For an error of sensors, which changes neither, it returns scene and state unchanged. The
+        notes of a sweep's results contain a description of this function.
         """
 
     @abc.abstractmethod
@@ -61,7 +61,7 @@ class AbstractVariation(abc.ABC):
         JAX reuses compiled programs.
 
         **Raises:** `ValueError` for a path without numbers, or with numbers of another shape than
-        `example`, and for a delay, which changes no scene.
+        `example`, and for an error of sensors, which changes no scene.
         """
 
 
@@ -175,15 +175,33 @@ class MadeByFunction(AbstractVariation):
 
 
 @dataclass(frozen=True)
-class SeriesDelay(AbstractVariation):
-    """Delay, s, of the time stamps of measured series.
+class AbstractSeriesVariation(AbstractVariation):
+    """An error of the sensors of measured series, with an unknown value.
 
-    The delay changes no scene: only fits, which have measurements, can use it.
+    It changes no scene: fits, which have measurements, compare the samples with the reading of the
+    sensor, which is the quantity plus its errors.
 
-    `series`: names of the series in `Measurements`, the measured data of a fit.
+    - `series`: names of the series in `Measurements`, the measured data of a fit, or of the outputs
+      or sensors of a prediction.
+    - `neutral`: value of an ideal sensor.
+    - `noun`: name of the kind of error, also of the function of `Parameter` that makes one.
     """
 
     series: tuple[str, ...]
+    neutral: ClassVar[float] = 0.0
+    noun: ClassVar[str]
+
+    @abc.abstractmethod
+    def error(self, value: Scalar, quantity: Scalar, elapsed: Scalar) -> Scalar:
+        """Return what the error adds to the reading of the sensor, in the quantity's unit.
+
+        **Arguments:** `value`: of the parameter; `quantity`: measured quantity; `elapsed`: time
+        since the start of the run, s.
+        """
+
+    @abc.abstractmethod
+    def unit_of(self, unit: str) -> str:
+        """Return the unit of the value for series in a given unit."""
 
     @property
     def function(self) -> Callable[..., PyTree]:
@@ -191,20 +209,97 @@ class SeriesDelay(AbstractVariation):
         return unchanged
 
     def unit_in(self, scene: Scene, state: State) -> str:
-        """Return "s"."""
-        return "s"
+        """Raise a `ValueError`, because the unit depends on the series, not on the scene."""
+        self._refuse()
 
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
         """Raise a `ValueError`, because a scene has no such number.
 
-        Fits don't call it: they evaluate the outputs at the samples' times less the delay.
+        Calls that support errors of sensors don't call it (`clearjoint.parametrisation.readings`).
         """
-        del scene, state, example
+        self._refuse()
+
+    def _refuse(self) -> NoReturn:
         series = ", ".join(map(repr, self.series))
         raise ValueError(
-            f"A delay (of series {series}) is not a number of a scene: only cj.identify, "
-            "cj.identify_many and cj.minimise can use it. Leave it out here."
+            f"A {self.noun} (of series {series}) is not a number of a scene: only {self.users} can "
+            "use it. Leave it out here."
         )
+
+    users: ClassVar[str] = (
+        "cj.identify, cj.identify_many, cj.minimise, cj.posterior, cj.sensitivities, "
+        "cj.identifiability and cj.fit_horizon"
+    )
+
+
+@dataclass(frozen=True)
+class SeriesDelay(AbstractSeriesVariation):
+    """Delay, s, of the time stamps of measured series.
+
+    Fits evaluate the outputs at the samples' times less the delay.
+    """
+
+    noun: ClassVar[str] = "delay"
+    users: ClassVar[str] = "cj.identify, cj.identify_many, cj.minimise and cj.posterior"
+
+    def error(self, value: Scalar, quantity: Scalar, elapsed: Scalar) -> Scalar:
+        """Return 0: a delay changes the time at which the quantity is evaluated."""
+        del value, quantity, elapsed
+        return 0.0
+
+    def unit_of(self, unit: str) -> str:
+        """Return "s"."""
+        return "s"
+
+    def unit_in(self, scene: Scene, state: State) -> str:
+        """Return "s"."""
+        return "s"
+
+
+@dataclass(frozen=True)
+class SeriesBias(AbstractSeriesVariation):
+    """Bias of sensors: a constant that is added to the quantity, in its unit."""
+
+    noun: ClassVar[str] = "bias"
+
+    def error(self, value: Scalar, quantity: Scalar, elapsed: Scalar) -> Scalar:
+        """Return the bias."""
+        return value
+
+    def unit_of(self, unit: str) -> str:
+        """Return the unit of the series."""
+        return unit
+
+
+@dataclass(frozen=True)
+class SeriesGain(AbstractSeriesVariation):
+    """Gain of sensors: the factor by which they multiply the quantity; 1 is ideal."""
+
+    neutral: ClassVar[float] = 1.0
+    noun: ClassVar[str] = "gain"
+
+    def error(self, value: Scalar, quantity: Scalar, elapsed: Scalar) -> Scalar:
+        """Return (gain - 1) times the quantity."""
+        return (value - 1.0) * quantity
+
+    def unit_of(self, unit: str) -> str:
+        """Return "1"."""
+        return "1"
+
+
+@dataclass(frozen=True)
+class SeriesDrift(AbstractSeriesVariation):
+    """Drift of sensors: constant rate at which their bias changes, zero at the start of the run."""
+
+    noun: ClassVar[str] = "drift"
+
+    def error(self, value: Scalar, quantity: Scalar, elapsed: Scalar) -> Scalar:
+        """Return the drift times the time since the start of the run."""
+        return value * elapsed
+
+    def unit_of(self, unit: str) -> str:
+        """Return the unit of the series per second, such as "rad/s"."""
+        return f"{unit}/s"
 
 
 def unchanged(scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:

@@ -320,7 +320,8 @@ class ImpactTable:
     - `count`: number of impacts kept for each contact.
     - `joint`: name of the joint whose contacts are recorded; by default all joints with contacts.
     - `after`, `until`: start and end of a time window, s; by default the whole run. An impact is
-      recorded if its onset lies in the window.
+      recorded if its onset lies in the window. Each may be a function of the scene that returns a
+      time and that JAX can trace, so that the window follows the values of the lane.
 
     **Raises:** `ValueError` for a count that is not a positive integer, for times that are NaN or
     not single numbers, and for a window that does not end after its start.
@@ -342,7 +343,7 @@ class ImpactTable:
     def window(self) -> Window | None:
         """Return the time window in which impacts must begin; ``None`` for the whole run."""
         window = Window(self.after, self.until)
-        return None if window.is_whole else window
+        return None if self.after is None and self.until is None else window
 
     def check(self, scene: Scene) -> None:
         """Check that the scene has joints with contacts, among them the joint of the table.

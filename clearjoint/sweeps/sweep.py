@@ -18,7 +18,7 @@ from ..dynamics.constraint_report import dependent, start_rows_of_lanes
 from ..dynamics.coordinates import AbstractCoordinates
 from ..dynamics.journals import HOLD_IT, slid_out
 from ..export.datasets import describe, described, versions
-from ..fields.cautions import LeftBearingWarning, caution, level_of_the_user
+from ..fields.cautions import LeftBearingWarning, caution, level_of_the_user, quiet
 from ..fields.checks import require, require_array_names, require_count, require_types
 from ..fields.objects import with_arrays
 from ..math.vectors import fold_constants
@@ -26,13 +26,13 @@ from ..model.bodies import BodyState, State
 from ..model.scene import Scene
 from ..native import is_native
 from ..parametrisation.paths import parameters
-from ..result_codes import result_numbers
+from ..result_codes import RESULTS, result_number, result_numbers
 from ..simulation.lanes.lane import Common, Plan, Task, impact_log
 from ..simulation.reductions.base import AbstractReduction
 from ..simulation.results.impact_table import IMPACT_UNITS
 from ..simulation.results.solution import LABELS, STATE_PARTS, contact_label
 from ..simulation.run.impact_recorder import ImpactRecorder
-from ..simulation.run.run_checks import check_numbers, check_precision
+from ..simulation.run.run_checks import check_numbers, check_precision, check_structure
 from ..simulation.run.saving import Saving, saving_or_nothing
 from ..simulation.run.sections import Section
 from ..simulation.step import presets
@@ -365,7 +365,7 @@ def sweep(
     work = Work(common, tasks, tuple(scene.bodies), frozenset(lanes.bad), layout.variables)
     results = compute_missing(work, store, trace, executor, threads, progress)
     # The warnings are about all lanes, also those that the store already had.
-    _warn_of_failures(results, lanes)
+    _warn_of_failures(results, lanes, start_time, settings.coordinates)
     _warn_of_journals_outside(results, lanes)
     return results
 
@@ -484,9 +484,16 @@ def _lane_tasks(
     return Task(lanes.scenes, lanes.states, ends, first_steps, times)
 
 
-def _warn_of_failures(results: "xr.Dataset", lanes: Lanes) -> None:
-    """Warn of the number of failed lanes by result code, and of lanes that are still pending. The
-    warning contains the error message of the first lane in `lanes.bad`, if there is any."""
+def _warn_of_failures(
+    results: "xr.Dataset", lanes: Lanes, start_time: float, coordinates: AbstractCoordinates
+) -> None:
+    """Warn of the number of failed lanes by result code, and of lanes that are still pending.
+
+    The warning contains the error message of the first lane in `lanes.bad`, if there is any, and
+    that of the first lane whose initial state does not satisfy the joints.
+
+    **Arguments:** `start_time`, s, and `coordinates`: of the runs.
+    """
     names = {number: name for name, number in result_numbers().items()}
     codes = results[RESULT].values
     counts = Counter(names[int(code)] for code in codes[codes != PENDING])
@@ -497,6 +504,18 @@ def _warn_of_failures(results: "xr.Dataset", lanes: Lanes) -> None:
         texts.append(f"{counts.total()} of {codes.size} lanes failed: {failed}.")
     if lanes.bad:
         texts.append("Lane {}: {}".format(*next(iter(lanes.bad.items()))))
+    unassembled = np.flatnonzero(codes.ravel() == result_number(RESULTS.not_assembled))
+    if unassembled.size:
+        lane = int(unassembled[0])
+        try:
+            with quiet():
+                check_structure(*lanes.of(lane), start_time, coordinates)
+        except ValueError as error:
+            texts.append(
+                f"Lane {lane}: {error} In a sweep, an axis changes the initial state along with "
+                "the scene by cj.Axis.change(make, values), where make(scene, state, value) sets "
+                "the value by cj.set_value and returns (scene, cj.assemble(scene, state))."
+            )
     if pending:
         remedy = "sweep again with the same arguments"
         texts.append(f"{pending} of {codes.size} lanes are pending: {remedy}.")

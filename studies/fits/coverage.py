@@ -148,7 +148,7 @@ def cover(case: Case, number: int) -> Row:
 
 def _draw(case: Case, data: cj.Measurements) -> Draw:
     begun = time.perf_counter()
-    found = case.fit(data, case.guess, grow=case.grow)
+    found = case.fit(data, case.guess, grow=case.grow, check_runs=400)
     seconds = time.perf_counter() - begun
     nearest = case.fit(data, case.truth, check_runs=0)
     # The first search ended before the check moved the estimates: its Jacobian gives the intervals

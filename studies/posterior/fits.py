@@ -39,7 +39,7 @@ class Draw:
 def drawn(case: coverage.Case, data: cj.Measurements) -> Draw:
     """Fit a draw of the noise from the far start, in growing windows."""
     begun = time.perf_counter()
-    fit = case.fit(data, case.guess, grow=case.grow)
+    fit = case.fit(data, case.guess, grow=case.grow, check_runs=400)
     seconds = time.perf_counter() - begun
     found = fit.posterior
     # A search that has not converged is not checked.

@@ -259,7 +259,7 @@ def test_growing_windows_lead_back_a_guess_from_which_a_single_run_goes_astray(f
             {"max_iterations": 0},
             "`max_iterations` must be a whole number, positive, but is 0: allow one run",
         ),
-        ({"check_runs": 10}, "`check_runs` must be 0, or a whole number from 50, but is 10"),
+        ({"check_runs": 10}, "`check_runs` must be None, 0, or a whole number from 50, but is 10"),
         ({"tolerance": 0.0}, "`tolerance` must be positive, but is 0.0: 1e-3 standard deviations"),
         ({"starts": cj.Starts(2, {"mass": 1.0})}, r"`spread` must be values of .*\['mass'\]"),
     ],

@@ -25,17 +25,21 @@ def row(coordinates, margins):
     return LaneMargins(np.asarray(coordinates, float), margins, margins, margins)
 
 
-def searched(function, tolerance=1e-3, lanes=10, between=(1.0, 10.0)):
+def searched(function, tolerance=1e-3, lanes=10, between=(1.0, 10.0), plain=None):
     """Result between two values on a linear scale, for margins given by a function; and the rows
     that were computed."""
     rows = []
 
-    def run(coordinates):
-        rows.append(coordinates)
-        return row(coordinates, [function(x) for x in coordinates])
+    def margins_by(function):
+        def run(coordinates):
+            rows.append(coordinates)
+            return row(coordinates, [function(x) for x in coordinates])
+
+        return run
 
     parameter = cj.Parameter(lambda scene: scene.gravity[0])
-    search = _Search(run, lanes, tolerance, parameter)
+    confirming = None if plain is None else margins_by(plain)
+    search = _Search(margins_by(function), lanes, tolerance, parameter, confirming)
     return search.run(*between, "m"), rows
 
 
@@ -48,6 +52,23 @@ def test_rows_narrow_where_a_margin_jumps_and_where_it_passes_zero(function):
     low, high = found.interval
     assert found.value == low <= 4.2345 <= high <= low * 1.001
     assert len(rows) <= 5
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_answer_keeps_the_limit_in_a_plain_run(seed):
+    """Plain runs with larger errors, which are another number at each value."""
+
+    def error(x):
+        return 0.02 * np.random.default_rng(np.array([seed, hash(x) % 2**32])).standard_normal()
+
+    def plain(x):
+        return np.log(4.2345 / x) + error(x)
+
+    found, rows = searched(lambda x: np.log(4.2345 / x), plain=plain)
+    assert plain(found.value) >= 0.0 and found.value == pytest.approx(4.2345, rel=0.05)
+    assert found.interval[0] == found.value <= found.interval[1] and len(rows) < 40
+    with pytest.raises(ValueError, match=r"`between\[0\]` must be a value that satisfies the lim"):
+        searched(lambda x: 5.0 - x, plain=lambda x: -1.0)
 
 
 def test_a_tolerance_below_rounding_errors_ends_at_neighbouring_floats():
@@ -243,12 +264,25 @@ def test_largest_clearance_of_a_drop_is_the_closed_form(drop):
             CLEARANCE,
             {name: OUTPUTS[name] for name in names},
             {name: LARGEST[name] for name in names},
+            cj.presets.derivatives,
             between=(0.05e-3, 1e-3),
             tolerance=1e-7,
         )
         exact = min(expected[name] for name in names)
         assert found.monotone and found.value == pytest.approx(exact, rel=1e-7)
         assert found.interval[0] <= exact * (1 + 1e-7) and exact <= found.interval[1] * (1 + 1e-7)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("allowed", [0.2e-3, 0.5e-3])
+def test_a_plain_run_with_the_answer_keeps_the_limits(drop, allowed):
+    scene, state = drop
+    quantity = OUTPUTS["eccentricity"]
+    options = {"between": (0.05e-3, 1e-3), "tolerance": 1e-9}
+    found = cj.largest_feasible(scene, state, 0.03, CLEARANCE, quantity, allowed, **options)
+    answer = cj.set_value(scene, CLEARANCE.variation.path, found.value)
+    peak = cj.Saving(outputs={"peak": cj.Peak(quantity, "m")})
+    assert float(cj.simulate(answer, state, 0.03, save=peak).outputs["peak"]) <= allowed
 
 
 @pytest.mark.slow

@@ -9,6 +9,7 @@ import pytest
 import clearjoint as cj
 from clearjoint.identification import checking
 from clearjoint.identification.identify import _Problem
+from clearjoint.identification.report import duration
 from clearjoint.identification.residuals import UNREACHED, experiment, samples
 from clearjoint.identification.screening.misfit_curves import SideBySide
 
@@ -154,7 +155,7 @@ def test_intervals_cover_the_minima_that_runs_around_the_estimate_find(rough, mo
     fit."""
     monkeypatch.setattr(checking, "MOST_RUNS", 1)
     with pytest.warns(cj.PoorFitWarning, match="Standard errors are not valid"):
-        fit = cj.identify(SCENE, STATE, rough, PARAMETERS, progress=False)
+        fit = cj.identify(SCENE, STATE, rough, PARAMETERS, progress=False, check_runs=400)
     plain = cj.identify(SCENE, STATE, rough, PARAMETERS, progress=False, check_runs=0)
     grid, curve = rough_curve(rough)
     assert fit.posterior is None
@@ -167,6 +168,28 @@ def test_intervals_cover_the_minima_that_runs_around_the_estimate_find(rough, mo
     first, second = str(fit).split("\n\n")[:2]
     assert first.startswith("Fit of 200 samples") and second == fit.warnings[0]
     assert f"with 2 minima ({fit.check.runs} runs around the estimates" in second
+
+
+def test_a_check_costs_about_as_much_as_the_fit_unless_asked_for(rough):
+    """In runs without derivatives, two of which cost as much as one with derivatives."""
+    with pytest.warns(cj.PoorFitWarning, match="Standard errors are not valid"):
+        fit = cj.identify(SCENE, STATE, rough, PARAMETERS, progress=False)
+    local = sum(search.evaluations for search in fit.check.searches)
+    tested = len(fit.check.test.actual)
+    explored = fit.check.runs - tested - local
+    allowed = 2 * (sum(one.evaluations for one in fit.searches) + tested)
+    # The first round, with one local search, and the last, more accurate search may exceed it.
+    slack = checking.LEAST_NUMBER + 2 * 5 * checking.STEPS_DOWN
+    assert explored + 2 * local <= allowed + slack and fit.posterior is None and fit.check.bounded
+    assert fit.chi_squared == fit.check.exploration.lowest
+    assert ("pass check_runs=400" in str(fit)) == (not fit.check.exploration.settled)
+
+
+def test_durations_are_readable():
+    shown = {0.0123: "0.012 s", 9.94: "9.9 s", 9.96: "10 s", 110.2: "110 s", 200.0: "3 min 20 s"}
+    for seconds, text in shown.items():
+        assert duration(seconds) == text
+    assert duration(3599.9) == "1 h 0 min" and duration(119.6) == "2 min 0 s"
 
 
 def test_intervals_come_from_a_posterior_where_chi_squared_is_not_quadratic(rough):

@@ -12,6 +12,7 @@ from clearjoint.parametrisation.parameter import coordinates_of
 from clearjoint.parametrisation.parametrised_scene import parametrised
 from clearjoint.simulation.run.run_checks import derivative_scheme
 from clearjoint.simulation.run.sampling import run_with_tangents
+from clearjoint.simulation.run.sensitivities import _growth_of_derivatives
 from tests.support.programs import body_of, primitives
 from tests.support.reference import Case
 
@@ -216,3 +217,28 @@ def test_scales_invert_and_know_their_slope(scale):
     step = 1e-5
     difference = scale.value(coordinate + step) - scale.value(coordinate - step)
     assert float(scale.slope(coordinate)) == pytest.approx(float(difference) / (2 * step), rel=1e-8)
+
+
+def grown(rate, result=cj.RESULTS.max_steps_reached):
+    """A run whose derivatives grow exponentially at a rate from 1 s on, where they begin."""
+    times = np.linspace(0.0, 2.0, 101)
+    slopes = np.where(times > 1.0, np.exp(rate * (times - 1.0)), 0.0)[:, None]
+    return cj.results.Sensitivities(("k",), times, {"x": times}, {"x": slopes}, 2.0, result, 10, 10)
+
+
+def test_a_run_that_fails_by_the_growth_of_derivatives_says_so():
+    assert "grown by a factor of 2e+07" in _growth_of_derivatives(grown(18.5))
+    assert "cj.statistics_derivatives" in _growth_of_derivatives(grown(18.5))
+    assert _growth_of_derivatives(grown(5.0)) is None
+    assert _growth_of_derivatives(grown(18.5, cj.RESULTS.solver_failed)) is None
+
+
+@pytest.mark.slow
+def test_derivatives_past_the_horizon_are_not_to_be_had_by_more_steps():
+    scene, state = cj.mechanisms.double_pendulum()
+    clearance = cj.Parameter(lambda s: s.joints["shoulder"].clearance, cj.Log())
+    x = {"x": cj.quantities.JournalOffset("shoulder", "x")}
+    few = replace(cj.presets.derivatives, max_steps=20000)
+    with pytest.raises(cj.SimulationError, match="derivatives have grown by a factor") as failed:
+        cj.sensitivities(scene, state, 1.0, {"c": clearance}, x, np.linspace(0.01, 1, 100), few)
+    assert "Raise `max_steps`" not in str(failed.value)

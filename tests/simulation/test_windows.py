@@ -10,7 +10,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.math.interpolation import Parabola
-from clearjoint.simulation.reductions.base import Window
+from clearjoint.simulation.reductions.base import TimeSpan
 from tests.support.dropped_rod import dropped_rod
 from tests.support.programs import primitives
 
@@ -68,10 +68,10 @@ def wave(now):
     ],
 )
 def test_the_part_of_a_step_that_is_in_a_window(after, until, part):
-    found = Window(after, until).fractions(jnp.asarray(0.1), jnp.asarray(0.9))
+    found = TimeSpan(after, until).fractions(jnp.asarray(0.1), jnp.asarray(0.9))
     assert [float(x) for x in found] == pytest.approx(part, rel=1e-15)
-    assert bool(Window(after, until).holds(0.2)) == (after != 1.0 and until != 0.05)
-    assert bool(Window(after, until).holds(0.5)) == (until is None and after != 1.0)
+    assert bool(TimeSpan(after, until).holds(0.2)) == (after != 1.0 and until != 0.05)
+    assert bool(TimeSpan(after, until).holds(0.5)) == (until is None and after != 1.0)
 
 
 def reduced(reductions: dict) -> dict:
@@ -214,7 +214,34 @@ def test_impacts_of_a_window():
     impacts = cj.results.Impacts.of_rows(rows)
     np.testing.assert_array_equal(impacts.within(0.2, 0.3).onset, [0.2])
     np.testing.assert_array_equal(impacts.within(after=0.2).peak_force, [200.0, 300.0])
-    assert len(impacts.within()) == 3 and Window(None, None).is_whole
+    assert len(impacts.within()) == 3 and TimeSpan(None, None).is_whole
+
+
+def quarters(number):
+    """End of the quarter period with a number, s, of a mass of 2 kg on a spring."""
+    return lambda scene: 0.5 * jnp.pi * number * jnp.sqrt(2.0 / scene.forces["spring"].stiffness)
+
+
+def test_a_window_may_follow_the_values_of_a_lane():
+    """x = 0.3 cos(w t): its mean over the second quarter period is -0.6/pi, whatever the
+    stiffness."""
+    stiffness, origin = [20.0, 50.0, 80.0], (0.0, 0.0, 0.0)
+    spring = cj.SpringDamper("ground", "mass", origin, origin, 50.0)
+    scene = cj.Scene({"mass": cj.Body(2.0, (1.0, 1.0, 1.0))}, forces={"spring": spring})
+    state = cj.State({"mass": cj.body_state((0.3, 0.0, 0.0))})
+    x = cj.quantities.Position("mass", "x")
+    window = {"after": quarters(1), "until": quarters(2)}
+    outputs = {"x": cj.Statistics(x, "m", **window), "top": cj.Peak(x, "m", after=quarters(3))}
+    axes = {"k": cj.Axis(lambda s: s.forces["spring"].stiffness, stiffness)}
+    settings = cj.Settings(rtol=1e-10)
+    found = cj.sweep(scene, state, 1.6, axes, outputs=outputs, settings=settings, progress=False)
+    np.testing.assert_allclose(found.x_mean, -0.6 / np.pi, rtol=1e-5)
+    # The stiffest mass is back at its start at 4 quarters; the softest does not get there.
+    rate = np.sqrt(np.array(stiffness) / 2.0)
+    expected = np.where(2.0 * np.pi / rate < 1.6, 0.3, 0.3 * np.cos(1.6 * rate))
+    np.testing.assert_allclose(found.top, expected, rtol=1e-6)
+    alone = cj.simulate(scene, state, 1.6, settings, save=cj.Saving(outputs=outputs))
+    np.testing.assert_array_equal(alone.outputs["x_mean"], found.x_mean[1])
 
 
 @pytest.mark.slow
@@ -242,6 +269,7 @@ def test_windows_of_a_sweep_are_those_of_the_run():
     outputs = {f"whole {name}": make() for name, make in made.items() if name in summed}
     outputs |= {f"early {name}": made[name](**early) for name in summed}
     outputs |= {f"late {name}": make(**late) for name, make in made.items()}
+    outputs["by scene"] = cj.ImpactTable(20, after=lambda s: cut * s.bodies["rod"].mass / 7.02)
     found = cj.sweep(
         scene,
         start,
@@ -257,6 +285,7 @@ def test_windows_of_a_sweep_are_those_of_the_run():
     moment = float(found["late peak_time"])
     assert moment == pytest.approx(impacts.peak_time[strongest], abs=1e-6)
     assert int(found["late hits_count"].sum()) == int(found["late count"]) == len(impacts)
+    np.testing.assert_array_equal(found["by scene_onset"], found["late hits_onset"])
     onsets = np.sort(found["late hits_onset"].values.ravel())[: len(impacts)]
     np.testing.assert_allclose(onsets, impacts.onset, atol=1e-9)
     assert 0.0 < float(found["late force_0.99"]) <= float(found["late peak"]) * 1.13

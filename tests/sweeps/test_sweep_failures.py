@@ -75,6 +75,31 @@ def test_state_off_the_ideal_joint(good):
     assert float(lane.time_reached[0]) == 0.0 and int(lane.attempts[0]) == 0
 
 
+def test_the_warning_names_the_constraint_and_its_remedy_leads_to_runs():
+    scene, state = rotor()
+    (name,) = [n for n, joint in scene.joints.items() if isinstance(joint, cj.RevoluteJoint)]
+
+    def path(scene):
+        return scene.joints[name].point_first[0]
+
+    values, outputs = [0.0, 0.01], {"angle": cj.Peak(angle, "rad")}
+    given = scene, state, 1e-3
+    with pytest.warns(UserWarning) as warned:
+        cj.sweep(*given, {"x": cj.Axis(path, values)}, outputs=outputs, progress=False)
+    (message,) = [str(w.message) for w in warned if "not_assembled" in str(w.message)]
+    assert "Lane 1: Argument `state` must be consistent in its positions (residual of" in message
+    assert f"constraint '{name}" in message and "0.01: call assemble" in message
+
+    def make(scene, state, value):
+        scene = cj.set_value(scene, path, value)
+        return scene, cj.assemble(scene, state)
+
+    assert "cj.Axis.change(make, values)" in message
+    axis = cj.Axis.change(make, values)
+    found = cj.sweep(*given, {"x": axis}, outputs=outputs, progress=False)
+    assert codes(found) == ["successful", "successful"]
+
+
 def held_at_two_points(distance: float) -> tuple[cj.Scene, cj.State]:
     """The rotor on a ball, and on an axis at a distance from it."""
     scene, _ = rotor()
@@ -155,7 +180,7 @@ def test_pending_lanes_have_not_failed():
         ([-1, limit, 0], "^1 of 3 lanes failed: 1 max_steps_reached.*1 of 3 lanes are pending"),
     ):
         with pytest.warns(UserWarning, match=text) as caught:
-            _warn_of_failures(xr.Dataset({"result": ("lane", codes)}), lanes)
+            _warn_of_failures(xr.Dataset({"result": ("lane", codes)}), lanes, 0.0, None)
         assert caught[0].filename == __file__
 
 

@@ -17,6 +17,7 @@ from ...measurements.series import Measurements
 from ...model.bodies import State
 from ...model.scene import Scene
 from ...parametrisation.parameter import Parameter, check_parameters, values_on
+from ...parametrisation.readings import units_of
 from ...simulation.run.terminal import ProgressBar, telling_of_compiling
 from ...simulation.step import presets
 from ...simulation.step.settings import Settings, settings_or
@@ -184,7 +185,8 @@ def posterior(
     runs = experiment(scene, state, parameters, outputs, times, start_time, settings)
     centre = start_coordinates(scene, state, parameters, guess, None)[0]
     side_by_side = SideBySide(runs, samples(measurements, len(runs.times)))
-    units = {name: one.variation.unit_in(scene, state) for name, one in parameters.items()}
+    series_units = {name: series.unit for name, series in measurements.series.items()}
+    units = units_of(parameters, scene, state, series_units)
     box, prior = (centre - half, centre + half), _prior(parameters, log_prior)
     # The progress is shown as the time up to which the record is in the likelihood.
     bar = ProgressBar(desc="posterior", unit=" steps", leave=False, disable=not progress)

@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 
 from ...export.datasets import AbstractTabular, Labelled, labelled_dataset, texts
 from ...parametrisation.parameter import Parameter, values_on
-from ..report import estimates_table
+from ..report import duration, estimates_table
 
 if TYPE_CHECKING:
     import arviz
@@ -216,7 +216,7 @@ class Posterior(AbstractTabular):
         weights = ", ".join(f"{weight:.0%}" for weight in self.weights)
         parts = [
             f"Posterior by {self.runs} runs, {self.failed} of which failed or are impossible "
-            f"({self.seconds:.2g} s, seed {self.seed})",
+            f"({duration(self.seconds)}, seed {self.seed})",
             estimates_table(self.means, self.standard_deviations, self.intervals, self.units)
             .replace("estimate", "mean    ", 1)
             .replace("standard error", "deviation     ", 1),

@@ -18,6 +18,7 @@ from jaxtyping import Float, PyTree
 from ...compilation import Compiled
 from ...math.vectors import fold_constants
 from ...model.bodies import State
+from ...parametrisation.readings import readings_of_runs
 from ...simulation.lanes.lane import Common, Plan, Task
 from ...simulation.lanes.scheduler import Batch, Ended
 from ..residuals import UNREACHED, Experiment, Samples
@@ -80,6 +81,7 @@ class SideBySide:
         residual is replaced by the mean of the residuals at its time and at the `smoothing` - 1
         times before it, which are zero before the first time. 1 means no averaging.
         """
+        p = coordinates.shape[1]
         instants, sample_indices = self._instants(coordinates, count)
         curves = np.zeros((len(coordinates), count + 1))
         waiting: dict[int, np.ndarray] = {}
@@ -90,6 +92,8 @@ class SideBySide:
             rows = np.stack([waiting.pop(lane) for lane in lanes])
             # Always the same number of rows, so that one compiled program serves all calls.
             filled = np.resize(rows, (TOGETHER, *rows.shape[1:]))
+            if self.runs.sensors.of_values:
+                filled = self._readings(filled, np.resize(coordinates[lanes], (TOGETHER, p)))
             columns = np.asarray(_cumulated(self.data, filled, smoothing))
             curves[lanes, 1:] = columns[: len(lanes), :count]
 
@@ -116,6 +120,15 @@ class SideBySide:
         if waiting:
             take()
         return curves
+
+    def _readings(
+        self, predicted: Float[np.ndarray, "n S T"], coordinates: Float[np.ndarray, "n p"]
+    ) -> Float[np.ndarray, "n S T"]:
+        """Return the readings of the sensors, with their errors except delays, in n runs."""
+        names, elapsed = self.runs.names, self.times - float(self.runs.start_time)
+        values = dict(zip(names, np.moveaxis(predicted, 1, 0), strict=True))
+        readings = readings_of_runs(self.runs.sensors, values, elapsed, coordinates)
+        return np.stack([np.asarray(readings[name]) for name in names], axis=1)
 
     def _tasks(self, coordinates: np.ndarray, instants: np.ndarray) -> Task:
         """Return the data of n lanes at coordinates (n, p).
@@ -163,7 +176,9 @@ class SideBySide:
             return np.tile(times, (lanes, 1)), [np.arange(count)[None]] * len(runs.names)
         shift = dict.fromkeys(runs.names, np.zeros(lanes))
         for number, names in runs.delays:
-            shift |= dict.fromkeys(names, np.asarray(runs.delay(number, jnp.asarray(coordinates))))
+            shift |= dict.fromkeys(
+                names, np.asarray(runs.sensors.value(number, jnp.asarray(coordinates)))
+            )
         # Before the start there is only the initial state.
         start = float(runs.start_time)
         queries = {n: np.maximum(undelayed - d[:, None], start) for n, d in shift.items()}

@@ -7,7 +7,8 @@ windowed reduction takes only a part of the run's time, the window, into account
 
 import abc
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Annotated, ClassVar, TypeAlias
 
 import equinox as eqx
@@ -21,8 +22,9 @@ from ...math.vectors import Condition, Scalar
 from ...model.scene import Scene
 from ...quantities.base import Instant, check_quantity
 
-Instants: TypeAlias = Annotated[float | None, "s"]
-"""A time in s; ``None`` for the start or the end of the run."""
+Instants: TypeAlias = Annotated[float | Callable[[Scene], Scalar] | None, "s"]
+"""A time in s, or a function of the run's scene that returns one and that JAX can trace; ``None``
+for the start or the end of the run."""
 
 
 class AbstractReduction(AbstractConverting):
@@ -135,36 +137,31 @@ def check_reductions(outputs: Mapping[str, object], scene: Scene, ledger: bool) 
 
 
 def optional_time(value: Instants) -> Instants:
-    """Convert a time, s, to a Python float, and return ``None`` unchanged.
+    """Convert a time, s, to a Python float, and return ``None`` and functions unchanged.
 
     It converts the arguments `after` and `until` of windows.
 
     **Raises:** `ValueError` if `value` is NaN or not a single number.
     """
-    if value is None:
-        return None
+    if value is None or callable(value):
+        return value
     time = np.asarray(as_number(value))
     known = time.shape == () and not bool(np.isnan(time))
-    require(known, "after or until", value, "a time in s", "give one number, or leave it out")
+    remedy = "give one number, or a function of the scene"
+    require(known, "after or until", value, "a time in s", remedy)
     return float(time)
 
 
-class Window(eqx.Module):
-    """Window of time: the part of a run from `after`, inclusive, to `until`, exclusive, both s.
+@dataclass(frozen=True)
+class TimeSpan:
+    """Part of a run from `after`, inclusive, to `until`, exclusive, both s.
 
-    If both are ``None``, the window is the whole run, and a reduction may leave all operations on
-    windows out of the compiled program.
-
-    **Raises:** `ValueError` if `after` or `until` is NaN or not a single number, or `until` is not
-    later than `after`.
+    If both are ``None``, it is the whole run, and a reduction may leave all operations on it out of
+    the compiled program.
     """
 
-    after: Instants = eqx.field(static=True, converter=optional_time)
-    until: Instants = eqx.field(static=True, converter=optional_time)
-
-    def __check_init__(self):
-        later = f"later than after = {self.after}"
-        require(self.end > self.start, "until", self.until, later, "give both times in s")
+    after: Scalar | None
+    until: Scalar | None
 
     @property
     def is_whole(self) -> bool:
@@ -172,12 +169,12 @@ class Window(eqx.Module):
         return self.after is None and self.until is None
 
     @property
-    def start(self) -> float:
+    def start(self) -> Scalar:
         """Start of the window, s; minus infinity if `after` is ``None``."""
         return -math.inf if self.after is None else self.after
 
     @property
-    def end(self) -> float:
+    def end(self) -> Scalar:
         """End of the window, s; infinity if `until` is ``None``."""
         return math.inf if self.until is None else self.until
 
@@ -204,11 +201,41 @@ class Window(eqx.Module):
         return value if self.after is None else jnp.where(time >= self.after, value, jnp.nan)
 
 
+@dataclass(frozen=True)
+class Window:
+    """Window of time: the part of a run from `after`, inclusive, to `until`, exclusive, both s.
+
+    Each may be a function of the run's scene; `at` returns the window in a run.
+
+    **Raises:** `ValueError` if `after` or `until` is NaN or not a single number, or `until` is not
+    later than `after`.
+    """
+
+    after: Instants
+    until: Instants
+
+    def __post_init__(self) -> None:
+        # The class is frozen, so its fields are set by `object`.
+        for name in ("after", "until"):
+            object.__setattr__(self, name, optional_time(getattr(self, name)))
+        if not (callable(self.after) or callable(self.until)):
+            span, later = TimeSpan(self.after, self.until), f"later than after = {self.after}"
+            require(span.end > span.start, "until", self.until, later, "give both times in s")
+
+    def at(self, now: Instant) -> TimeSpan:
+        """Return the window in the run to which an instant belongs."""
+        after, until = (t(now.scene) if callable(t) else t for t in (self.after, self.until))
+        return TimeSpan(after, until)
+
+
 class AbstractWindowedReduction(AbstractReduction):
-    """Base class of reductions over a window of time. Subclasses get the window, a `Window`, from
-    `self._window()`.
+    """Base class of reductions over a window of time. Subclasses get the window, a `TimeSpan`, from
+    `self._window(now)`, where `now` is any instant of the run.
 
     **Arguments:** `after`, `until`: s, start and end of the window; ``None`` for those of the run.
+    Each may also be a function of the scene that returns a time and that JAX can trace, so that in
+    a sweep the window follows the values of the lane, such as ``lambda scene: 2 * pi /
+    scene.joints["drive"].speed``.
 
     **Raises:** `ValueError` if `after` or `until` is NaN or not a single number, or `until` is not
     later than `after`.
@@ -218,7 +245,7 @@ class AbstractWindowedReduction(AbstractReduction):
     until: Instants = eqx.field(default=None, static=True, converter=optional_time, kw_only=True)
 
     def __check_init__(self):
-        self._window()  # which checks the times
+        Window(self.after, self.until)  # which checks the times
 
-    def _window(self) -> Window:
-        return Window(self.after, self.until)
+    def _window(self, now: Instant) -> TimeSpan:
+        return Window(self.after, self.until).at(now)

@@ -77,7 +77,7 @@ class ImpactCount(AbstractWindowedReduction):
 
     def start(self, now: Instant) -> CountTally:
         """Return the tally at the start of the run, with a count of zero."""
-        time = None if self._window().is_whole else now.time
+        time = None if self._window(now).is_whole else now.time
         return CountTally(jnp.zeros(()), self._touching(now), time)
 
     def update(self, tally: CountTally, now: Instant) -> CountTally:
@@ -87,7 +87,7 @@ class ImpactCount(AbstractWindowedReduction):
         for label, touches in after.items():
             begins = touches & ~tally.touching[label]
             if tally.time is not None:
-                begins = begins & self._window().holds(self._onset(label, tally.time, now))
+                begins = begins & self._window(now).holds(self._onset(label, tally.time, now))
             count = count + jnp.where(begins, 1.0, 0.0)
         return CountTally(count, after, None if tally.time is None else now.time)
 
@@ -105,7 +105,7 @@ class ImpactCount(AbstractWindowedReduction):
 
     def results(self, tally: CountTally, now: Instant) -> dict[str, Scalar]:
         """Return the number of onsets in the window; NaN if the run ended before the window."""
-        return {"": self._window().if_reached(tally.count, now.time)}
+        return {"": self._window(now).if_reached(tally.count, now.time)}
 
     def units(self) -> dict[str, str]:
         """Return "1": a count has no unit."""
@@ -151,7 +151,7 @@ class AbstractLossReduction(AbstractWindowedReduction):
         The energy that counts as dissipated at the start is zero, unless the run continues from the
         ledger or the bristles of an earlier run.
         """
-        lost, whole = _lost(now), self._window().is_whole
+        lost, whole = _lost(now), self._window(now).is_whole
         return LossTally(now.time, lost, None if whole else now.time, None if whole else lost)
 
     def update(self, tally: LossTally, now: Instant) -> LossTally:
@@ -159,7 +159,7 @@ class AbstractLossReduction(AbstractWindowedReduction):
         the window updated."""
         if tally.time is None or tally.at_end is None:
             return tally
-        lost, window = _lost(now), self._window()
+        lost, window = _lost(now), self._window(now)
         # Before an edge of the window, the tally has the losses so far. In the step across the
         # edge, it gets the losses at the edge, by dense output. Then they stay.
         at_begin, at_end = [
@@ -200,7 +200,7 @@ class DissipatedEnergy(AbstractLossReduction):
 
     def results(self, tally: LossTally, now: Instant) -> dict[str, Scalar]:
         """Return the energy, J, dissipated in the window; NaN if the run ended before it."""
-        return {"": self._window().if_reached(self._inside(tally, now), now.time)}
+        return {"": self._window(now).if_reached(self._inside(tally, now), now.time)}
 
     def units(self) -> dict[str, str]:
         """Return "J" for the energy."""
@@ -226,7 +226,7 @@ class MeanPowerLost(AbstractLossReduction):
     def results(self, tally: LossTally, now: Instant) -> dict[str, Scalar]:
         """Return the mean power, W, over the part of the window that the run covers; NaN if there
         is no such part."""
-        window = self._window()
+        window = self._window(now)
         duration = jnp.minimum(now.time, window.end) - jnp.maximum(tally.begin, window.start)
         reached, lost = duration > 0.0, self._inside(tally, now)
         return {"": jnp.where(reached, lost / jnp.where(reached, duration, 1.0), jnp.nan)}
@@ -326,7 +326,7 @@ class ArchardWear(AbstractWindowedReduction):
         # of the step that is in the window come from the dense output.
         before, at_start, volumes = tally
         latest = at_end = self._rates(now)
-        window, length, middle = self._window(), now.time - before, now.middle
+        window, length, middle = self._window(now), now.time - before, now.middle
         if not window.is_whole:
             a, b = window.fractions(before, now.time)
             at_start, at_end = self._rates(now.inside(a)), self._rates(now.inside(b))
@@ -351,7 +351,7 @@ class ArchardWear(AbstractWindowedReduction):
         }
         both = [of_bases[base] for base in BASES]
         volumes_by_name = {"": sum(both[1:], both[0]), **of_bases, **of_sectors}
-        window = self._window()
+        window = self._window(now)
         return {name: window.if_reached(v, now.time) for name, v in volumes_by_name.items()}
 
     def units(self) -> dict[str, str]:

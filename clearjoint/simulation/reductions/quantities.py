@@ -79,9 +79,10 @@ class Peak(AbstractQuantityReduction):
     **Arguments:**
 
     - `quantity`: function of an `Instant` that returns a scalar; `unit`: its unit.
-    - `after`, `until`: s, the window of time, by default the whole run. If a step crosses an edge
-      of the window, only its part inside counts. Both results are NaN if the run covers no part of
-      the window.
+    - `after`, `until`: s, the window of time, by default the whole run; each a number, or a
+      function of the scene, such as ``lambda scene: 2 * pi / scene.joints["drive"].speed``, for a
+      window of its own in each run of a sweep. If a step crosses an edge of the window, only its
+      part inside counts. Both results are NaN if the run covers no part of the window.
 
     **Raises:** `ValueError` if `quantity` is not a function, if `after` or `until` is NaN or not a
     single number, or if `until` is not later than `after`.
@@ -94,7 +95,7 @@ class Peak(AbstractQuantityReduction):
     def start(self, now: Instant) -> PeakTally:
         """Return the tally at the start of the run. If the start is outside of the window, the
         highest value is minus infinity."""
-        value, window = self._value(now), self._window()
+        value, window = self._value(now), self._window(now)
         highest = value
         if not window.is_whole:
             highest = jnp.where(window.holds(now.time), value, -jnp.inf)
@@ -112,7 +113,7 @@ class Peak(AbstractQuantityReduction):
         end = Point(1.0, self._value(now))
         # The quantity is evaluated at several instants, but traced only once.
         value_of = traced_once(self._value)
-        first, last, window = start, end, self._window()
+        first, last, window = start, end, self._window(now)
         if not window.is_whole:
             a, b = window.fractions(tally.now, now.time)
             first = Point(a, jnp.where(a > 0.0, value_of(now.inside(a)), start.value))
@@ -137,9 +138,8 @@ class Peak(AbstractQuantityReduction):
     def results(self, tally: PeakTally, now: Instant) -> dict[str, Scalar]:
         """Return the largest value, "", and its time, "time", s; NaN if the run covers no part of
         the window."""
-        del now
         results = {"": tally.highest, "time": tally.time}
-        if self._window().is_whole:
+        if self._window(now).is_whole:
             return results
         reached = tally.highest > -jnp.inf
         return {name: jnp.where(reached, value, jnp.nan) for name, value in results.items()}
@@ -194,7 +194,7 @@ class Statistics(AbstractQuantityReduction):
         # is computed too, and discarded.
         arc = Parabola.through(u, self._value(now.middle), v)
         length = jnp.where(t1 > t0, t1 - t0, 1.0)
-        a, b = self._window().fractions(t0, t1)
+        a, b = self._window(now).fractions(t0, t1)
         inside = b > a
         h = jnp.where(inside, (b - a) * length, 0.0)
         # Three Gauss nodes integrate the parabola and its square exactly.
@@ -297,7 +297,7 @@ class Quantiles(AbstractQuantityReduction):
         (before, value), duration, below = tally
         end, length = self._value(now), now.time - before
         arc = Parabola.through(value, self._value(now.middle), end)
-        a, b = self._window().fractions(before, now.time)
+        a, b = self._window(now).fractions(before, now.time)
         inside = jnp.where(b > a, length, 0.0)
         # `inside` is the length of the whole step, or zero if no part of it is in the window. For
         # each edge, `part_below` returns the fraction of the step that is between a and b and in

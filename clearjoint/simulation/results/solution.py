@@ -576,14 +576,15 @@ class SimulationError(RuntimeError):
         self.solution = solution
 
 
-def raise_failure(solution: FinishedRun) -> None:
+def raise_failure(solution: FinishedRun, cause: str | None = None) -> None:
     """Raise a `SimulationError` unless a run ended with the result code `RESULTS.successful`.
 
     **Arguments:** `solution`: the result of the run; it becomes the attribute `solution` of the
-    error.
+    error; `cause`: text in place of the result code's message, if it is known better.
     """
     if result_number(solution.result) != SUCCESSFUL:
         raise SimulationError(
-            f"The run ended at t = {float(solution.time):.9g} s: {RESULTS[solution.result]}",
+            f"The run ended at t = {float(solution.time):.9g} s: "
+            f"{RESULTS[solution.result] if cause is None else cause}",
             solution,
         )

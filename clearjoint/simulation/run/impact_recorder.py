@@ -266,7 +266,7 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
     """
 
     joint: str | None = eqx.field(default=None, static=True)
-    window: Window | None = None
+    window: Window | None = eqx.field(default=None, static=True)
     capacity: int = eqx.field(default=ROWS, static=True)
     wanted: Mapping[str, Scalar] | None = None
 
@@ -295,7 +295,7 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
             # A row is written if the contact ended in this step, and the row is to be recorded.
             written = kept & over
             if self.window is not None:
-                written = written & self.window.holds(system.clock(row.onset))
+                written = written & self.window.at(now).holds(system.clock(row.onset))
             if self.wanted is not None:
                 written = written & (self.wanted[contact_label(name, label)] > one.rows.count)
             rows = one.rows.with_row(row, written)

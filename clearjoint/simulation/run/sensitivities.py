@@ -32,6 +32,8 @@ from ...model.bodies import State
 from ...model.scene import Scene
 from ...parametrisation.parameter import Parameter, check_parameters, coordinates_of
 from ...parametrisation.parametrised_scene import parametrised
+from ...parametrisation.readings import in_scene, sensor_errors, with_sensor_errors
+from ...parametrisation.variations import SeriesDelay
 from ...quantities.base import Quantity, check_quantity
 from ...result_codes import RESULTS
 from ..results.impact_table import Impacts
@@ -158,6 +160,7 @@ def sensitivities(
       taken at the values that the parameters have there.
     - `start_time`, `end_time`: s.
     - `parameters`: the p `Parameter`s to differentiate with respect to, by names of your choice.
+      Errors of sensors, such as `Parameter.bias("x")`, change the values of the output "x".
     - `outputs`: the quantities to evaluate, scalar functions of an `Instant` such as those of
       `clearjoint.quantities`, by names of your choice.
     - `times`: (N,) s, not decreasing, between start and end, at which the outputs are evaluated.
@@ -187,6 +190,10 @@ def sensitivities(
     """
     check_outputs(outputs, scene)
     check_parameters(parameters)
+    for parameter in parameters.values():
+        if isinstance(parameter.variation, SeriesDelay):
+            # All outputs are evaluated at the same times; the error says which calls do more.
+            parameter.variation.setter(scene, state, 0.0)
     settings = settings_or(settings, presets.derivatives)
     scheme = derivative_scheme(scene, state, settings, start_time)
     check_span(start_time, end_time)
@@ -199,7 +206,9 @@ def sensitivities(
     # One run serves both requests: outputs and states are evaluated at the times of both, and
     # selected afterwards.
     all_times = requested if saved is None else np.union1d(requested, saved)
-    family = parametrised(scene, state, parameters, coordinates_of(scene, state, parameters))
+    sensors = sensor_errors(parameters, outputs)
+    coordinates = coordinates_of(scene, state, parameters)
+    family = parametrised(scene, state, in_scene(parameters), coordinates)
     span = start_time, end_time, settings.length_of_first_step(start_time, end_time)
     # The times are padded to one of few lengths, so that few programs are compiled.
     arguments = (
@@ -212,6 +221,11 @@ def sensitivities(
     )
     with compiling_bar(progress):
         sampled = recorded_run(arguments, saved is not None, save.impacts, save.section_recorders())
+        values, derivatives = sampled.values, sampled.derivatives
+        if sensors.errors:
+            elapsed = padded(all_times, end_time) - start_time
+            numbers = values, derivatives, elapsed, coordinates
+            values, derivatives = with_sensor_errors(sensors, *numbers)
 
     def reached(times: Float[np.ndarray, " some"]) -> Int[np.ndarray, " reached"]:
         """Return the indices in `all_times` of those `times`, s, that the run reached."""
@@ -228,8 +242,8 @@ def sensitivities(
     result = Sensitivities(
         parameters=tuple(parameters),
         times=requested[: len(rows)],
-        values={name: values[rows] for name, values in sampled.values.items()},
-        derivatives={name: values[rows] for name, values in sampled.derivatives.items()},
+        values={name: np.asarray(row)[rows] for name, row in values.items()},
+        derivatives={name: np.asarray(row)[rows] for name, row in derivatives.items()},
         time=float(sampled.time),
         result=sampled.result,
         attempts=int(sampled.attempts),
@@ -242,8 +256,38 @@ def sensitivities(
         settings=setting_notes(settings),
     )
     if throw:
-        raise_failure(result)
+        raise_failure(result, _growth_of_derivatives(result))
     return result
+
+
+GROWN = 1e6
+"""Growth of derivatives above which it counts as the cause of a failed run. Along a regular motion
+derivatives grow about as the time or its square."""
+
+
+def _growth_of_derivatives(run: Sensitivities) -> str | None:
+    """Return a text that explains a run that took too many or too short steps by the growth of its
+    derivatives; ``None`` if they have not grown much or the run ended for another reason.
+
+    The growth is the largest, of all quantities and parameters, of the ratio of the peak to the
+    peak in the first tenth of the samples at which the derivative is not zero.
+    """
+    steps = [RESULTS.max_steps_reached, RESULTS.step_too_small]
+    growth = 1.0
+    for rows in run.derivatives.values():
+        for column in np.abs(rows.T):
+            sizes = column[column > 0.0]
+            if sizes.size:
+                growth = max(growth, sizes.max() / sizes[: -(-sizes.size // 10)].max())
+    if not any(run.result == code for code in steps) or growth < GROWN:
+        return None
+    return (
+        f"derivatives have grown by a factor of {growth:.1g}, which takes ever shorter steps. "
+        "Impacts make the motion so sensitive that beyond a horizon its derivatives describe no "
+        "finite change of a parameter. End the run earlier: cj.fit_horizon tells how long a record "
+        "a fit can use. Later, only statistics of the motion vary smoothly: differentiate them by "
+        "cj.statistics_derivatives."
+    )
 
 
 def check_outputs(outputs: Mapping[str, Quantity], scene: Scene) -> None:
