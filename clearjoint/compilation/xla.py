@@ -210,7 +210,8 @@ class HostFirst(Generic[Arguments, Result]):
 
     def __init__(self, function: Callable[Arguments, Result]):
         self._compiled = Compiled(function)
-        self._need_jax: set[jax.tree_util.PyTreeDef] = set()  # pyright: ignore
+        # Structures of arguments for which NumPy has computed the function, or cannot do so.
+        self._by_numpy: dict[jax.tree_util.PyTreeDef, bool] = {}  # pyright: ignore
         update_wrapper(self, function)
 
     def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
@@ -220,30 +221,35 @@ class HostFirst(Generic[Arguments, Result]):
         # of a later call.
         leaves, structure = jax.tree.flatten((arguments, options))
         is_traced = any(isinstance(leaf, Tracer) for leaf in leaves)
-        if not is_traced and structure not in self._need_jax:
-            results = self._by_numpy(arguments, options)
+        known = self._by_numpy.get(structure)
+        if not is_traced and known is not False:
+            numbers, named = jax.tree.unflatten(structure, map(_on_host, leaves))
+            call = partial(self.__wrapped__, *numbers, **named)
+            results = self._results(call, is_new=known is None)
+            self._by_numpy[structure] = bool(results)
             if results:
                 return results[0]
-            self._need_jax.add(structure)
         return self._compiled(*arguments, **options)
 
     def programs(self) -> int:
         """Return the number of programs that XLA has compiled for this function in this process."""
         return self._compiled.programs()
 
-    def _by_numpy(self, arguments: tuple[PyTree, ...], options: dict[str, PyTree]) -> list[Result]:
-        """Return a list with the function's result, or an empty list if NumPy cannot compute it.
+    def _results(self, call: Callable[[], Result], is_new: bool) -> list[Result]:
+        """Return a list with the result of `call`, or an empty list if NumPy cannot compute it.
 
-        **Arguments:** positional arguments and options of the function.
+        **Arguments:** `is_new`: whether the function might need JAX.
         """
-        function: Callable[..., Result] = self.__wrapped__
         results: list[Result] = []
         with np.errstate(all="ignore"):
             try:
-                arguments, options = jax.tree.map(_on_host, (arguments, options))
                 # Under `eval_shape`, an operation of JAX is not compiled but returns a tracer, even
-                # for known numbers. A tracer in the result shows that the function needs JAX.
-                jax.eval_shape(lambda: results.append(function(*arguments, **options)))
+                # for known numbers. A tracer in the result shows that the function needs JAX. Once
+                # NumPy has computed the function, this is known for all numbers.
+                if is_new:
+                    jax.eval_shape(lambda: results.append(call()))
+                else:
+                    results.append(call())
             except Exception:
                 # An error of the function itself is raised again when XLA compiles the function.
                 return []

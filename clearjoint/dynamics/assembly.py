@@ -19,9 +19,9 @@ from ..fields.cautions import UnusualValueWarning, caution
 from ..fields.checks import caution_unless, checkable, nearest, require, require_finite
 from ..fields.objects import on_device, with_arrays
 from ..math.rotations import rotation_matrix
-from ..math.vectors import Scalar, pack, unpack
-from ..model.bodies import BodyState, State, body_state
-from ..model.joints.base import AbstractConstraint
+from ..math.vectors import EulerParameters, Scalar, pack, unpack
+from ..model.bodies import GROUND, BodyState, State, body_state
+from ..model.joints.base import PARALLEL, AbstractConstraint
 from ..model.joints.ideal import FixedJoint, PrismaticJoint
 from ..model.scene import Scene
 from ..native import Native
@@ -336,15 +336,15 @@ def cosines_of_turns(scene: Scene, bodies: dict[str, BodyState]) -> dict[str, Sc
 
     In scene and states of the bodies, vectors are arrays (3,).
     """
-    system = System(unpack(scene), Formulation(AbsoluteCoordinates()))
-    motions = system.motions(system.encode(unpack(bodies)))
+    oriented = {n: j for n, j in scene.joints.items() if isinstance(j, FixedJoint | PrismaticJoint)}
+    orientations = {name: body.orientation for name, body in unpack(bodies).items()}
+    orientations[GROUND] = EulerParameters(*PARALLEL)
     cosines: dict[str, Scalar] = {}
-    for name, joint in system.scene.joints.items():
-        if isinstance(joint, FixedJoint | PrismaticJoint):
-            first, second = (motions[body].rotation for body in joint.pair())
-            x, y, z = (first.T @ second @ rotation_matrix(joint.orientation).T).rows
-            # The trace of a rotation matrix is one plus twice the cosine of the angle.
-            cosines[name] = 0.5 * (x.x + y.y + z.z - 1.0)
+    for name, joint in unpack(oriented).items():
+        first, second = (rotation_matrix(orientations[body]) for body in joint.pair())
+        x, y, z = (first.T @ second @ rotation_matrix(joint.orientation).T).rows
+        # The trace of a rotation matrix is one plus twice the cosine of the angle.
+        cosines[name] = 0.5 * (x.x + y.y + z.z - 1.0)
     return cosines
 
 

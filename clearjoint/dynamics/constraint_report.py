@@ -18,7 +18,7 @@ from ..compilation import HostFirst
 from ..fields.objects import on_device
 from ..math.smoothing import where
 from ..math.vectors import Scalar, library, square_root, unpack
-from ..model.bodies import State
+from ..model.bodies import GROUND, State
 from ..model.joints.base import ByLabel, Row
 from ..model.scene import Scene
 from ..native import NativeFunction, UnsupportedPrimitiveError
@@ -90,12 +90,10 @@ def constraint_report(
     (1, 1)
     """
     coordinates = AbsoluteCoordinates() if coordinates is None else coordinates
-    rows = _start_rows_by_numpy(scene, coordinates, state, on_device(t))
-    values, rates, jacobian, left = map(
-        np.asarray, (rows.values, rows.rates, rows.jacobian, rows.left)
-    )
+    rows = start_rows_by_numpy(scene, coordinates, state, on_device(t), with_jacobian=True)
+    values, rates, left = map(np.asarray, (rows.values, rows.rates, rows.left))
     # Without constraints, the array has lost its second axis.
-    jacobian = jacobian.reshape(len(rows.all_names), 6 * len(scene.bodies))
+    jacobian = np.asarray(rows.jacobian).reshape(len(rows.all_names), 6 * len(scene.bodies))
     redundant, uncertain = dependent(rows.names, left, {})
     return ConstraintReport(rows.all_names, values, rates, jacobian, redundant, uncertain)
 
@@ -106,25 +104,29 @@ class StartRows(NamedTuple):
     Let m be the number of all rows, n that of the rows which the coordinates do not eliminate, s
     that of the coordinates' speeds, and v six times the number of bodies.
 
-    - `values`, (m,), `rates`, (m,), `jacobian`, (m, v), and `all_names`: of all rows, as in
-      `ConstraintReport`.
+    - `values`, (m,), `rates`, (m,), and `all_names`: of all rows, as in `ConstraintReport`.
     - `names`: of the n rows that remain.
     - `left`: (n, s), derivatives of the rates of these rows by the coordinates' speeds, each row
       divided by the norm of the same row of `jacobian`.
+    - `jacobian`: (m, v), of all rows, as in `ConstraintReport`; ``None`` unless it was asked for.
 
     Arrays without rows have the shape (0,).
     """
 
     values: np.ndarray
     rates: np.ndarray
-    jacobian: np.ndarray
     all_names: tuple[str, ...]
     names: tuple[str, ...]
     left: np.ndarray
+    jacobian: np.ndarray | None
 
 
 def start_rows(
-    scene: Scene, coordinates: AbstractCoordinates, state: State, t: Scalar
+    scene: Scene,
+    coordinates: AbstractCoordinates,
+    state: State,
+    t: Scalar,
+    with_jacobian: bool = False,
 ) -> StartRows:
     """Return all constraint rows in an initial state at time t, s, and those that `coordinates` do
     not eliminate. Scene and state have vectors as arrays (3,).
@@ -132,28 +134,48 @@ def start_rows(
     The rows of the arrays in `StartRows` are in the order of its tuples `all_names` and `names`.
     This order determines which of several dependent rows count as redundant: those that depend on
     rows before them. A dictionary would lose the order, since JAX sorts its keys.
+
+    **Arguments:** `with_jacobian`: whether to return the field `jacobian`, whose size grows with
+    the square of the number of bodies.
     """
     scene, bodies = unpack(scene), unpack(state.bodies)
     absolute = AbsoluteCoordinates()
-    mechanics = absolute.mechanics(scene, absolute.encode(scene, bodies))
-    rows = _by_name(constraint_rows(scene, absolute, mechanics.motions, t))
+    variables = absolute.encode(scene, bodies)
+    motions = absolute.motions(scene, variables)
+    by_joint = constraint_rows(scene, absolute, motions, t)
+    rows = _by_name(by_joint)
     values = [as_array([row.value])[0] for row in rows.values()]
-    rates = [as_array([row_rate(row, mechanics.motions)])[0] for row in rows.values()]
-    # The Jacobian by velocities and spins of the bodies, which are the speeds of absolute
-    # coordinates.
-    jacobian = {name: as_array(mechanics.projected(row.jacobian)) for name, row in rows.items()}
-    mechanics = coordinates.mechanics(scene, coordinates.encode(scene, bodies))
-    remaining = _by_name(constraint_rows(scene, coordinates, mechanics.motions, t))
-    # Rows are divided by their norms in absolute coordinates, since a row that the coordinates
-    # nearly satisfy must stay small, and count as dependent.
-    left = []
-    for name, row in remaining.items():
-        square = (jacobian[name] ** 2).sum()
-        # A row vanishes in a singular position; it then counts as dependent on the others.
-        norm = square_root(where(square > 0.0, square, 1.0))
-        left.append(as_array(mechanics.projected(row.jacobian)) / norm)
-    all_rows = _stacked(values), _stacked(rates), _stacked([*jacobian.values()])
-    return StartRows(*all_rows, tuple(rows), tuple(remaining), _stacked(left))
+    rates = [as_array([row_rate(row, motions)])[0] for row in rows.values()]
+    jacobian = None
+    if with_jacobian:
+        # The speeds of absolute coordinates are the velocities and spins of the bodies.
+        mechanics = absolute.mechanics(scene, variables)
+        jacobian = _stacked([as_array(mechanics.projected(row.jacobian)) for row in rows.values()])
+    names, left = [], []
+    # In a scene of trees, joint coordinates leave no rows, and nothing further is computed.
+    if not by_joint.keys() <= coordinates.eliminated(scene):
+        mechanics = coordinates.mechanics(scene, coordinates.encode(scene, bodies))
+        for name, row in _by_name(constraint_rows(scene, coordinates, mechanics.motions, t)).items():
+            names.append(name)
+            left.append(as_array(mechanics.projected(row.jacobian)) / _norm(rows[name]))
+    return StartRows(
+        _stacked(values), _stacked(rates), tuple(rows), tuple(names), _stacked(left), jacobian
+    )
+
+
+def _norm(row: Row) -> Scalar:
+    """Return the norm of a row's derivatives by the velocities and spins of the bodies; one if they
+    are all zero.
+
+    Rows are divided by their norms in absolute coordinates, since a row that the coordinates nearly
+    satisfy must stay small, and count as dependent. A row vanishes in a singular position; it then
+    counts as dependent on the others.
+    """
+    wrenches = [wrench for name, wrench in row.jacobian.items() if name != GROUND]
+    square = sum(
+        vector.dot(vector) for wrench in wrenches for vector in (wrench.force, wrench.moment)
+    )
+    return square_root(where(square > 0.0, square, 1.0))
 
 
 def _stacked(rows: list[jax.Array]) -> np.ndarray:
@@ -169,7 +191,7 @@ def _by_name(rows: ByLabel[Row]) -> dict[str, Row]:
 
 # The first evaluates many scenes in compiled native code, the second one scene, by NumPy if it can.
 _start_rows = NativeFunction(start_rows)
-_start_rows_by_numpy = HostFirst(start_rows)
+start_rows_by_numpy = HostFirst(start_rows)
 
 
 def start_rows_of_lanes(
@@ -205,7 +227,7 @@ def start_rows_of_lanes(
     # If all scenes and states are equal, one evaluation serves them all.
     leaves, structure = jax.tree.flatten(arguments)
     per_lane = [
-        _start_rows_by_numpy(
+        start_rows_by_numpy(
             *jax.tree.unflatten(
                 structure, [a if c is None else c[k] for a, c in zip(leaves, columns, strict=True)]
             )
@@ -217,7 +239,7 @@ def start_rows_of_lanes(
         array = np.stack([getattr(rows, field) for rows in per_lane])
         return np.broadcast_to(array, (count, *array.shape[1:]))
 
-    arrays = {name: stacked(name) for name in ("values", "rates", "jacobian", "left")}
+    arrays = {name: stacked(name) for name in ("values", "rates", "left")}
     return per_lane[0]._replace(**arrays)
 
 
@@ -246,14 +268,14 @@ def dependent(
 def _distances(rows: np.ndarray) -> np.ndarray:
     """Return the distance, (n,), of each row of an (n, s) array from the span of the independent
     rows before it, by Gram-Schmidt orthogonalisation."""
-    basis: list[np.ndarray] = []
+    basis, count = np.empty_like(rows), 0
     distances = np.zeros(len(rows))
     for k, row in enumerate(rows):
-        rest = row
+        rest, directions = row, basis[:count]
         for _ in range(2):  # the second pass removes rounding errors of the first
-            for direction in basis:
-                rest = rest - (rest @ direction) * direction
+            rest = rest - (directions @ rest) @ directions
         distances[k] = np.linalg.norm(rest)
         if distances[k] >= RANK_TOLERANCE:
-            basis.append(rest / distances[k])
+            basis[count] = rest / distances[k]
+            count += 1
     return distances

@@ -13,7 +13,7 @@ from clearjoint.simulation.run.run_checks import check_structure
 from studies.benchmark.first_calls import four_bar
 
 CHECKS = (
-    constraint_report._start_rows_by_numpy,
+    constraint_report.start_rows_by_numpy,
     assembly.round_trip,
     journals.contact_depths,
 )
@@ -87,10 +87,12 @@ def test_constraints_by_numpy_equal_the_compiled_ones():
         return rows.values, rows.rates, rows.jacobian, rows.left
 
     by_numpy = arrays(
-        constraint_report._start_rows_by_numpy(scene, coordinates, state, jnp.asarray(0.0))
+        constraint_report.start_rows_by_numpy(
+            scene, coordinates, state, jnp.asarray(0.0), with_jacobian=True
+        )
     )
     compiled = jax.jit(
-        lambda state: arrays(constraint_report.start_rows(scene, coordinates, state, 0.0))
+        lambda state: arrays(constraint_report.start_rows(scene, coordinates, state, 0.0, True))
     )(state)
     jax.tree.map(
         lambda a, b: np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-15), by_numpy, compiled

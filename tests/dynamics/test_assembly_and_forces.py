@@ -54,7 +54,7 @@ def test_redundant_constraints_are_found_from_rows_of_unit_norm():
     hinge = cj.RevoluteJoint("ground", "rotor", point, point, z, z)
     scene = cj.Scene({"rotor": cj.Body(1.0, (0.1, 0.1, 0.1))}, {"hinge": hinge})
     state = cj.State({"rotor": cj.body_state((0, 0, 0))})
-    rows = start_rows(scene, cj.AbsoluteCoordinates(), state, 0.0)
+    rows = start_rows(scene, cj.AbsoluteCoordinates(), state, 0.0, with_jacobian=True)
     lengths = np.linalg.norm(rows.jacobian, axis=1)
     assert lengths.max() > 3.0
     np.testing.assert_allclose(rows.left * lengths[:, None], rows.jacobian, atol=1e-14)

@@ -36,6 +36,7 @@ displacements of this type have the form of r.
 """
 
 from collections.abc import Iterator
+from functools import cached_property, reduce
 from itertools import pairwise
 from typing import TypeAlias
 
@@ -81,31 +82,32 @@ class JointMechanics(AbstractMechanics):
     The mass matrix of each tree is factorised once, for all forces and constraints.
 
     **Arguments:** `scene`: with vectors as separate scalars (`Vector`); `variables`: joint
-    coordinates and speeds, by name of body; `motions`: pose and velocities of each body and of
-    "ground", by name.
+    coordinates and speeds, by name of body.
     """
 
-    def __init__(self, scene: Scene, variables: TreeVariables, motions: Motions):
-        self.motions = motions
+    def __init__(self, scene: Scene, variables: TreeVariables):
         self._scene, self._variables = scene, variables
         self._gravity = ZERO if scene.gravity is None else scene.gravity
         trees = forest(scene)
         self._branches = [branch for tree in trees for branch in tree]
-        index = {branch.body: k for k, branch in enumerate(self._branches)}
-        self._parents = [index.get(branch.parent) for branch in self._branches]
+        self.motions = motions = _motions(self._branches, variables)
+        self._index = {branch.body: k for k, branch in enumerate(self._branches)}
+        self._parents = [self._index.get(branch.parent) for branch in self._branches]
         # In a free tree, all bodies fall alike: rates are relative to free fall, and gravity is
         # added to the accelerations (`_falls`). In a tree on the ground, gravity is a load on each
         # body (`_weights`). For each branch, `axes` is the rotation matrix of its tree's axes.
         self._axes: list[Matrix] = []
         self._falls: list[Vector] = []
         self._weights: list[Vector] = []
-        for tree in trees:
+        self._tree_of: list[int] = []
+        for number, tree in enumerate(trees):
             axes = motions[tree[0].body].rotation
             gravity = axes.transposed_times(self._gravity)
             fall, weight = (gravity, ZERO) if isinstance(tree[0], FreeBranch) else (ZERO, gravity)
             self._axes += [axes] * len(tree)
             self._falls += [fall] * len(tree)
             self._weights += [weight] * len(tree)
+            self._tree_of += [number] * len(tree)
         self._links: list[Link] = []
         for branch, parent in zip(self._branches, self._parents, strict=True):
             carrier = None if parent is None else self._links[parent]
@@ -121,8 +123,12 @@ class JointMechanics(AbstractMechanics):
         # Speeds of different trees are not coupled.
         bounds = [self._firsts[k] for k, parent in enumerate(self._parents) if parent is None]
         self._trees = list(pairwise((*bounds, self._firsts[-1])))
+
+    @cached_property
+    def _factorisations(self) -> list[OrderedFactorisation]:
+        """Factors of the mass matrix of each tree. Checks of constraints never need them."""
         matrix = self._mass_matrix()
-        self._factorisations = [
+        return [
             OrderedFactorisation([row[first:] for row in matrix[first:last]])
             for first, last in self._trees
         ]
@@ -186,43 +192,53 @@ class JointMechanics(AbstractMechanics):
     def free_rates(self, wrenches: Wrenches) -> Speeds:
         """Return the rates r that gravity and wrenches, by name of body, cause, without the
         reactions of constraints."""
-        loads = []
-        for k, (force, moment) in enumerate(self._loads(wrenches)):
+        loads = {}
+        for k, (force, moment) in self._loads({**dict.fromkeys(self._index, NO_WRENCH), **wrenches}).items():
             link, body = self._links[k], self._scene.bodies[self._branches[k].body]
             central = self._central[k]
             # Part of the load causes the accelerations at constant speeds. The remainder changes
             # the speeds.
             gyroscopic = link.spin.cross(central @ link.spin) + central @ link.angular_bias
             inertial = (link.bias - self._weights[k]) * body.mass
-            loads.append((force - inertial, moment - gyroscopic))
+            loads[k] = force - inertial, moment - gyroscopic
         return self.solved(self._along_columns(loads))
 
     def projected(self, wrenches: Wrenches) -> Speeds:
         """Return the generalised forces, one for each speed, of wrenches by name of body."""
-        return self._along_columns(list(self._loads(wrenches)))
+        return self._along_columns(self._loads(wrenches))
 
-    def _loads(self, wrenches: Wrenches) -> Iterator[ForceAndMoment]:
-        """Yield force, N, and moment about the centre of mass, N m, on each link, in its tree's
-        axes, for wrenches by name of body."""
-        for axes, (branch, link) in zip(self._axes, self._pairs(), strict=True):
-            wrench = wrenches.get(branch.body, NO_WRENCH)
-            yield axes.transposed_times(wrench.force), link.rotation @ wrench.moment
+    def _loads(self, wrenches: Wrenches) -> dict[int, ForceAndMoment]:
+        """Return force, N, and moment about the centre of mass, N m, on the links of the bodies in
+        `wrenches`, in their trees' axes, by index of the link, from the roots to the leaves.
 
-    def _along_columns(self, loads: list[ForceAndMoment]) -> Speeds:
-        """Return the generalised forces of one load on each link, summed from the leaves to the
-        root."""
-        totals = [
-            Twist(moment + link.centre.cross(force), force)
-            for (force, moment), link in zip(loads, self._links, strict=True)
-        ]
+        A constraint's row acts on few bodies, so that the work does not grow with their number.
+        """
+        indices = sorted(self._index[name] for name in wrenches if name != GROUND)
+        loads = {}
+        for k in indices:
+            wrench = wrenches[self._branches[k].body]
+            force = self._axes[k].transposed_times(wrench.force)
+            loads[k] = force, self._links[k].rotation @ wrench.moment
+        return loads
+
+    def _along_columns(self, loads: dict[int, ForceAndMoment]) -> Speeds:
+        """Return the generalised forces of loads on some links, by index of the link, summed from
+        the leaves to the root."""
+        totals = {
+            k: Twist(moment + self._links[k].centre.cross(force), force)
+            for k, (force, moment) in loads.items()
+        }
         forces: Speeds = [0.0] * self._firsts[-1]
-        for k in reversed(range(len(totals))):
+        for k in reversed(range(len(self._links))):
+            if k not in totals:
+                continue
             columns, first = self._links[k].columns, self._firsts[k]
             along = [_product(column, totals[k]) for column in columns]
             forces[first : first + len(along)] = along
             parent = self._parents[k]
             if parent is not None:
-                totals[parent] = totals[parent] + _transmitted(columns, totals[k], along)
+                transmitted = _transmitted(columns, totals[k], along)
+                totals[parent] = totals[parent] + transmitted if parent in totals else transmitted
         return forces
 
     def bias(self, row: Row) -> Scalar:
@@ -235,15 +251,13 @@ class JointMechanics(AbstractMechanics):
         """
         # The terms of each tree are added up first, so that rounding errors of a tree's sum do not
         # depend on other trees.
-        total: Scalar = 0.0
-        of_tree: Scalar = 0.0
-        for k, (force, moment) in enumerate(self._loads(row.jacobian)):
-            if self._parents[k] is None:
-                total, of_tree = add(total, of_tree), 0.0
-            link = self._links[k]
+        sums: dict[int, Scalar] = {}
+        for k, (force, moment) in self._loads(row.jacobian).items():
+            link, tree = self._links[k], self._tree_of[k]
             bias = link.bias + self._falls[k]
-            of_tree = add(of_tree, add(force.dot(bias), moment.dot(link.angular_bias)))
-        return add(total, of_tree)
+            part = add(force.dot(bias), moment.dot(link.angular_bias))
+            sums[tree] = add(sums.get(tree, 0.0), part)
+        return reduce(add, sums.values(), 0.0)
 
     def _per_link(self, rates: Speeds) -> Iterator[tuple[Twist, Speeds]]:
         """Yield for each link, from the root to the leaves, its acceleration and its rates u'.
@@ -390,8 +404,9 @@ class JointCoordinates(AbstractCoordinates):
 
     def decode(self, scene: Scene, variables: TreeVariables) -> dict[str, BodyState]:
         """Return the states of the bodies, by name."""
-        motions, orientations = self.motions(scene, variables), {GROUND: UPRIGHT}
-        for branch in _branches(scene):
+        branches, orientations = _branches(scene), {GROUND: UPRIGHT}
+        motions = _motions(branches, variables)
+        for branch in branches:
             state = variables[branch.body]
             orientations[branch.body] = branch.orientation(orientations[branch.parent], state)
         bodies = {}
@@ -403,14 +418,11 @@ class JointCoordinates(AbstractCoordinates):
     def motions(self, scene: Scene, variables: TreeVariables) -> Motions:
         """Return pose and velocities of each body and of "ground", by name, computed from the roots
         to the leaves."""
-        motions: dict[str, Motion] = {GROUND: GROUND_MOTION}
-        for branch in _branches(scene):
-            motions[branch.body] = branch.motion(motions[branch.parent], variables[branch.body])
-        return motions
+        return _motions(_branches(scene), variables)
 
     def mechanics(self, scene: Scene, variables: TreeVariables) -> JointMechanics:
         """Return the equations of motion of all trees."""
-        return JointMechanics(scene, variables, self.motions(scene, variables))
+        return JointMechanics(scene, variables)
 
     def without_drift(self, scene: Scene, variables: TreeVariables) -> TreeVariables:
         """Return normalised variables of the same motion, by name of body: Euler parameters are
@@ -434,3 +446,11 @@ class JointCoordinates(AbstractCoordinates):
 def _branches(scene: Scene) -> list[TreeBranch]:
     """Return the branches of all trees of a scene; a parent comes before its children."""
     return [branch for tree in forest(scene) for branch in tree]
+
+
+def _motions(branches: list[TreeBranch], variables: TreeVariables) -> Motions:
+    """Return pose and velocities of each body and of "ground", by name, from all branches."""
+    motions: dict[str, Motion] = {GROUND: GROUND_MOTION}
+    for branch in branches:
+        motions[branch.body] = branch.motion(motions[branch.parent], variables[branch.body])
+    return motions

@@ -420,42 +420,48 @@ def forest(scene: Scene) -> list[list[TreeBranch]]:
     is preferred as root, since the anchor preserves digits of its position. The trees depend on the
     types and names of joints and bodies, but on no numbers.
     """
+    # For each body, the ideal joints that may carry another body on it, in the scene's order. A body
+    # looks only at its own joints, so that the work does not grow with the square of their number.
+    joints: _Incident = {body: [] for body in (GROUND, *scene.bodies)}
+    for name, joint in scene.joints.items():
+        if isinstance(joint, AbstractConstraint) and len(pair := joint.body_names()) == 2:
+            for parent, body in (pair, pair[::-1]):
+                joints[parent].append((name, joint, body))
     # Each joint on the ground begins a tree of its own, since the ground does not move.
     placed = {GROUND}
-    trees: list[list[TreeBranch]] = [[root] for root in _children(scene, GROUND, placed)]
+    trees: list[list[TreeBranch]] = [[root] for root in _children(joints, GROUND, placed)]
     for tree in trees:
-        _grow(tree, scene, placed)
+        _grow(tree, joints, placed)
     # The bodies that are left have no joint to the ground. Those with an anchor are sorted first.
     points = anchors(scene)
     for name in sorted(scene.bodies, key=lambda name: name not in points):
         if name not in placed:
             placed.add(name)
             trees.append([FreeBranch(name, points.get(name))])
-            _grow(trees[-1], scene, placed)
+            _grow(trees[-1], joints, placed)
     return trees
 
 
-def _grow(tree: list[TreeBranch], scene: Scene, placed: set[str]) -> None:
+_Incident: TypeAlias = dict[str, list[tuple[str, AbstractConstraint, str]]]
+"""By name of body, the ideal joints between it and one other body: name of the joint, the joint,
+and name of the other body."""
+
+
+def _grow(tree: list[TreeBranch], joints: _Incident, placed: set[str]) -> None:
     """Append all further branches of a tree to it, breadth first, and add their bodies to
     `placed`."""
     for branch in tree:  # The loop also visits the branches that it appends.
-        tree += _children(scene, branch.body, placed)
+        tree += _children(joints, branch.body, placed)
 
 
-def _children(scene: Scene, parent: str, placed: set[str]) -> list[JointedBranch]:
+def _children(joints: _Incident, parent: str, placed: set[str]) -> list[JointedBranch]:
     """Return a branch for each ideal joint that carries another body on the body `parent`.
 
-    Bodies in `placed` are left out; the bodies of the branches are added to it. Ideal joints that
-    do not connect two bodies, or have no `motion_subspace`, get no branch and remain constraints.
+    Bodies in `placed` are left out; the bodies of the branches are added to it. Ideal joints
+    without a `motion_subspace` get no branch and remain constraints.
     """
     children = []
-    for name, joint in scene.joints.items():
-        if not isinstance(joint, AbstractConstraint):
-            continue
-        bodies = joint.body_names()
-        if len(bodies) != 2 or parent not in bodies:
-            continue
-        body = bodies[1] if parent == bodies[0] else bodies[0]
+    for name, joint, body in joints[parent]:
         # The subspace is made last, because that takes operations, which JAX would trace for
         # nothing.
         if body not in placed and (subspace := joint.motion_subspace(parent)) is not None:

@@ -31,13 +31,18 @@ from ...dynamics.assembly import (
     require_representable,
     round_trip,
 )
-from ...dynamics.constraint_report import StartRows, constraint_report, dependent, start_rows
+from ...dynamics.constraint_report import (
+    StartRows,
+    dependent,
+    start_rows,
+    start_rows_by_numpy,
+)
 from ...dynamics.coordinates import AbstractCoordinates, MotionVariables
 from ...dynamics.formulation import Formulation
 from ...dynamics.journals import FAR_OUTSIDE, contact_depths, require_in_bearings
 from ...fields.caching import cached_by_numbers
 from ...fields.checks import conditions_of, conditions_of_changes, recheck, require
-from ...fields.objects import with_arrays
+from ...fields.objects import on_device, with_arrays
 from ...math.vectors import Condition, Scalar
 from ...model.bodies import State
 from ...model.scene import Scene
@@ -142,12 +147,13 @@ def check_structure(
     if not scene.joints:
         return ()
     require_in_bearings(scene, state)
-    report = constraint_report(scene, state, t, coordinates)
-    require_assembled(report.names, report.values, report.rates)
+    rows = start_rows_by_numpy(scene, coordinates, state, on_device(t))
+    require_assembled(rows.all_names, np.asarray(rows.values), np.asarray(rows.rates))
     require_oriented(scene, state)
-    require_certain(report.uncertain)
+    redundant, uncertain = dependent(rows.names, np.asarray(rows.left), {})
+    require_certain(uncertain)
     require_representable(scene, state, coordinates)
-    return report.redundant
+    return redundant
 
 
 def derivative_scheme(
@@ -188,13 +194,13 @@ passed the check recently."""
 
 def _passes(
     scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
-) -> tuple[Condition, StartRows | None, bool]:
+) -> tuple[Condition, tuple[tuple[str, ...], np.ndarray], bool]:
     """Evaluate the checks of `check_start` as conditions on arrays, so that they can be compiled.
 
     **Returns:**
 
     - whether the start passes all checks except that of redundancy, and none of them would warn;
-    - the constraint equations from which redundant constraints are found, ``None`` without joints;
+    - the fields `names` and `left` of `StartRows`, from which redundant constraints are found;
     - whether the first result includes the checks of the scene's numbers. It does not if the scene
       has user-defined classes, whose checks must run in Python.
     """
@@ -204,7 +210,7 @@ def _passes(
     numbers = conditions_of_changes(scene, structure, (True,) * structure.num_leaves)
     holds += [] if numbers is None else numbers
     if not scene.joints:
-        return reduce(and_, holds, jnp.asarray(True)), None, numbers is not None
+        return reduce(and_, holds, jnp.asarray(True)), ((), np.zeros(0)), numbers is not None
     # `contact_depths` itself computes known numbers by NumPy. Here JAX traces, so the function
     # inside of its wrapper is called.
     depths = contact_depths.__wrapped__(scene, state.bodies)
@@ -218,7 +224,7 @@ def _passes(
     fits, rows, variables = assembled(scene, state, t, coordinates)
     # A scene without variables is invalid, because nothing could move.
     holds += [fits, jnp.asarray(bool(jax.tree.leaves(variables)))]
-    return reduce(and_, holds), rows, numbers is not None
+    return reduce(and_, holds), (rows.names, rows.left), numbers is not None
 
 
 def assembled(
@@ -291,7 +297,7 @@ class _Starts:
         if self._seen[given.key] <= BY_NUMPY and not self._function.is_made(given):
             return None
         try:
-            fine, rows, with_numbers = self._function.run(given)
+            fine, (names, left), with_numbers = self._function.run(given)
         except (UnsupportedPrimitiveError, ValueError):
             # Native code has no rule for an operation of the checks, or a check fails for any
             # numbers, for instance if a body lacks a state. Never try this structure again.
@@ -302,15 +308,13 @@ class _Starts:
         if not with_numbers:
             # The scene has user-defined classes, whose checks run in Python.
             _recheck(scene)
-        if rows is None:
-            return ()
-        # The search for redundant constraints depends only on `rows.left`, the derivatives of the
+        # The search for redundant constraints depends only on `left`, the derivatives of the
         # constraint equations, so its results are cached by them. Without a limit, the cache would
         # grow with each start whose constraints differ.
         known = self._distances.setdefault(given.key, {})
         if len(known) >= KEPT:
             known.clear()
-        redundant, uncertain = dependent(rows.names, rows.left, known)
+        redundant, uncertain = dependent(names, left, known)
         return None if uncertain else redundant
 
 
