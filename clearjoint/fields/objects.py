@@ -178,16 +178,18 @@ class AbstractReadable(eqx.Module):
                 named = partial(converter, argument=name, unit=field.metadata["unit"])
                 field.metadata = MappingProxyType({**field.metadata, "converter": named})
 
+    # Equinox makes a PyTree of a method each time it is looked up, which takes ten times as long as
+    # most methods of elements. Nothing here needs PyTrees of methods.
+    __getattribute__ = object.__getattribute__
+
     def __check_init__(self):
         # Equinox calls it when an object has been made.
         for name, declared in _declarations(type(self)):
             if (value := getattr(self, name)) is not None:
                 declared.check_value(name, value)
-        # The methods are taken from the class, because Equinox wraps those of an instance at each
-        # access, which takes time.
-        type(self)._check_together(self)
+        self._check_together()
         if warns():
-            type(self)._caution_together(self)
+            self._caution_together()
 
     def _check_together(self) -> None:
         """Raise a ``ValueError`` if the values of several fields don't fit together.

@@ -120,6 +120,8 @@ class AbstractMotionSubspace(eqx.Module):
 
     point_parent: eqx.AbstractVar[Vector]
     point_child: eqx.AbstractVar[Vector]
+    # Methods are looked up without making PyTrees of them, as in `AbstractReadable`.
+    __getattribute__ = object.__getattribute__
 
     @abc.abstractmethod
     def encode(self, relative: Relative) -> JointState:
