@@ -325,7 +325,7 @@ def with_arrays(tree: PyTree) -> PyTree:
     """
     leaves, structure = jax.tree.flatten(tree)
     # Usually nothing is left to convert.
-    if all(map(_is_float_array, leaves)):
+    if all(map(is_float_array, leaves)):
         return tree
     numbers = _number_fields(structure)
     return jax.tree.unflatten(
@@ -337,7 +337,9 @@ def with_arrays(tree: PyTree) -> PyTree:
     )
 
 
-def _is_float_array(leaf: PyTree) -> bool:
+def is_float_array(leaf: PyTree) -> bool:
+    """Return whether a leaf is a 64-bit NumPy array or a JAX array of floats, as `with_arrays`
+    leaves it."""
     if type(leaf) is np.ndarray:
         return leaf.dtype == np.float64
     return isinstance(leaf, jax.Array) and jnp.issubdtype(leaf.dtype, jnp.floating)

@@ -274,6 +274,10 @@ class ConstantFolded:
     tree: PyTree
     patterns: tuple[Pattern, ...] = field(metadata={"static": True})
 
+    def __getstate__(self) -> dict[str, object]:
+        # Native functions keep the leaves and structure here, which can't be pickled.
+        return {"tree": self.tree, "patterns": self.patterns}
+
 
 def fold_constants(tree: PyTree, varied: PyTree = None) -> ConstantFolded:
     """Mark exact zeros and ones in arrays of shape (3,) and (3, 3) of a PyTree as structural.

@@ -18,6 +18,7 @@ from ..compilation.xla import (
     program_is_made_inside,
     program_of,
 )
+from ..math.vectors import ConstantFolded
 from . import control, indexing, structure
 from .cells import Cells, Memory
 from .lowering import (
@@ -226,7 +227,19 @@ class FlatArguments(NamedTuple):
     @staticmethod
     def of(arguments: tuple[PyTree, ...]) -> "FlatArguments":
         """Flatten arguments."""
-        leaves, structure = jax.tree.flatten(arguments)
+        parts = list(map(_flattened, arguments))
+        leaves, arrays = ([x for part in parts for x in part[k]] for k in (0, 1))
+        structure = jax.tree_util.treedef_tuple([part[2] for part in parts])
+        return FlatArguments(arguments, leaves, structure, arrays, tuple(part[2:] for part in parts))
+
+
+def _flattened(argument: PyTree) -> tuple[list[PyTree], list[ArrayLike], PyTree, Hashable]:
+    """Return the fields of `FlatArguments` for a single argument: its leaves, the arrays among
+    them, its structure, and the key of its leaves."""
+    # The folded scene is an argument of each program of a run, so its parts are kept with it.
+    kept = vars(argument) if isinstance(argument, ConstantFolded) else {}
+    if "flattened" not in kept:
+        leaves, structure = jax.tree.flatten(argument)
         arrays, key = [], []
         for leaf in leaves:
             if type(leaf) is np.ndarray or eqx.is_array(leaf):
@@ -234,7 +247,8 @@ class FlatArguments(NamedTuple):
                 key.append((leaf.shape, leaf.dtype))
             else:
                 key.append((type(leaf), leaf))
-        return FlatArguments(arguments, leaves, structure, arrays, (structure, tuple(key)))
+        kept["flattened"] = leaves, arrays, structure, tuple(key)
+    return kept["flattened"]
 
 
 class NativeFunction:

@@ -42,7 +42,7 @@ from ...dynamics.formulation import Formulation
 from ...dynamics.journals import FAR_OUTSIDE, contact_depths, require_in_bearings
 from ...fields.caching import cached_by_numbers
 from ...fields.checks import conditions_of, conditions_of_changes, recheck, require
-from ...fields.objects import on_device, with_arrays
+from ...fields.objects import is_float_array, on_device, with_arrays
 from ...math.vectors import Condition, Scalar
 from ...model.bodies import State
 from ...model.scene import Scene
@@ -285,8 +285,10 @@ class _Starts:
 
         **Raises:** the error of a user-defined class in the scene whose check fails.
         """
-        scene, state = with_arrays((scene, state))
         given = FlatArguments.of((scene, state, np.asarray(t, float), coordinates))
+        if not all(map(is_float_array, given.leaves)):
+            scene, state = with_arrays((scene, state))
+            given = FlatArguments.of((scene, state, *given.arguments[2:]))
         self._seen[given.key] += 1
         if not is_native():
             return None
