@@ -155,7 +155,9 @@ def start_rows(
     # In a scene of trees, joint coordinates leave no rows, and nothing further is computed.
     if not by_joint.keys() <= coordinates.eliminated(scene):
         mechanics = coordinates.mechanics(scene, coordinates.encode(scene, bodies))
-        for name, row in _by_name(constraint_rows(scene, coordinates, mechanics.motions, t)).items():
+        for name, row in _by_name(
+            constraint_rows(scene, coordinates, mechanics.motions, t)
+        ).items():
             names.append(name)
             left.append(as_array(mechanics.projected(row.jacobian)) / _norm(rows[name]))
     return StartRows(

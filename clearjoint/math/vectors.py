@@ -36,8 +36,13 @@ Condition: TypeAlias = bool | jax.Array
 """A truth value: a Python bool, or a boolean JAX array of shape ()."""
 
 
+_NUMBERS = int, float
+"""Classes of Python's numbers. Written out, `int | float` would be made anew at each call of `_is`,
+which is called for each operand of each operation that JAX traces."""
+
+
 def _is(value: Scalar, number: float) -> bool:
-    return isinstance(value, int | float) and value == number
+    return isinstance(value, _NUMBERS) and value == number
 
 
 def are_traced_alike(a: Scalar, b: Scalar) -> bool:

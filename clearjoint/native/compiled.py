@@ -12,7 +12,6 @@ from functools import update_wrapper
 from typing import Generic, ParamSpec, TypeVar
 
 import jax
-from jax.core import Tracer
 from jaxtyping import PyTree
 
 from ..compilation import Compiled
@@ -72,8 +71,7 @@ class Native(Generic[Arguments, Result]):
         if options or is_tracing() or not is_native():
             return self._compiled(*arguments, **options)
         flat = FlatArguments.of(arguments)
-        traced = any(isinstance(array, Tracer) for array in flat.arrays)
-        if not traced and flat.key not in self._refused:
+        if not flat.traced and flat.key not in self._refused:
             try:
                 return self.native.run(flat)
             except UnsupportedPrimitiveError as error:

@@ -7,6 +7,7 @@ from typing import NamedTuple, cast
 import equinox as eqx
 import jax
 import numpy as np
+from jax.core import Tracer
 from jax.extend import core
 from jax.interpreters import partial_eval
 from jaxtyping import PyTree
@@ -214,6 +215,7 @@ class FlatArguments(NamedTuple):
     - `arguments`: the arguments as given.
     - `leaves`, `structure`: their leaves and structure, as `jax.tree.flatten` returns them.
     - `arrays`: the arrays of NumPy and JAX among the leaves.
+    - `traced`: whether JAX traces any of them.
     - `key`: structure, shapes and dtypes of the arrays, and all other leaves with their types.
       Arguments with equal keys need the same program.
     """
@@ -222,32 +224,36 @@ class FlatArguments(NamedTuple):
     leaves: list[PyTree]
     structure: PyTree
     arrays: list[ArrayLike]
+    traced: bool
     key: Hashable
 
     @staticmethod
     def of(arguments: tuple[PyTree, ...]) -> "FlatArguments":
         """Flatten arguments."""
         parts = list(map(_flattened, arguments))
-        leaves, arrays = ([x for part in parts for x in part[k]] for k in (0, 1))
-        structure = jax.tree_util.treedef_tuple([part[2] for part in parts])
-        return FlatArguments(arguments, leaves, structure, arrays, tuple(part[2:] for part in parts))
+        structure = jax.tree_util.treedef_tuple([part.structure for part in parts])
+        leaves, arrays = ([x for part in parts for x in part[k]] for k in (1, 3))
+        traced, key = any(part.traced for part in parts), tuple(part.key for part in parts)
+        return FlatArguments(arguments, leaves, structure, arrays, traced, key)
 
 
-def _flattened(argument: PyTree) -> tuple[list[PyTree], list[ArrayLike], PyTree, Hashable]:
-    """Return the fields of `FlatArguments` for a single argument: its leaves, the arrays among
-    them, its structure, and the key of its leaves."""
+def _flattened(argument: PyTree) -> FlatArguments:
+    """Flatten a single argument."""
     # The folded scene is an argument of each program of a run, so its parts are kept with it.
     kept = vars(argument) if isinstance(argument, ConstantFolded) else {}
     if "flattened" not in kept:
         leaves, structure = jax.tree.flatten(argument)
-        arrays, key = [], []
+        arrays, key, traced = [], [], False
         for leaf in leaves:
             if type(leaf) is np.ndarray or eqx.is_array(leaf):
                 arrays.append(leaf)
                 key.append((leaf.shape, leaf.dtype))
+                traced = traced or isinstance(leaf, Tracer)
             else:
                 key.append((type(leaf), leaf))
-        kept["flattened"] = leaves, arrays, structure, tuple(key)
+        kept["flattened"] = FlatArguments(
+            argument, leaves, structure, arrays, traced, (structure, tuple(key))
+        )
     return kept["flattened"]
 
 

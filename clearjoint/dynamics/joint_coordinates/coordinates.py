@@ -193,7 +193,9 @@ class JointMechanics(AbstractMechanics):
         """Return the rates r that gravity and wrenches, by name of body, cause, without the
         reactions of constraints."""
         loads = {}
-        for k, (force, moment) in self._loads({**dict.fromkeys(self._index, NO_WRENCH), **wrenches}).items():
+        for k, (force, moment) in self._loads(
+            {**dict.fromkeys(self._index, NO_WRENCH), **wrenches}
+        ).items():
             link, body = self._links[k], self._scene.bodies[self._branches[k].body]
             central = self._central[k]
             # Part of the load causes the accelerations at constant speeds. The remainder changes
