@@ -232,7 +232,8 @@ class FlatArguments(NamedTuple):
         """Flatten arguments."""
         parts = list(map(_flattened, arguments))
         structure = jax.tree_util.treedef_tuple([part.structure for part in parts])
-        leaves, arrays = ([x for part in parts for x in part[k]] for k in (1, 3))
+        leaves = [leaf for part in parts for leaf in part.leaves]
+        arrays = [array for part in parts for array in part.arrays]
         traced, key = any(part.traced for part in parts), tuple(part.key for part in parts)
         return FlatArguments(arguments, leaves, structure, arrays, traced, key)
 
@@ -252,7 +253,7 @@ def _flattened(argument: PyTree) -> FlatArguments:
             else:
                 key.append((type(leaf), leaf))
         kept["flattened"] = FlatArguments(
-            argument, leaves, structure, arrays, traced, (structure, tuple(key))
+            (argument,), leaves, structure, arrays, traced, (structure, tuple(key))
         )
     return kept["flattened"]
 

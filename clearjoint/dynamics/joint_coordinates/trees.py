@@ -420,8 +420,8 @@ def forest(scene: Scene) -> list[list[TreeBranch]]:
     is preferred as root, since the anchor preserves digits of its position. The trees depend on the
     types and names of joints and bodies, but on no numbers.
     """
-    # For each body, the ideal joints that may carry another body on it. A body looks only at its own
-    # joints, so that the work does not grow with the square of their number.
+    # For each body, the ideal joints that may carry another body on it. A body looks only at its
+    # own joints, so that the work does not grow with the square of their number.
     joints: _Incident = {body: [] for body in (GROUND, *scene.bodies)}
     for name, joint in scene.joints.items():
         if isinstance(joint, AbstractConstraint) and len(pair := joint.body_names()) == 2:
