@@ -159,7 +159,7 @@ class StartRows(NamedTuple):
 
         every, remaining, bodies = order(self.all_names), order(self.names), tuple(scene.bodies)
         # Without rows, the array has lost its second axis.
-        jacobian = np.reshape(self.jacobian, (len(every), 6 * len(bodies)))
+        jacobian = np.asarray(self.jacobian).reshape(len(every), 6 * len(bodies))
         return StartRows(
             np.asarray(self.values)[every],
             np.asarray(self.rates)[every],
