@@ -7,7 +7,6 @@ position must not mix the two: they carry their names, or take them from one obj
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import fields
 from typing import TypeVar
 
 import equinox as eqx
@@ -23,7 +22,8 @@ def in_order_of_leaves(names: Iterable[str]) -> list[str]:
 
 
 def with_leaves(tree: Tree, leaves: Sequence[PyTree]) -> Tree:
-    """Return a PyTree with other leaves, and with its dictionaries in their own order.
+    """Return a scene, a state or a pair of both with other leaves, and with the names in their own
+    order.
 
     `jax.tree.unflatten` and `equinox.tree_at` return sorted dictionaries instead. Use this function
     for scenes and states that are returned to a user, or whose names are paired with columns.
@@ -33,26 +33,29 @@ def with_leaves(tree: Tree, leaves: Sequence[PyTree]) -> Tree:
     return ordered_like(tree, jax.tree.unflatten(jax.tree.structure(tree), leaves))
 
 
-def ordered_like(tree: PyTree, other: Tree) -> Tree:
-    """Return `other` with the entries of its dictionaries in the order of those of `tree`.
+def ordered_like(tree: PyTree, other: PyTree) -> PyTree:
+    """Return `other` with the names in the order of those of `tree`.
 
-    A part of `other` that has another class or other keys than that of `tree` is returned as it is.
+    Both are a scene, a state or a tuple of such. Dictionaries inside of elements are left as they
+    are: they pass through JAX in each run, so that their order can't matter.
 
     **Arguments:** `other`: a new PyTree, whose Equinox modules are changed in place.
     """
-    if type(tree) is not type(other):
-        return other
-    if isinstance(other, eqx.Module):
-        for field in fields(other):
-            if not field.metadata.get("static", False):
-                part = getattr(other, field.name)
-                ordered = ordered_like(getattr(tree, field.name), part)
-                if ordered is not part:
-                    # Modules are frozen, so their fields are set by `object`.
-                    object.__setattr__(other, field.name, ordered)
-        return other
-    if type(other) is dict and tree.keys() == other.keys():
-        return {key: ordered_like(tree[key], other[key]) for key in tree}  # pyright: ignore
-    if type(other) in (list, tuple) and len(tree) == len(other):
-        return type(other)(ordered_like(*pair) for pair in zip(tree, other, strict=True))
+    if type(other) is tuple:
+        return tuple(ordered_like(*pair) for pair in zip(tree, other, strict=True))
+    for name, part in vars(other).items() if isinstance(other, eqx.Module) else ():
+        if isinstance(part, dict):
+            # Modules are frozen, so their fields are set by `object`.
+            object.__setattr__(other, name, _ordered(getattr(tree, name), part))
     return other
+
+
+def _ordered(names: dict[str, PyTree], part: dict[str, PyTree]) -> dict[str, PyTree]:
+    """Return the entries of `part` in the order of those of `names`, also in inner dictionaries."""
+    if names.keys() != part.keys():
+        return part
+    entries = {name: part[name] for name in names}
+    return {
+        name: _ordered(names[name], entry) if isinstance(entry, dict) else entry
+        for name, entry in entries.items()
+    }
