@@ -27,7 +27,8 @@ from tests.support.renaming import Names, by_role, differences, renamed
 ROUNDING = 1e-9
 """Largest difference of two numbers, relative to the largest one of their array."""
 SEARCHED = 1e-5
-"""The same for results of a search, which ends within its tolerance."""
+"""The same for results of a search, which ends within its tolerance, and for motions whose
+integration error differs."""
 QUIET = {"progress": False}
 TIMES = np.linspace(0.002, 0.04, 20)
 Case = Callable[[Names], Any]
@@ -405,12 +406,10 @@ def assemble(n: Names) -> Any:
 
 
 def loops(n: Names) -> Any:
-    """Joint coordinates cut a loop at a joint that is chosen by names, so that the integration
-    error differs; absolute coordinates have no such choice."""
-    scene, state = renamed(cj.mechanisms.four_bar(), n)
-    save = cj.Saving(TIMES)
-    exact = cj.Settings(coordinates=cj.AbsoluteCoordinates())
-    return cj.simulate(scene, state, 0.04, exact, save, progress=False).saved
+    """Joint coordinates cut a loop of ideal joints at a joint that is chosen by names, so that the
+    integration error differs."""
+    scene, state = renamed(cj.mechanisms.bricard(), n)
+    return cj.simulate(scene, state, 0.04, save=cj.Saving(TIMES), progress=False).saved
 
 
 def accelerometer(n: Names) -> Any:
@@ -538,7 +537,7 @@ CASES: dict[str, tuple[Case, float]] = {
     "largest_feasible": (largest_feasible, ROUNDING),
     "load, save": (files, ROUNDING),
     "load_urdf, urdf_limits": (urdf, ROUNDING),
-    "loops": (loops, ROUNDING),
+    "loops": (loops, SEARCHED),
     "minimise": (minimise, ROUNDING),
     "observe": (observe, ROUNDING),
     "parameters, set_value": (numbers_of_scenes, ROUNDING),
