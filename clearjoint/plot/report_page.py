@@ -395,7 +395,9 @@ def _record(
     trajectory = trajectory_of(solution, solution.saved or solution.steps)
     if quantity is not None:
         return series(scene, solution, quantity, unit=unit, trajectory=trajectory)
-    body, state = list(trajectory.states.bodies.items())[-1]
+    # The scene has its author's order; JAX has sorted the names of the states.
+    body = list(scene.bodies)[-1]
+    state = trajectory.states.bodies[body]
     vectors, name, unit = np.asarray(state.velocity), f"velocity of {body}", "m/s"
     if not np.ptp(vectors, axis=0).max() > 0.0:  # constant, or NaN after a failed run
         vectors, name, unit = np.asarray(state.spin), f"spin of {body} about its", "rad/s"

@@ -310,6 +310,7 @@ class _Starts:
         known = self._distances.setdefault(given.key, {})
         if len(known) >= KEPT:
             known.clear()
+        rows = rows.in_order_of(scene)
         redundant, uncertain = dependent(rows.names, rows.left, known)
         return None if uncertain else redundant
 
