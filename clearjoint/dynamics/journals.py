@@ -25,6 +25,7 @@ from ..model.joints.base import AbstractConstraint, AbstractContactJoint, ByLabe
 from ..model.scene import Scene
 from ..native import Native
 from .absolute_coordinates import AbsoluteCoordinates
+from .contact_forces import LoadedContact
 from .coordinates import free_motion
 from .formulation import Formulation, Unstabilised
 from .system import System
@@ -82,8 +83,9 @@ def resting_joints(
     """Return ideal joints that hold the journals of the named clearance joints at the wall, by name
     of clearance joint.
 
-    A journal is held on the side to which its load presses it while the bodies are at rest. The
-    load is the reaction of an ideal joint in the place of the clearance joint.
+    A journal is held on the side to which its load presses it while the bodies are at rest, at the
+    penetration at which the contacts carry the load. The load is the reaction of an ideal joint in
+    the place of the clearance joint.
 
     **Arguments:** `ideal`: ideal joints that replace clearance joints, including the named ones;
     `state`: a state that satisfies the ideal joints; `t`: s, time at which forces are evaluated.
@@ -105,6 +107,30 @@ def resting_joints(
         assert joint is not None
         resting[name] = joint
     return resting
+
+
+def resting_entry_speeds(
+    scene: Scene, names: Collection[str], state: State, t: Scalar
+) -> dict[str, dict[str, float]]:
+    """Return entry speeds for the closed contacts of the named joints, m/s, by joint and contact
+    label, with which a journal that rests on the wall is damped moderately.
+
+    They are those of an impact of the contact's effective mass whose energy is the elastic energy
+    of the contact. Oscillations about the position of rest are then damped like such an impact:
+    with a damping ratio of about half the factor chi of a Hunt-Crossley law. An entry speed of zero
+    would be replaced by the law's smallest one, with which the damping is so large that the
+    equations of motion are stiff, and an unknown one would mean no damping.
+    """
+    laws = scene.laws()
+    names = tuple(n for n in names if any(law.uses_entry_speed for law in laws[n].values()))
+    if not names:
+        return {}
+    speeds = _speeds_of_rest(names, scene, state.bodies, on_device(t))
+    by_joint = {name: _numbers(family) for name, family in speeds.items()}
+    return {
+        name: {label: speed for label, speed in family.items() if speed > 0.0}
+        for name, family in by_joint.items()
+    }
 
 
 def with_ideal(scene: Scene, ideal: Mapping[str, AbstractConstraint]) -> Scene:
@@ -254,6 +280,43 @@ def contact_depths(scene: Scene, bodies: dict[str, BodyState]) -> ByLabel[Scalar
         name: {label: contact.gap.depth for label, contact in joint.contacts(motions).items()}
         for name, joint in system.scene.contact_joints().items()
     }
+
+
+# This function is compiled to native code or, if that is not possible, by XLA without a warning.
+@partial(Native, warns=False)
+def _speeds_of_rest(
+    names: tuple[str, ...], scene: Scene, bodies: dict[str, BodyState], t: Scalar
+) -> ByLabel[Scalar]:
+    """Return the speed of an impact, m/s, whose energy is the elastic energy, for each contact of
+    the named joints whose law uses the entry speed, by joint and contact label; zero if the contact
+    is open.
+
+    In scene and states of the bodies, vectors are arrays (3,).
+    """
+    formulation = Formulation(AbsoluteCoordinates(), Unstabilised(), redundant=True)
+    system = System(unpack(scene), formulation)
+    variables = system.encode(unpack(bodies))
+    motions, speeds = system.motions(variables), {}
+    for name in names:
+        joint, speeds[name] = system.scene.contact_joints()[name], {}
+        contacts = joint.contacts(motions)
+        for label, law in joint.laws().items():
+            if not law.uses_entry_speed:
+                continue
+
+            def second_rate(push: Scalar, name: str = name, label: str = label) -> Scalar:
+                """Return the second time derivative of the depth under a normal force, N."""
+                contact = contacts[label]
+                forces = {name: {label: LoadedContact(contact, push, push, None)}}
+                rates = system.dynamics_under(variables, forces, t).variable_rates
+                return jnp.asarray(system.second_rates(variables, rates)[name][label], float)
+
+            # The second rate is linear in the force: its derivative is minus one over the mass.
+            push = jnp.zeros(())
+            per_mass = -jax.jvp(second_rate, (push,), (jnp.ones_like(push),))[1]
+            energy = law.stored_energy(contacts[label].gap)
+            speeds[name][label] = jnp.sqrt(jnp.maximum(2.0 * energy * per_mass, 0.0))
+    return speeds
 
 
 # This function is compiled to native code or, if that is not possible, by XLA without a warning.

@@ -16,6 +16,7 @@ import diffrax
 import equinox as eqx
 import jax.numpy as jnp
 
+from ...dynamics.contact_events import entry_speeds_inside
 from ...dynamics.contact_forces import EntrySpeeds
 from ...dynamics.coordinates import MotionVariables
 from ...dynamics.system import System
@@ -33,14 +34,15 @@ def look_inside(
     """Return the variables, corrected by the stabilisation, and the entry speeds, m/s, at a time t,
     s, of the accepted step of an `attempt`.
 
-    Before the end of the step, entry speeds are those of its start. At the end, the stored
-    variables and entry speeds are taken, which contain the corrections for events there.
+    At the end of the step, the stored variables are taken, which contain the corrections for events
+    there. For the entry speeds, see `entry_speeds_inside`.
     """
-    end = attempt.step.t
+    end, last = attempt.step.t, attempt.step.entry_speeds
     dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=end, **attempt.information)
     y = choose(t >= end, attempt.step.y, dense.evaluate(dense_time(attempt, t)))
-    entry_speeds = choose(t >= end, attempt.step.entry_speeds, attempt.entry_speeds_start)
-    return on_constraints(system, y, t), entry_speeds
+    y = on_constraints(system, y, t)
+    gaps = system.contact_gaps(y.motion)
+    return y, entry_speeds_inside(system.scene, gaps, attempt.entry_speeds_start, last)
 
 
 def dense_time(attempt: Attempt, t: Scalar) -> Scalar:
@@ -174,12 +176,15 @@ class DenseStep(eqx.Module):
         t = self.start.t + elapsed * (self.end.t - self.start.t)
         return Snapshot(t, self.inside(method, elapsed), self.start.entry_speeds)
 
-    def at(self, method: Method, t: Scalar) -> Snapshot:
+    def at(self, method: Method, system: System, t: Scalar) -> Snapshot:
         """Return the snapshot at a time t, s, of the step, on the clock of the run's system,
-        without correction by the stabilisation. At the end of the step it is the stored `end`;
-        before, it has the entry speeds of the step's start."""
-        length = self.end.t - self.start.t
-        elapsed = (t - self.start.t) / jnp.where(length > 0.0, length, 1.0)
-        ends = t >= self.end.t
-        y = choose(ends, self.end.y, self.inside(method, elapsed))
-        return Snapshot(t, y, choose(ends, self.end.entry_speeds, self.start.entry_speeds))
+        corrected by the stabilisation in the same way as the end of a step. At the end of the step
+        its variables are those of `end`. For the entry speeds, see `entry_speeds_inside`."""
+        start, end = self.start, self.end
+        length = end.t - start.t
+        elapsed = (t - start.t) / jnp.where(length > 0.0, length, 1.0)
+        y = choose(t >= end.t, end.y, self.inside(method, elapsed))
+        y = on_constraints(system, y, t)
+        gaps = system.contact_gaps(y.motion)
+        speeds = entry_speeds_inside(system.scene, gaps, start.entry_speeds, end.entry_speeds)
+        return Snapshot(t, y, speeds)
