@@ -159,7 +159,7 @@ def _at_onset(gap: ContactGap, second_rate: Scalar) -> Scalar:
     # rate times this time. The correction changes the value hardly at all. But with it, the
     # derivative is that of the rate at the onset, whose instant depends on the parameters.
     back = gap.depth / jnp.where(usable, gap.rate, 1.0)
-    entry = jnp.where(usable, gap.rate - second_rate * back, gap.rate)
+    entry = jnp.where(usable, gap.rate - second_rate * back, 0.0)
     # If a contact hardly touches the wall, the correction may exceed the rate. The entry speed must
     # be positive, since zero stands for an open contact.
     return jnp.where(entry > 0.0, entry, jnp.maximum(gap.rate, SLOWEST))
