@@ -126,6 +126,22 @@ def initial_entry_speeds(
     return _for_each_entry_speed(scene, entry_speed)
 
 
+def approaches_unknown(
+    scene: Scene, start: ContactGaps, given: EntrySpeeds | None = None
+) -> ByLabel[Scalar]:
+    """Return the penetration rate, m/s, at the start of a run, of each closed contact that
+    approaches further and that `initial_entry_speeds` makes elastic because its entry speed is
+    unknown, by joint and contact label; zero for other contacts."""
+
+    def rate(name: str, label: str) -> Scalar:
+        gap = start[name][label]
+        known = (given or {}).get(name, {}).get(label, 0.0)
+        unknown = (gap.depth > TOUCHING) & jnp.logical_not(known > 0.0)
+        return jnp.where(unknown, jnp.maximum(gap.rate, 0.0), 0.0)
+
+    return _for_each_entry_speed(scene, rate)
+
+
 def entry_speeds_inside(
     scene: Scene, gaps: ContactGaps, start: EntrySpeeds, end: EntrySpeeds
 ) -> EntrySpeeds:

@@ -1,7 +1,7 @@
 """Results of runs: trajectory, crossings of sections, solution, and the error of a run that
 failed."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import equinox as eqx
@@ -576,14 +576,12 @@ class SimulationError(RuntimeError):
         self.solution = solution
 
 
-def raise_failure(solution: FinishedRun) -> None:
+def raise_failure(solution: FinishedRun, causes: Iterable[str] = ()) -> None:
     """Raise a `SimulationError` unless a run ended with the result code `RESULTS.successful`.
 
     **Arguments:** `solution`: the result of the run; it becomes the attribute `solution` of the
-    error.
+    error. `causes`: sentences on the cause, which follow the message of the result code.
     """
     if result_number(solution.result) != SUCCESSFUL:
-        raise SimulationError(
-            f"The run ended at t = {float(solution.time):.9g} s: {RESULTS[solution.result]}",
-            solution,
-        )
+        start = f"The run ended at t = {float(solution.time):.9g} s:"
+        raise SimulationError(" ".join([start, RESULTS[solution.result], *causes]), solution)
