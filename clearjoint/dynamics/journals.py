@@ -22,7 +22,7 @@ from ..fields.objects import on_device
 from ..math.vectors import ZERO, Condition, Scalar, pack, unpack
 from ..model.bodies import GROUND, GROUND_MOTION, NO_WRENCH, BodyState, State
 from ..model.contact.laws import whole_law
-from ..model.joints.base import AbstractConstraint, AbstractContactJoint, ByLabel
+from ..model.joints.base import AbstractConstraint, AbstractContactJoint, ByLabel, Contact
 from ..model.scene import Scene
 from ..native import Native
 from .absolute_coordinates import AbsoluteCoordinates
@@ -353,25 +353,28 @@ def _speeds_of_rest(
     system = System(unpack(scene), formulation)
     variables = system.encode(unpack(bodies))
     motions, speeds = system.motions(variables), {}
+
+    def per_mass(name: str, label: str, contact: Contact) -> Scalar:
+        """Return the inverse of the mass, 1/kg, that the normal force of a contact accelerates."""
+
+        def second_rate(push: Scalar) -> Scalar:
+            forces = {name: {label: LoadedContact(contact, push, push, None)}}
+            rates = system.dynamics_under(variables, forces, t).variable_rates
+            return jnp.asarray(system.second_rates(variables, rates)[name][label], float)
+
+        # The second rate of the depth is linear in the force.
+        push = jnp.zeros(())
+        return -jax.jvp(second_rate, (push,), (jnp.ones_like(push),))[1]
+
     for name in names:
-        joint, speeds[name] = system.scene.contact_joints()[name], {}
-        contacts = joint.contacts(motions)
-        for label, law in joint.laws().items():
-            if not law.uses_entry_speed:
-                continue
-
-            def second_rate(push: Scalar, name: str = name, label: str = label) -> Scalar:
-                """Return the second time derivative of the depth under a normal force, N."""
-                contact = contacts[label]
-                forces = {name: {label: LoadedContact(contact, push, push, None)}}
-                rates = system.dynamics_under(variables, forces, t).variable_rates
-                return jnp.asarray(system.second_rates(variables, rates)[name][label], float)
-
-            # The second rate is linear in the force: its derivative is minus one over the mass.
-            push = jnp.zeros(())
-            per_mass = -jax.jvp(second_rate, (push,), (jnp.ones_like(push),))[1]
-            energy = law.stored_energy(contacts[label].gap)
-            speeds[name][label] = jnp.sqrt(jnp.maximum(2.0 * energy * per_mass, 0.0))
+        joint = system.scene.contact_joints()[name]
+        laws, contacts = joint.laws(), joint.contacts(motions)
+        speeds[name] = {}
+        for label, contact in contacts.items():
+            if laws[label].uses_entry_speed:
+                energy = laws[label].stored_energy(contact.gap)
+                square = 2.0 * energy * per_mass(name, label, contact)
+                speeds[name][label] = jnp.sqrt(jnp.maximum(square, 0.0))
     return speeds
 
 

@@ -3,10 +3,11 @@ and of a contact that rests at the start."""
 
 from dataclasses import replace
 
-import clearjoint as cj
 import jax
 import numpy as np
 import pytest
+
+import clearjoint as cj
 
 GRAVITY = 9.81
 ARM = cj.Body(7.02, (0.001, 0.5855, 0.5855))
@@ -176,10 +177,10 @@ def test_a_failed_run_names_the_contact_whose_damping_makes_it_stiff():
     settings = cj.Settings(max_steps=3000)
     with pytest.raises(
         cj.SimulationError, match="Contact 'V'.*LankaraniN.*entry_speed_floor="
-    ) as e:
+    ) as raised:
         cj.simulate(scene, state, 0.2, settings, kept([0.2]), progress=False)
     # The advice is followed.
-    floor = float(str(e.value).split("entry_speed_floor=")[1].split("`")[0])
+    floor = float(str(raised.value).split("entry_speed_floor=")[1].split("`")[0])
     pin = scene.joints["pin"]
     pin = replace(pin, law=replace(pin.law, entry_speed_floor=floor))
     scene = replace(scene, joints={"pin": pin})

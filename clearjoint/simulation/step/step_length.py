@@ -159,10 +159,10 @@ def tangent_sizes(system: System, sizes: Variables, along: Variables) -> Variabl
     **Arguments:** `sizes`: the `magnitudes` of the variables.
     """
 
-    # In free flight the derivative of a speed may be zero. At an onset it rises to a high peak, from
-    # rates that have the relative error of the tiny depth, of which only a few digits are known far
-    # from the origin. An error relative to the derivative itself could not become small enough, and
-    # steps shrank until the run failed.
+    # In free flight the derivative of a speed may be zero. At an onset it rises to a high peak. The
+    # rate of this rise has the relative error of the tiny depth, of which few digits are known far
+    # from the origin. The error relative to the derivative itself could therefore not become small
+    # enough, and steps shrank until the run failed.
     def positions(motion: MotionVariables) -> MotionVariables:
         return system.with_speeds(motion, jax.tree.map(jnp.zeros_like, motion))
 
