@@ -135,7 +135,7 @@ class BallInSocket(AbstractCentredJoint):
             return None
         (deepest,) = self.deepest().values()
         radii = self.socket_radius, self.clearance
-        depth = resting_depth([self.law], size, deepest, *radii)
+        depth = resting_depth([self.law], float(size), deepest, *radii)
         centre = self.socket_point + (self.clearance + depth) / size * load
         return SphericalJoint(*self.pair(), centre, self.ball_point)
 

@@ -681,7 +681,7 @@ class ClearanceJoint(AbstractCentredJoint):
         # The contacts share the load: the axes are parallel, so that all are equally deep.
         laws, radii = self.laws(), (self.bearing_radius, self.clearance)
         sharing = [laws[label] for label in self.contact_labels()]
-        distance = self.clearance + resting_depth(sharing, size, self.journal_radius, *radii)
+        distance = self.clearance + resting_depth(sharing, float(size), self.journal_radius, *radii)
         if self.bearing_profile is None:
             return self._ideal(self.bearing_point + distance / size * across)
         # The journal rests where the wall's normal is along the load. A profile is a deviation of

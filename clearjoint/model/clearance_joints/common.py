@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 import equinox as eqx
 import numpy as np
 from jaxtyping import Float
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 
 from ...fields.checks import as_shown, checkable, require, require_numbers
 from ...fields.types import Single, Triple
@@ -242,7 +242,7 @@ def offset_at_flat_wall(
     component = load @ upward
     if not abs(component) > LEAST_TRANSVERSE_LOAD * np.linalg.norm(load):
         return None
-    distance = clearance + resting_depth(laws, abs(component), deepest)
+    distance = clearance + resting_depth(laws, float(abs(component)), deepest)
     return distance * np.sign(component) * upward
 
 
@@ -276,7 +276,8 @@ def resting_depth(
         return float(deepest)
     if excess(low) >= 0.0:
         return LEAST_DEPTH - ahead
-    return float(np.exp(brentq(excess, low, high, xtol=1e-14)) - ahead)
+    root = root_scalar(excess, bracket=(low, high), xtol=1e-14).root
+    return float(np.exp(root) - ahead)
 
 
 def slip_at(
