@@ -143,23 +143,23 @@ def approaches_unknown(
 
 
 def entry_speeds_inside(
-    scene: Scene, gaps: ContactGaps, start: EntrySpeeds, end: EntrySpeeds
+    scene: Scene, gaps: ContactGaps, left: Scalar, start: EntrySpeeds, end: EntrySpeeds
 ) -> EntrySpeeds:
-    """Return the entry speeds at an instant in a step, m/s, by joint and contact label.
+    """Return the entry speeds at an instant before the end of a step, m/s, by joint and contact
+    label.
 
-    A contact that began in the step has, from its onset, the entry speed that the step's end has.
-    Any other closed contact has that of the step's start, and an open one zero. A contact within
-    `TOUCHING` of the wall counts as closed, so that its entry speed is known at both of its ends,
-    on either side of which the depth may be by rounding.
+    They are those of the step's start, except that a contact which began in the step has, from its
+    onset, the entry speed of the step's end. The onset is estimated as in `time_since_onset`.
+    Within `TOUCHING` of the wall, the contact counts as begun.
 
-    **Arguments:** `gaps`: the contact gaps at the instant; `start`, `end`: the entry speeds at the
-    ends of the step.
+    **Arguments:** `gaps`: the contact gaps at the end of the step; `left`: s, time from the instant
+    to there; `start`, `end`: the entry speeds at the ends of the step.
     """
 
     def entry_speed(name: str, label: str) -> Scalar:
-        before, after = start[name][label], end[name][label]
-        is_closed = gaps[name][label].depth > -TOUCHING
-        return jnp.where(is_closed, jnp.where(before > 0.0, before, after), 0.0)
+        before, after, gap = start[name][label], end[name][label], gaps[name][label]
+        has_begun = gap.depth - gap.rate * left > -TOUCHING
+        return jnp.where((before > 0.0) | jnp.logical_not(has_begun), before, after)
 
     return _for_each_entry_speed(scene, entry_speed)
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, ClassVar
 import equinox as eqx
 import numpy as np
 from jaxtyping import Float
-from scipy.optimize import root_scalar
 
 from ...fields.checks import as_shown, checkable, require, require_numbers
 from ...fields.types import Single, Triple
@@ -261,6 +260,9 @@ def resting_depth(
     **Arguments:** `laws`: the laws of the contacts; `load`: N, positive; `bearing_radius`,
     `clearance`: m, for stiffnesses that depend on them.
     """
+    # Importing it takes long, and few programs need it.
+    from scipy.optimize import root_scalar
+
     laws = list(laws)
     # The surfaces' distance at which the first force begins. Depths are counted from there.
     ahead = max(float(law.onset_offset()) for law in laws)

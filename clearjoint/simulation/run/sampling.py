@@ -177,7 +177,7 @@ def look_at_tangents(
         before = attempt.entry_speeds_start[name][label]
         began = (before == 0.0) & (entry_speeds[name][label] > 0.0)
         kept = inside.entry_speeds_start[name][label]
-        return jnp.where(began, last.entry_speeds[name][label], kept)
+        return jnp.where((t >= end) | began, last.entry_speeds[name][label], kept)
 
     return y, each_label(speed_along, entry_speeds)
 

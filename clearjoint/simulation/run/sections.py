@@ -152,7 +152,14 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
         length = dense.end.t - dense.start.t
         ends = (1.0 - x) * length <= LATEST
         t = jnp.where(ends, dense.end.t, dense.start.t + x * length)
-        return dense.at(method, system, t)
+        row = dense.at(method, system, t)
+        # The entry speed of a contact that ends is known only before the event.
+        speeds = jax.tree.map(
+            lambda before, now: jnp.where(ends & (before > 0.0), before, now),
+            dense.start.entry_speeds,
+            row.entry_speeds,
+        )
+        return Snapshot(row.t, row.y, speeds)
 
     def _none(self) -> dict[str, Scalar]:
         """Return zero as time and channels, for a step without a crossing."""
