@@ -2,12 +2,14 @@
 
 A position x in a step is a number from 0 at its start to 1 at its end. The length of the step is h,
 s. A rate is a derivative by time, which is the derivative by x divided by h. All functions are
-arithmetic on scalars without loops at run time. For arrays they work element by element.
+arithmetic on scalars without loops at run time, except for `secant_root`. For arrays they work
+element by element.
 """
 
 from collections.abc import Callable
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 
 from .vectors import Scalar
@@ -18,8 +20,8 @@ the number of correct digits."""
 TINY = 1e-200
 """`Parabola.part_below` divides by the coefficient of x^2. If its magnitude is at most this number,
 this number takes its place. In practice this happens only if the coefficient is zero."""
-SECANT_STEPS = 4
-"""Number of evaluations in `secant_root`. It is fixed, since there are no loops at run time."""
+SECANT_STEPS = 12
+"""Number of evaluations in `secant_root`. It is fixed, so that lanes side by side do the same."""
 REFINEMENTS = 3
 """Number of evaluations in `highest`."""
 MARGIN = 0.05
@@ -89,21 +91,35 @@ def hermite_root(start: Slope, end: Slope, h: Scalar) -> Scalar:
 
 def secant_root(value_at: Callable[[Scalar], Scalar], start: Scalar, end: Scalar) -> Scalar:
     """Return the approximate position x of a function's root in a step, by `SECANT_STEPS` secant
-    steps.
+    steps within a shrinking bracket (N. Anderson, A. Bjorck 1973).
 
     It serves for functions whose rates are not known, unlike `hermite_root`.
 
     **Arguments:** `value_at`: function of x; `start`, `end`: its values at x = 0 and x = 1, which
     must have opposite signs.
     """
-    x_old, x, value_old, value = jnp.zeros_like(start), jnp.ones_like(end), start, end
-    for _ in range(SECANT_STEPS):
-        # After convergence, neither x nor the value changes, and x must stay where it is.
-        change = value - value_old
+
+    # Secants without a bracket missed the root of a contact that begins soon after another one has
+    # ended: both ends of the step are then at the wall, and the greatest distance lies between.
+    def refine(_: int, state: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
+        # The root lies between x, the latest position, and `other`.
+        x, value, other, value_there = state
+        change = value - value_there
         slope = jnp.where(change == 0.0, 1.0, change)
-        x_old, x = x, jnp.clip(x - value * (x - x_old) / slope, 0.0, 1.0)
-        value_old, value = value, value_at(x)
-    return x
+        x_new = jnp.where(change == 0.0, x, x - value * (x - other) / slope)
+        value_new = value_at(x_new)
+        crosses = (value_new > 0.0) != (value > 0.0)
+        # If the far end of the bracket stays, its value is reduced, so that the next secant meets
+        # zero on the other side of the root. Otherwise one end would never move.
+        ratio = 1.0 - value_new / jnp.where(value == 0.0, 1.0, value)
+        reduced = value_there * jnp.where(ratio > 0.0, ratio, 0.5)
+        # At a root, neither the position nor the value must change any more.
+        reduced = jnp.where(value == 0.0, value_there, reduced)
+        far = jnp.where(crosses, x, other), jnp.where(crosses, value, reduced)
+        return x_new, value_new, *far
+
+    first = jnp.ones_like(end), end, jnp.zeros_like(start), start
+    return jax.lax.fori_loop(0, SECANT_STEPS, refine, first)[0]
 
 
 class Bend(NamedTuple):

@@ -416,8 +416,9 @@ class State(AbstractReadable):
     - `bodies`: `BodyState` of each body by name, without the ground.
     - `entry_speeds[joint][contact]`: entry speed of the current contact, its penetration rate at
       the onset, m/s, by name of the joint and label of the contact. It is zero without contact. If
-      a run starts without the entry speed of a contact that began earlier, the contact gets
-      1e9 m/s, which makes the damping negligible. Empty for scenes whose laws don't use entry
+      a run starts without the entry speed of a contact that began earlier (it is missing or zero),
+      the contact gets 1e9 m/s, which makes the damping negligible, or its present penetration rate
+      if its depth is at most 1e-12 m. Empty for scenes whose laws don't use entry
       speeds; a run ignores entries for contacts whose laws don't use them. States saved by
       `simulate_nonsmooth`, whose contacts are rigid, list zero for each contact.
     - `work`: energies since the start, J, by name: "normal damping", "friction", "film" and

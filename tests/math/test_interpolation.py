@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from clearjoint.math.interpolation import (
     Bend,
@@ -54,6 +55,21 @@ def test_roots_of_a_bent_curve(root):
     assert float(hermite_root(start, end, 1.0)) == pytest.approx(root, abs=1e-9)
     found = secant_root(value, start.value, end.value)
     assert float(found) == pytest.approx(root, abs=2e-4)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_secants_find_the_root_of_a_contact_right_after_another(seed):
+    """Both ends of the step are at the wall, and the largest distance is between them."""
+    rng = np.random.default_rng(seed)
+    before, after = 10.0 ** rng.uniform(-15, -12, 2)
+    distance, skew = 10.0 ** rng.uniform(-8, -3), rng.uniform(-0.5, 0.5)
+
+    def value(x):
+        arch = 4.0 * x * (1.0 - x) * (1.0 + skew * (x - 0.5))
+        return (1.0 - x) * -before + x * after - distance * arch
+
+    found = float(secant_root(value, jnp.asarray(value(0.0)), jnp.asarray(value(1.0))))
+    assert found == pytest.approx(brentq(value, 0.5, 1.0, xtol=1e-16), abs=1e-14)
 
 
 def test_parabolas_and_their_vertices():

@@ -1,7 +1,7 @@
 """Results of runs: trajectory, crossings of sections, solution, and the error of a run that
 failed."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import equinox as eqx
@@ -576,15 +576,16 @@ class SimulationError(RuntimeError):
         self.solution = solution
 
 
-def raise_failure(solution: FinishedRun, cause: str | None = None) -> None:
+def raise_failure(
+    solution: FinishedRun, message: str | None = None, causes: Iterable[str] = ()
+) -> None:
     """Raise a `SimulationError` unless a run ended with the result code `RESULTS.successful`.
 
     **Arguments:** `solution`: the result of the run; it becomes the attribute `solution` of the
-    error; `cause`: text in place of the result code's message, if it is known better.
+    error; `message`: text in place of the result code's message, if it is known better; `causes`:
+    sentences on the cause, which follow the message.
     """
     if result_number(solution.result) != SUCCESSFUL:
-        raise SimulationError(
-            f"The run ended at t = {float(solution.time):.9g} s: "
-            f"{RESULTS[solution.result] if cause is None else cause}",
-            solution,
-        )
+        start = f"The run ended at t = {float(solution.time):.9g} s:"
+        message = RESULTS[solution.result] if message is None else message
+        raise SimulationError(" ".join([start, message, *causes]), solution)

@@ -34,7 +34,13 @@ from ...dynamics.assembly import (
 from ...dynamics.constraint_report import StartRows, constraint_report, dependent, start_rows
 from ...dynamics.coordinates import AbstractCoordinates, MotionVariables
 from ...dynamics.formulation import Formulation
-from ...dynamics.journals import FAR_OUTSIDE, contact_depths, require_in_bearings
+from ...dynamics.journals import (
+    FAR_OUTSIDE,
+    FAST_APPROACH,
+    contact_depths,
+    require_in_bearings,
+    unknown_approaches,
+)
 from ...fields.caching import cached_by_numbers
 from ...fields.checks import conditions_of, conditions_of_changes, recheck, require
 from ...fields.objects import with_arrays
@@ -137,7 +143,7 @@ def check_structure(
     have no variable.
 
     **Warns:** `UnusualValueWarning` for a contact that is deeper than the fraction `FAR_OUTSIDE` of
-    the depth that its joint allows.
+    the depth that its joint allows, and for one that approaches further without an entry speed.
     """
     if not scene.joints:
         return ()
@@ -215,6 +221,9 @@ def _passes(
         for name, joint in scene.contact_joints().items()
         for label, limit in joint.deepest().items()
     ]
+    approaches = unknown_approaches.__wrapped__(scene, state.bodies, state.entry_speeds)
+    rates = [jnp.asarray(rate) for family in approaches.values() for rate in family.values()]
+    holds += [rate <= FAST_APPROACH for rate in rates]
     fits, rows, variables = assembled(scene, state, t, coordinates)
     # A scene without variables is invalid, because nothing could move.
     holds += [fits, jnp.asarray(bool(jax.tree.leaves(variables)))]

@@ -25,7 +25,8 @@ from ...math.vectors import Scalar
 from ...model.scene import Scene
 from ...quantities.base import Instant, Quantity, check_quantity, require_quantity
 from ..results.solution import TIME, Crossings
-from ..step.dense_output import Snapshot, on_constraints
+from ..step.dense_output import Snapshot
+from ..step.landing import LATEST
 from .recorders import ROWS, RowBuffer
 from .run_loop import AbstractRecorder, RunStart, StepOutcome
 
@@ -145,9 +146,20 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
         x = secant_root(
             lambda x: self._level(dense.within(method, x).instant(system)), before, after
         )
-        # Dense output satisfies the constraints only approximately, so its result is corrected.
-        row = dense.at(method, dense.start.t + x * (dense.end.t - dense.start.t))
-        return Snapshot(row.t, on_constraints(system, row.y, row.t), row.entry_speeds)
+        # A step that ends at an event ends just after it. A crossing there is the event itself, at
+        # which forces may jump, and gets the state after it. Computed inside the step, rounding
+        # errors would decide on which side of the jump it is.
+        length = dense.end.t - dense.start.t
+        ends = (1.0 - x) * length <= LATEST
+        t = jnp.where(ends, dense.end.t, dense.start.t + x * length)
+        row = dense.at(method, system, t)
+        # The entry speed of a contact that ends is known only before the event.
+        speeds = jax.tree.map(
+            lambda before, now: jnp.where(ends & (before > 0.0), before, now),
+            dense.start.entry_speeds,
+            row.entry_speeds,
+        )
+        return Snapshot(row.t, row.y, speeds)
 
     def _none(self) -> dict[str, Scalar]:
         """Return zero as time and channels, for a step without a crossing."""
@@ -176,7 +188,8 @@ class Section:
 
     - `crossing`: the quantity whose rise through zero is a crossing, a function of an `Instant`.
     - `channels`: the quantities to evaluate at each crossing, as pairs (quantity, unit) by name.
-      The names become those of arrays in results and files.
+      The names become those of arrays in results and files. At the onset or end of a contact,
+      forces are those just after it, and the entry speed is that of the contact.
     - `count`: largest number of crossings; later ones are not kept.
     - `after`: s, time of the scene (not since the start of the run) before which crossings are
       ignored, to leave out a transient; by default none are.

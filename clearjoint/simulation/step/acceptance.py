@@ -26,6 +26,7 @@ from .step_length import (
     length_after_breakpoints,
     lengths_after_contacts,
     magnitudes,
+    tangent_sizes,
     with_relative_bristles,
 )
 from .step_state import ControllerState, Method, Proposal, Step, Variables, choose
@@ -182,8 +183,11 @@ def _controller_decision(
     if trial.tangents is not None:
         assert step.tangents is not None and method.derivative_tolerance is not None
         tolerance = method.derivative_tolerance
-        before = before, magnitudes(scaled(step.tangents.y))
-        after = after, magnitudes(scaled(trial.tangents.y))
+        along_before, along_after = (
+            magnitudes(scaled(t)) for t in (step.tangents.y, trial.tangents.y)
+        )
+        before = before, tangent_sizes(system, before, along_before)
+        after = after, tangent_sizes(system, after, along_after)
         error = error, jax.tree.map(lambda e: e / tolerance, scaled(trial.tangents.error))
     # `wrap(1)` tells diffrax's controller that time runs forward. Its second result, the start of
     # the next step, is not used: each step begins where the last accepted one has ended.
