@@ -36,6 +36,7 @@ from .lowering import (
     aval_of,
     count_equations,
     kind_of,
+    scalar,
 )
 from .operations import Symbol, Value
 
@@ -53,8 +54,7 @@ def _cond(lower: Lowering, equation: Equation, condition: Array, *arguments: Arr
     be overwritten.
     """
     branches = equation.params["branches"]
-    ops = lower.ops
-    assert isinstance(condition, int)  # a scalar value, not an array
+    ops, condition = lower.ops, scalar(condition, "a branch whose condition is an array")
     number = ops.number(condition)
     if number is not None:
         # As in JAX, an index out of range counts as the nearest one.
@@ -162,8 +162,11 @@ def _branch(
 
     def compute(branch: core.ClosedJaxpr) -> list[Value]:
         results = lower.inline(branch, arguments)
-        # The first call, for `yes`, sets `first_results`.
-        first_results[:] = first_results or results
+        # The first call, for `yes`, sets `first_results`. Each must have cells of its own, since
+        # `no` may give different arrays where `yes` gives the same array twice.
+        if not first_results:
+            results = apart(lower, results)
+            first_results[:] = results
         # Later operations read the same cells whichever branch was executed. So the branch that is
         # added second, `no`, must leave its arrays in the cells of the first one, `yes`.
         if not all(old.owned for _, old in _moved(results, first_results)):
@@ -175,10 +178,23 @@ def _branch(
     return lower.unflatten(outs, first_results)
 
 
+def apart(lower: Lowering, arrays: list[Array]) -> list[Array]:
+    """Return arrays with the same numbers of which no two have cells in common."""
+    in_memory = [array for array in arrays if isinstance(array, InMemory)]
+    return [
+        # Each array in memory overlaps with itself.
+        lower.copied(array)
+        if isinstance(array, InMemory) and sum(map(array.overlaps, in_memory)) > 1
+        else array
+        for array in arrays
+    ]
+
+
 def _while(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array]:
     """Add a loop (`jax.lax.while_loop`), and return its results.
 
-    **Raises:** `UnsupportedPrimitiveError` for carries in memory in a program of several lanes.
+    **Raises:** `UnsupportedPrimitiveError` for carries in memory in a program of several lanes, and
+    for a condition that is an array, as `jax.vmap` makes it.
     """
     parameters = equation.params
     condition, body = parameters["cond_jaxpr"], parameters["body_jaxpr"]
@@ -191,8 +207,7 @@ def _while(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array
 
     def holds(carries: list[Array]) -> Value:
         (result,) = lower.inline(condition, [*condition_consts, *map(borrowed, carries)])
-        assert isinstance(result, int)
-        return result
+        return scalar(result, "a loop whose condition is an array")
 
     def iterate(carries: list[Array]) -> list[Array]:
         return lower.inline(body, [*body_consts, *carries])
@@ -311,8 +326,7 @@ def _scan(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array]
 
     # The first carry of the loop is the number of the iteration.
     def iterate(carries: list[Array]) -> list[Array]:
-        k = carries[0]
-        assert isinstance(k, int)
+        k = scalar(carries[0])
         row = ops.emit("sub", "i", end, k) if parameters["reverse"] else k
         items = []
         for memory in inputs:
@@ -325,11 +339,11 @@ def _scan(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array]
         return [(Symbol(ops, k) + 1).value, *results[:carried]]
 
     def holds(carries: list[Array]) -> Value:
-        assert isinstance(carries[0], int)
+        k = scalar(carries[0])
         # The counter is the same in all lanes, so that rows of all lanes are read and written at
         # once instead of lane by lane.
-        ops.mark_uniform(carries[0])
-        return ops.emit("ile", "b", carries[0], end)
+        ops.mark_uniform(k)
+        return ops.emit("ile", "b", k, end)
 
     # All lanes have the same number of iterations.
     results = loop(lower, [ops.constant("i", 0), *first], holds, iterate, uniform=True)

@@ -75,7 +75,11 @@ class NativeProgram:
         needed = iter(jaxpr.invars)
         self.inputs = [lowering.region(aval_of(next(needed))) if yes else None for yes in used]
         arguments = [lowering.argument(r) for r in self.inputs if r is not None]
-        results = lowering.inline(core.ClosedJaxpr(jaxpr, closed.consts), arguments)
+        # Results are views of the memory. With cells of their own, a caller who changes one of them
+        # in place does not change another.
+        results = control.apart(
+            lowering, lowering.inline(core.ClosedJaxpr(jaxpr, closed.consts), arguments)
+        )
         self.outputs = [
             lowering.stored(array, aval_of(out)) for array, out in zip(results, outs, strict=True)
         ]

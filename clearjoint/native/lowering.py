@@ -111,6 +111,18 @@ EquationRule = Callable[..., Sequence[Array]]
 program and returns its results."""
 
 
+def scalar(array: Array, what: str = "an array in the place of a number") -> Value:
+    """Return an array of shape () as a value.
+
+    **Arguments:** `what`: what is not supported if the array has another shape.
+
+    **Raises:** `UnsupportedPrimitiveError` for another shape.
+    """
+    if not isinstance(array, int):
+        raise UnsupportedPrimitiveError(what)
+    return array
+
+
 def aval_of(atom: Atom) -> ShapedArray:
     """Return the shape and dtype of a variable or a number in a jaxpr.
 
