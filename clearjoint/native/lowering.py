@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 
 from ..compilation.xla import CALLS
 from .cells import Region
-from .elementwise import PARAMETERS, RULES, apply
+from .elementwise import IDENTITIES, PARAMETERS, RULES, apply
 from .operations import KINDS, Operations, Symbol, Value
 
 LARGEST_UNROLLED = 48
@@ -583,10 +583,10 @@ class Lowering:
         support this use of the primitive.
         """
         name = equation.primitive.name
+        if name in IDENTITIES:
+            return arguments
         if name in RULES:
-            if len(equation.outvars) == 1:
-                return [self._elementwise(equation, arguments)]
-            return arguments  # `optimization_barrier` of several arrays
+            return [self._elementwise(equation, arguments)]
         if name in CALLS:
             closed = equation.params[CALLS[name]]
             repeated = self._repeated.get(id(equation))
