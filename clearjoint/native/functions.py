@@ -18,7 +18,7 @@ from ..compilation.xla import (
     program_is_made_inside,
     program_of,
 )
-from . import control, indexing, structure
+from . import control, indexing, linear_algebra, structure
 from .cells import Cells, Memory
 from .lowering import (
     LARGEST_UNROLLED,
@@ -30,7 +30,7 @@ from .lowering import (
 from .machine_code import Code, RecentPrograms, Stopwatch, is_weak, load, load_or_make
 from .operations import Number, Operations
 
-RULES = structure.RULES | indexing.RULES | control.RULES
+RULES = structure.RULES | indexing.RULES | control.RULES | linear_algebra.RULES
 """Functions that lower the primitives that do not work element by element, by the primitives'
 names."""
 LARGE = 256

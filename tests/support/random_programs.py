@@ -273,9 +273,10 @@ class Drawing:
 
     def types_of_results(self, arguments: Arrays) -> list[tuple[tuple[int, ...], np.dtype]]:
         """Mostly those of arguments, whose cells may serve for the results."""
-        count = int(self.rng.integers(1, 4))
         types = [(x.shape, x.dtype) for x in arguments]
-        return [types[self.rng.integers(len(types))] for _ in range(count)]
+        chosen = [types[self.rng.integers(len(types))] for _ in range(self.rng.integers(1, 3))]
+        # Of one type, so that one array may stand for several.
+        return chosen * int(self.choice(1, 2))
 
     def body(self, types: list[Any], size: int, closed: Sequence[Any] = ()) -> Callable[..., Arrays]:
         """A function that returns arrays of the given types, also of arrays that it closes over."""
@@ -287,8 +288,10 @@ class Drawing:
         return call
 
     def branch(self) -> Arrays:
-        arguments, closed = self.several(4), self.several(1)
-        types = self.types_of_results(arguments)
+        arguments, closed = self.several(3), self.several(1)
+        large = self.choice((60,), (20, 3))
+        arguments += [self.pick(large, FLOAT) + k for k in range(2)]
+        types = self.types_of_results(arguments if self.rng.random() < 0.5 else arguments[-1:])
         # Long branches are jumps, short ones are both executed.
         sizes = [int(self.rng.choice([0, 1, 3, 10])) for _ in range(2)]
         no, yes = (self.body(types, size, closed) for size in sizes)
