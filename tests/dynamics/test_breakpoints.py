@@ -30,8 +30,10 @@ def system(kind: type, *tables: cj.extend.AbstractFunctionOfTime, origin=None) -
 
 
 def found(system, start, t):
-    return next_breakpoint(system, start), one_sided_time(system, start, t), since_breakpoints(
-        system, start, t
+    return (
+        next_breakpoint(system, start),
+        one_sided_time(system, start, t),
+        since_breakpoints(system, start, t),
     )
 
 

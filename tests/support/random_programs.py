@@ -278,7 +278,9 @@ class Drawing:
         # Of one type, so that one array may stand for several.
         return chosen * int(self.choice(1, 2))
 
-    def body(self, types: list[Any], size: int, closed: Sequence[Any] = ()) -> Callable[..., Arrays]:
+    def body(
+        self, types: list[Any], size: int, closed: Sequence[Any] = ()
+    ) -> Callable[..., Arrays]:
         """A function that returns arrays of the given types, also of arrays that it closes over."""
         seed = self.seed()
 
