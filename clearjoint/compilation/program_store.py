@@ -97,13 +97,13 @@ def is_private(folder: Path) -> bool:
 def system_errors_suppressed() -> Iterator[None]:
     """Context that suppresses errors of the operating system.
 
-    An `OSError` without a number of such an error is raised. A `TimeoutError` of a handler of
-    signals, which ends a run after a limit of time, is one.
+    A `TimeoutError` without the number of such an error is raised: a handler of signals has raised
+    it, to end a run after a limit of time.
     """
     try:
         yield
     except OSError as error:
-        if error.errno is None:
+        if isinstance(error, TimeoutError) and error.errno is None:
             raise
 
 

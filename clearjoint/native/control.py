@@ -50,8 +50,7 @@ def _cond(lower: Lowering, equation: Equation, condition: Array, *arguments: Arr
 
     **Raises:** `UnsupportedPrimitiveError` for more than two branches, unless the index is known;
     and for branches that return large arrays in different cells of memory, if the program has
-    several lanes or the cells of the array of the second branch (that of a true condition) must not
-    be overwritten.
+    several lanes.
     """
     branches = equation.params["branches"]
     ops, condition = lower.ops, scalar(condition, "a branch whose condition is an array")
@@ -146,6 +145,11 @@ def _if_any(
     return lower.unflatten(lower.ops.branch(condition, compute, leave_out), results)
 
 
+class _DifferentArraysError(Exception):
+    """Raised if two branches give different arrays in memory, and those of the branch that is added
+    first must not be overwritten."""
+
+
 def _branch(
     lower: Lowering,
     condition: Value,
@@ -153,29 +157,42 @@ def _branch(
     no: core.ClosedJaxpr,
     arguments: Sequence[Array],
 ) -> list[Array]:
-    """Add a branch in a program of one lane, and return its results.
+    """Add a branch in a program of one lane, and return its results."""
 
-    **Raises:** `UnsupportedPrimitiveError` if the two branches return arrays in different cells of
-    memory, and the cells of an array of `yes` must not be overwritten.
-    """
-    first_results: list[Array] = []
+    def added(copies: bool) -> list[Array]:
+        """Add the branch, and return its results.
 
-    def compute(branch: core.ClosedJaxpr) -> list[Value]:
-        results = lower.inline(branch, arguments)
-        # The first call, for `yes`, sets `first_results`. Each must have cells of its own, since
-        # `no` may give different arrays where `yes` gives the same array twice.
-        if not first_results:
-            results = apart(lower, results)
-            first_results[:] = results
-        # Later operations read the same cells whichever branch was executed. So the branch that is
-        # added second, `no`, must leave its arrays in the cells of the first one, `yes`.
-        if not all(old.owned for _, old in _moved(results, first_results)):
-            raise UnsupportedPrimitiveError("branches that give different arrays")
-        _move_to(lower, first_results, results)
-        return lower.flatten(results)
+        **Arguments:** `copies`: whether `yes` copies the arrays that must not be overwritten.
+        """
+        first_results: list[Array] = []
 
-    outs = lower.ops.branch(condition, partial(compute, yes), partial(compute, no))
-    return lower.unflatten(outs, first_results)
+        def compute(branch: core.ClosedJaxpr) -> list[Value]:
+            results = lower.inline(branch, arguments)
+            # The first call, for `yes`, sets `first_results`. Each must have cells of its own,
+            # since `no` may give different arrays where `yes` gives the same array twice.
+            if not first_results:
+                results = [
+                    lower.copied(a) if copies and isinstance(a, InMemory) and not a.owned else a
+                    for a in apart(lower, results)
+                ]
+                first_results[:] = results
+            # Later operations read the same cells whichever branch was executed. So the branch that
+            # is added second, `no`, must leave its arrays in the cells of the first one, `yes`.
+            if not all(old.owned for _, old in _moved(results, first_results)):
+                raise _DifferentArraysError
+            _move_to(lower, first_results, results)
+            return lower.flatten(results)
+
+        outs = lower.ops.branch(condition, partial(compute, yes), partial(compute, no))
+        return lower.unflatten(outs, first_results)
+
+    try:
+        return added(copies=False)
+    except _DifferentArraysError:
+        # Most branches that return an array as it was both return the same one. Copies are made
+        # only if they do not, which is known once both have been added. What has been added for the
+        # first attempt is not part of the program.
+        return added(copies=True)
 
 
 def apart(lower: Lowering, arrays: list[Array]) -> list[Array]:
