@@ -10,7 +10,8 @@ import os
 import stat
 import tempfile
 import zlib
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import jax
@@ -92,6 +93,20 @@ def is_private(folder: Path) -> bool:
     return status.st_uid in (0, os.getuid()) and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
 
+@contextmanager
+def system_errors_suppressed() -> Iterator[None]:
+    """Context that suppresses errors of the operating system.
+
+    A `TimeoutError` without the number of such an error is raised: a handler of signals has raised
+    it, to end a run after a limit of time.
+    """
+    try:
+        yield
+    except OSError as error:
+        if isinstance(error, TimeoutError) and error.errno is None:
+            raise
+
+
 class ProgramStore:
     """Folder of compiled programs, with a file for each key.
 
@@ -112,17 +127,17 @@ class ProgramStore:
         write to the folder.
         """
         path = self._path(key)
-        try:
-            if not is_private(self._folder):
-                return None
-            whole = path.read_bytes()
-            content = zlib.decompress(whole[_DIGEST:])
-        except (OSError, zlib.error):
+        whole = content = b""
+        with system_errors_suppressed(), suppress(zlib.error):
+            if is_private(self._folder):
+                whole = path.read_bytes()
+                content = zlib.decompress(whole[_DIGEST:])
+        if whole[:_DIGEST] != _digest(key, content):
             return None
-        with suppress(OSError):
+        with system_errors_suppressed():
             # Set the time of the last use, which is not possible in a read-only folder.
             os.utime(path)
-        return content if whole[:_DIGEST] == _digest(key, content) else None
+        return content
 
     def write(self, key: str, content: bytes) -> None:
         """Write content under a key, so that other processes read either all of it or nothing.
@@ -156,7 +171,7 @@ class ProgramStore:
         files = []
         # Another process may remove files at the same time.
         for path in self._folder.iterdir():
-            with suppress(OSError):
+            with system_errors_suppressed():
                 status = path.stat()
                 files.append((status.st_mtime, status.st_size, path))
         total = sum(size for _, size, _ in files)

@@ -196,6 +196,18 @@ class Compiled(Generic[Arguments, Result]):
         return self._inner._cached._cache_size() + self._outermost._cached._cache_size()
 
 
+_NEEDS_JAX = (
+    ArithmeticError,
+    AttributeError,
+    LookupError,
+    NotImplementedError,
+    TypeError,
+    ValueError,
+)
+"""Errors of functions that NumPy cannot compute; those of JAX are subclasses. Others are raised at
+once: a handler of signals may raise one, for instance `TimeoutError` to end a run."""
+
+
 class HostFirst(Generic[Arguments, Result]):
     """Function of PyTrees that NumPy computes if it can, and otherwise a program of XLA.
 
@@ -244,7 +256,7 @@ class HostFirst(Generic[Arguments, Result]):
                 # Under `eval_shape`, an operation of JAX is not compiled but returns a tracer, even
                 # for known numbers. A tracer in the result shows that the function needs JAX.
                 jax.eval_shape(lambda: results.append(function(*arguments, **options)))
-            except Exception:
+            except _NEEDS_JAX:
                 # An error of the function itself is raised again when XLA compiles the function.
                 return []
         return [] if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(results)) else results

@@ -12,8 +12,8 @@ each lane tries one step.
 
 import threading
 import time
-from collections import OrderedDict, defaultdict, deque
-from collections.abc import Callable, Hashable, Sequence
+from collections import defaultdict, deque
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -30,9 +30,9 @@ from ...math.vectors import Scalar, pack
 from ...native import Native, UnsupportedPrimitiveError, is_native
 from ...native.cells import Cells
 from ...native.compiled import report_fallback
-from ...native.functions import BoundFunction
+from ...native.functions import BoundFunction, FlatArguments
 from ...native.lanes import LaneLoop
-from ...native.machine_code import load_or_make
+from ...native.machine_code import RecentPrograms, load_or_make
 from ...runtime import threads_of_sweeps
 from ..run.impact_recorder import ImpactRow
 from ..run.terminal import interruptions_deferred
@@ -582,7 +582,7 @@ def _columns(
     return jax.lax.map(columns_of_row, rows)
 
 
-_LOOPS: OrderedDict[Hashable, LaneLoop] = OrderedDict()
+_LOOPS: RecentPrograms[LaneLoop] = RecentPrograms()
 """Native loops that this process has made, by structure, shapes, types and static values of the
 data of their lanes. Batches whose data agree in these share a loop. (An entry in a plain `dict`
 would count as a change of the package's code, see `clearjoint.compilation.package_code`.)"""
@@ -597,18 +597,17 @@ def _native_loop(common: Common, own: tuple[Task, LaneRequest], lane: Lane) -> L
     state of one lane.
     """
     trees = common, own, lane
-    leaves, structure = jax.tree.flatten(trees)
-    # A loop is compiled for shapes and types of arrays, but for values of static leaves.
-    forms = [(leaf.shape, leaf.dtype) if eqx.is_array(leaf) else leaf for leaf in leaves]
-    key = structure, tuple(forms)
+    key = FlatArguments.of(trees).key
     # The lock makes other threads wait for a loop that is being compiled.
     with _LOOPS_LOCK:
-        if key not in _LOOPS:
+        loop = _LOOPS.recent(key)
+        if loop is None:
             traced = begins_a_program(_lane_after_turn)
-            _LOOPS[key] = load_or_make(
+            loop = load_or_make(
                 _lane_after_turn, trees, lambda: LaneLoop(traced, _lane_status, *trees)
             )
-        return _LOOPS[key]
+            _LOOPS.add(key, loop)
+        return loop
 
 
 def _lane_after_turn(common: Common, own: tuple[Task, LaneRequest], lane: Lane) -> Lane:
