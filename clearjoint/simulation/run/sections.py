@@ -20,12 +20,13 @@ import jax.numpy as jnp
 
 from ...fields.checks import require, require_array_names, require_count, require_finite
 from ...fields.objects import on_device
-from ...math.interpolation import secant_root
+from ...math.interpolation import Point, secant_root, vertex
 from ...math.vectors import Scalar
 from ...model.scene import Scene
 from ...quantities.base import Instant, Quantity, check_quantity, require_quantity
 from ..results.solution import TIME, Crossings
 from ..step.dense_output import Snapshot, on_constraints
+from ..step.step_state import choose
 from .recorders import ROWS, RowBuffer
 from .run_loop import AbstractRecorder, RunStart, StepOutcome
 
@@ -79,8 +80,9 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
     """Recorder of the crossings of a section.
 
     - `quantity`: function of an `Instant`; its value is called the level. A step contains a
-      crossing if the level is negative at its start, and positive or zero at its end. If the level
-      passes through zero several times in a step, at most one crossing is found.
+      crossing if the level is negative at its start, and positive or zero at its end; also if the
+      level has the same sign at both ends, and the other one where it turns in between. If the
+      level passes through zero more often in a step, at most one crossing is found.
     - `earliest`: s, time of the scene before which crossings are ignored.
     - `channels`: pairs of a name and a quantity. A row of the record contains the time and the
       values of all quantities, by name. If `channels` is ``None``, as in lanes, a row is a
@@ -110,17 +112,18 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
         before `earliest`, and more rows are wanted.
         """
         kept, before, after = step_outcome.kept, record.level, self._level(step_outcome.now)
-        rises = kept & (before < 0.0) & (after >= 0.0)
+        start, end = self._rise(step_outcome, before, after)
+        rises = kept & (start.value < 0.0) & (end.value >= 0.0)
         if self.channels is None:
             # In lanes, which cannot branch one by one, the root is searched for in every step.
-            row = self._crossing(step_outcome, before, after)
+            row = self._crossing(step_outcome, start, end)
             time = step_outcome.system.clock(row.t)
         else:
             # Most steps have no crossing: other runs search for the root only in steps with one.
             system, channels = step_outcome.system, dict(self.channels)
 
             def columns() -> dict[str, Scalar]:
-                values = self._crossing(step_outcome, before, after).columns(system, channels)
+                values = self._crossing(step_outcome, start, end).columns(system, channels)
                 return {name: jnp.asarray(value, dtype=float) for name, value in values.items()}
 
             row = jax.lax.cond(rises, columns, lambda: self._none())
@@ -129,21 +132,69 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
         is_recorded = rises & (time >= self.earliest) & (limit > record.rows.count)
         return SectionRecord(jnp.where(kept, after, before), record.rows.with_row(row, is_recorded))
 
+    def searched(self, now: Instant) -> Scalar:
+        """Return the level, whose changes of sign are searched for."""
+        return self._level(now)
+
     def _level(self, now: Instant) -> Scalar:
         """Return the value of the quantity that rises through zero at a crossing."""
         return jnp.asarray(self.quantity(now), dtype=float)
 
-    def _crossing(self, step_outcome: StepOutcome, before: Scalar, after: Scalar) -> Snapshot:
+    def _level_inside(self, step_outcome: StepOutcome, x: Scalar) -> Scalar:
+        """Return the level after a part x, 0 to 1, of the time of an accepted step."""
+        dense = step_outcome.dense_step
+        return self._level(dense.within(step_outcome.method, x).instant(step_outcome.system))
+
+    def _rise(
+        self, step_outcome: StepOutcome, before: Scalar, after: Scalar
+    ) -> tuple[Point, Point]:
+        """Return two points of the level in a step, between which it rises through zero if it does
+        so in the step: both ends or, if the level has the same sign at both ends, one end and the
+        turning point between them.
+
+        A ball that is thrown up, for example, flies without integration errors, in a single step,
+        through a height and back.
+
+        **Arguments:** `before`, `after`: the levels at the start and the end of the step.
+        """
+
+        def level_at(x: Scalar) -> Scalar:
+            return self._level_inside(step_outcome, x)
+
+        first, last = Point(jnp.zeros(()), before), Point(jnp.ones(()), after)
+        # The turning point is that of a parabola, which is above both ends if they are negative,
+        # and below them otherwise.
+        sign = jnp.where(before < 0.0, 1.0, -1.0)
+        upright = [
+            Point(x, sign * value)
+            for x, value in ((0.0, before), (0.5, level_at(jnp.asarray(0.5))), (1.0, after))
+        ]
+        x = vertex(*upright)
+        may_turn = ((before < 0.0) == (after < 0.0)) & (x > 0.0) & (x < 1.0)
+        if self.channels is None:
+            value = level_at(x)
+        else:
+            value = jax.lax.cond(may_turn, lambda: level_at(x), lambda: before)
+        inner, above = Point(x, value), before < 0.0
+        return (
+            choose(may_turn & ~above, inner, first),
+            choose(may_turn & above, inner, last),
+        )
+
+    def _crossing(self, step_outcome: StepOutcome, start: Point, end: Point) -> Snapshot:
         """Return time and state at the crossing in an accepted step. Without a crossing in the step
         the result is meaningless.
 
-        **Arguments:** `before`, `after`: the levels at the start and the end of the step.
+        **Arguments:** `start`, `end`: points of the level, between which it rises through zero.
         """
         system, method, dense = step_outcome.system, step_outcome.method, step_outcome.dense_step
 
         # x is the elapsed part of the step's time, 0 to 1.
-        x = secant_root(
-            lambda x: self._level(dense.within(method, x).instant(system)), before, after
+        length = end.x - start.x
+        x = start.x + length * secant_root(
+            lambda x: self._level_inside(step_outcome, start.x + length * x),
+            start.value,
+            end.value,
         )
         # Dense output satisfies the constraints only approximately, so its result is corrected.
         row = dense.at(method, dense.start.t + x * (dense.end.t - dense.start.t))
