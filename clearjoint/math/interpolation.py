@@ -87,25 +87,6 @@ def hermite_root(start: Slope, end: Slope, h: Scalar) -> Scalar:
     return x
 
 
-def secant_root(value_at: Callable[[Scalar], Scalar], start: Scalar, end: Scalar) -> Scalar:
-    """Return the approximate position x of a function's root in a step, by `SECANT_STEPS` secant
-    steps.
-
-    It serves for functions whose rates are not known, unlike `hermite_root`.
-
-    **Arguments:** `value_at`: function of x; `start`, `end`: its values at x = 0 and x = 1, which
-    must have opposite signs.
-    """
-    x_old, x, value_old, value = jnp.zeros_like(start), jnp.ones_like(end), start, end
-    for _ in range(SECANT_STEPS):
-        # After convergence, neither x nor the value changes, and x must stay where it is.
-        change = value - value_old
-        slope = jnp.where(change == 0.0, 1.0, change)
-        x_old, x = x, jnp.clip(x - value * (x - x_old) / slope, 0.0, 1.0)
-        value_old, value = value, value_at(x)
-    return x
-
-
 class Bend(NamedTuple):
     """A value, its rate and its second rate (second derivative by time) at one end of a step."""
 
@@ -178,6 +159,17 @@ class Parabola(NamedTuple):
             jnp.maximum(jnp.maximum(*ends), inner),
         )
 
+    def rising_root(self) -> Scalar:
+        """Return the position at which the parabola rises through zero; that of its turning point
+        if it has no roots."""
+        root = jnp.sqrt(jnp.maximum(self.slope * self.slope - 4.0 * self.bend * self.start, 0.0))
+        # Of two equivalent expressions, the one without cancellation is chosen. Without slope and
+        # curvature, the result is arbitrary, but finite.
+        rises = self.slope > 0.0
+        above = jnp.where(rises, -2.0 * self.start, root - self.slope)
+        below = jnp.where(rises, self.slope + root, 2.0 * self.bend)
+        return above / jnp.where(below == 0.0, 1.0, below)
+
     def part_below(self, level: Scalar, a: Scalar, b: Scalar) -> Scalar:
         """Return the total length of the parts of [a, b] in which the value is below `level`."""
         # A straight line is treated as a parabola of negligible curvature, which has one root far
@@ -203,6 +195,39 @@ class Point(NamedTuple):
 
     x: Scalar
     value: Scalar
+
+
+def secant_root(
+    value_at: Callable[[Scalar], Scalar], start: Point, end: Point, guess: Scalar
+) -> Scalar:
+    """Return the approximate position x of a function's root between two points, by `SECANT_STEPS`
+    secant steps within a shrinking bracket.
+
+    It serves for functions whose rates are not known, unlike `hermite_root`.
+
+    **Arguments:** `value_at`: function of x; `start`, `end`: two of its points in order of x, whose
+    values must have opposite signs; `guess`: where the search begins, if it is between them.
+    """
+    lower, upper, sign = start, end, jnp.where(end.value > start.value, 1.0, -1.0)
+    old, x = end, jnp.where((guess > start.x) & (guess < end.x), guess, _zero(start, end))
+    for _ in range(SECANT_STEPS):
+        new = Point(x, value_at(x))
+        past = sign * new.value > 0.0
+        lower, upper = _either(past, lower, new), _either(past, new, upper)
+        # Where the secant leaves the bracket, the chord of the bracket is taken. Without it, the
+        # secant through two points on the far side of a turning point leads away from the root.
+        secant = _zero(old, new)
+        inside = (secant >= lower.x) & (secant <= upper.x)
+        old, x = new, jnp.where(inside, secant, _zero(lower, upper))
+    return x
+
+
+def _zero(first: Point, second: Point) -> Scalar:
+    """Return the position of the zero of the straight line through two points; that of the second
+    point if the two are equal, as after convergence."""
+    change = second.value - first.value
+    slope = jnp.where(change == 0.0, 1.0, change)
+    return second.x - second.value * (second.x - first.x) / slope
 
 
 def vertex(first: Point, middle: Point, last: Point) -> Scalar:

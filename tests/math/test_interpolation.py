@@ -52,8 +52,26 @@ def test_roots_of_a_bent_curve(root):
 
     start, end = (Slope(jnp.asarray(value(x)), 2.0 + 2.0 * x - root) for x in (0.0, 1.0))
     assert float(hermite_root(start, end, 1.0)) == pytest.approx(root, abs=1e-9)
-    found = secant_root(value, start.value, end.value)
-    assert float(found) == pytest.approx(root, abs=2e-4)
+    ends = Point(0.0, start.value), Point(1.0, end.value)
+    assert float(secant_root(value, *ends, 0.5)) == pytest.approx(root, abs=2e-4)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_parabolas_that_rise_through_zero(seed):
+    """Far from its turning point, or near it, where plain secants lead away from the root."""
+    generator = np.random.default_rng(seed)
+    root, bend = generator.uniform((0.0, -5.0), (1.0, 5.0))
+    slope = generator.uniform(0.0, 5.0) - 2.0 * bend * root + max(0.0, 2.0 * bend * (root - 1.0))
+    parabola = Parabola(-root * (slope + bend * root), slope, bend)
+    assert slope + 2.0 * bend * root > 0.0
+    assert float(parabola.rising_root()) == pytest.approx(root, abs=1e-12)
+
+    def value(x):
+        return (x - 0.6) * (x + 0.5 - 0.8 * x)
+
+    ends = Point(0.1, value(0.1)), Point(1.0, value(1.0))
+    for guess in (0.1, 0.3, 1.0):
+        assert float(secant_root(value, *ends, guess)) == pytest.approx(0.6, abs=1e-3)
 
 
 def test_parabolas_and_their_vertices():

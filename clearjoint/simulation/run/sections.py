@@ -13,6 +13,7 @@ during the run, every lane would have to compute them in every step.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -20,7 +21,7 @@ import jax.numpy as jnp
 
 from ...fields.checks import require, require_array_names, require_count, require_finite
 from ...fields.objects import on_device
-from ...math.interpolation import Point, secant_root, vertex
+from ...math.interpolation import Parabola, Point, secant_root
 from ...math.vectors import Scalar
 from ...model.scene import Scene
 from ...quantities.base import Instant, Quantity, check_quantity, require_quantity
@@ -62,6 +63,15 @@ def check_quantities(channels: Channels, scene: Scene) -> None:
     """
     for name, (quantity, _) in channels.items():
         check_quantity(f"channel {name!r}", quantity, scene)
+
+
+class Bracket(NamedTuple):
+    """Two points of a function in a step, between which it rises through zero, and the position of
+    the estimated root. Positions are parts of the step's time, 0 to 1."""
+
+    start: Point
+    end: Point
+    guess: Scalar
 
 
 class SectionRecord(eqx.Module):
@@ -112,18 +122,18 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
         before `earliest`, and more rows are wanted.
         """
         kept, before, after = step_outcome.kept, record.level, self._level(step_outcome.now)
-        start, end = self._rise(step_outcome, before, after)
-        rises = kept & (start.value < 0.0) & (end.value >= 0.0)
+        bracket = self._bracket(step_outcome, before, after)
+        rises = kept & (bracket.start.value < 0.0) & (bracket.end.value >= 0.0)
         if self.channels is None:
             # In lanes, which cannot branch one by one, the root is searched for in every step.
-            row = self._crossing(step_outcome, start, end)
+            row = self._crossing(step_outcome, bracket)
             time = step_outcome.system.clock(row.t)
         else:
             # Most steps have no crossing: other runs search for the root only in steps with one.
             system, channels = step_outcome.system, dict(self.channels)
 
             def columns() -> dict[str, Scalar]:
-                values = self._crossing(step_outcome, start, end).columns(system, channels)
+                values = self._crossing(step_outcome, bracket).columns(system, channels)
                 return {name: jnp.asarray(value, dtype=float) for name, value in values.items()}
 
             row = jax.lax.cond(rises, columns, lambda: self._none())
@@ -145,57 +155,43 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
         dense = step_outcome.dense_step
         return self._level(dense.within(step_outcome.method, x).instant(step_outcome.system))
 
-    def _rise(
-        self, step_outcome: StepOutcome, before: Scalar, after: Scalar
-    ) -> tuple[Point, Point]:
-        """Return two points of the level in a step, between which it rises through zero if it does
-        so in the step: both ends or, if the level has the same sign at both ends, one end and the
-        turning point between them.
+    def _bracket(self, step_outcome: StepOutcome, before: Scalar, after: Scalar) -> Bracket:
+        """Return the part of an accepted step in which the level rises through zero, if it does so
+        in the step.
 
-        A ball that is thrown up, for example, flies without integration errors, in a single step,
-        through a height and back.
+        It is the whole step unless the level has the same sign at both ends. Then it ends or begins
+        at the turning point of the level. A ball that is thrown up, for example, flies without
+        integration errors: in a single step it passes a height twice.
 
         **Arguments:** `before`, `after`: the levels at the start and the end of the step.
         """
+        parabola = Parabola.through(before, self._level_inside(step_outcome, 0.5), after)
+        guess, below = parabola.rising_root(), before < 0.0
+        first, last = Point(0.0, before), Point(1.0, after)
+        # The turning point, inside of the step, on the other side of zero than both ends.
+        x = -0.5 * parabola.slope / jnp.where(parabola.bend == 0.0, 1.0, parabola.bend)
+        turns = (below == (after < 0.0)) & (x > 0.0) & (x < 1.0)
+        turns = turns & ((parabola.at(x) < 0.0) != below)
 
-        def level_at(x: Scalar) -> Scalar:
+        def level() -> Scalar:
             return self._level_inside(step_outcome, x)
 
-        first, last = Point(jnp.zeros(()), before), Point(jnp.ones(()), after)
-        # The turning point is that of a parabola, which is above both ends if they are negative,
-        # and below them otherwise.
-        sign = jnp.where(before < 0.0, 1.0, -1.0)
-        upright = [
-            Point(x, sign * value)
-            for x, value in ((0.0, before), (0.5, level_at(jnp.asarray(0.5))), (1.0, after))
-        ]
-        x = vertex(*upright)
-        may_turn = ((before < 0.0) == (after < 0.0)) & (x > 0.0) & (x < 1.0)
-        if self.channels is None:
-            value = level_at(x)
-        else:
-            value = jax.lax.cond(may_turn, lambda: level_at(x), lambda: before)
-        inner, above = Point(x, value), before < 0.0
-        return (
-            choose(may_turn & ~above, inner, first),
-            choose(may_turn & above, inner, last),
+        # In lanes, both branches of a condition would be computed.
+        value = level() if self.channels is None else jax.lax.cond(turns, level, lambda: before)
+        inner = Point(x, value)
+        return Bracket(
+            choose(turns & jnp.logical_not(below), inner, first),
+            choose(turns & below, inner, last),
+            guess,
         )
 
-    def _crossing(self, step_outcome: StepOutcome, start: Point, end: Point) -> Snapshot:
+    def _crossing(self, step_outcome: StepOutcome, bracket: Bracket) -> Snapshot:
         """Return time and state at the crossing in an accepted step. Without a crossing in the step
-        the result is meaningless.
-
-        **Arguments:** `start`, `end`: points of the level, between which it rises through zero.
-        """
+        the result is meaningless."""
         system, method, dense = step_outcome.system, step_outcome.method, step_outcome.dense_step
 
         # x is the elapsed part of the step's time, 0 to 1.
-        length = end.x - start.x
-        x = start.x + length * secant_root(
-            lambda x: self._level_inside(step_outcome, start.x + length * x),
-            start.value,
-            end.value,
-        )
+        x = secant_root(lambda x: self._level_inside(step_outcome, x), *bracket)
         # Dense output satisfies the constraints only approximately, so its result is corrected.
         row = dense.at(method, dense.start.t + x * (dense.end.t - dense.start.t))
         return Snapshot(row.t, on_constraints(system, row.y, row.t), row.entry_speeds)

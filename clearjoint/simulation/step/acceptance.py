@@ -95,8 +95,8 @@ def decide_step(
         rotation = rotation_in(method, system, step, trial)
         repeats = keep & (rotation > LARGEST)
         keep = keep & ~repeats
-        shorter = step.t + jnp.maximum(TARGET / rotation, SHORTER) * (t1 - step.t)
-        t_next = jnp.where(repeats, shorter, t_next)
+        shorter = step.t + jnp.clip(TARGET / rotation, SHORTER, 1.0) * (t1 - step.t)
+        t_next = jnp.where(repeats, jax.lax.stop_gradient(shorter), t_next)
         controller_state = choose(repeats, last.controller_state, controller_state)
 
     # 3. Length of the next step. The controller's proposal assumes that the next step has the same

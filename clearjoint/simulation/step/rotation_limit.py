@@ -43,7 +43,8 @@ def rotating_bodies(
     given variables.
     """
     scene, coordinates = system.scene, system.formulation.coordinates
-    rates = coordinates.rotation_rates(scene, motion)
+    # Only the names are needed here: the rates are traced and not computed.
+    rates = jax.eval_shape(lambda: coordinates.rotation_rates(scene, motion))
     if not rates:
         return frozenset()
     joints = scene.contact_joints().values()
