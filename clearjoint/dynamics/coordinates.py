@@ -198,8 +198,9 @@ class AbstractCoordinates(eqx.Module):
         """Return how fast bodies rotate relative to the bodies that carry them, rad/s, positive, by
         name, for rotations that have no integration error if they are uniform.
 
-        Runs limit these rotations in a step where they search steps for events. The default is an
-        empty dictionary: the integration error of Euler parameters limits the rotation in a step.
+        Runs limit these rotations in a step where they search steps for events. The variables of
+        these bodies, by name, must have an attribute `position`. The default is an empty
+        dictionary: the integration error of Euler parameters limits the rotation in a step.
         """
         return {}
 

@@ -28,7 +28,13 @@ LARGEST = 0.75
 """Largest rotation of a body relative to the one that carries it, rad, in an accepted step."""
 TARGET = 0.5
 """The rotation, rad, to which steps are shortened. It is smaller than `LARGEST`, so that steps of a
-rotation that accelerates are rarely repeated."""
+rotation that accelerates are rarely repeated.
+
+Contacts would allow longer steps: 200 random mechanisms had the impacts of runs with very short
+steps also with 2.1 rad. Statistics need short ones, since they approximate a quantity by a parabola
+in each step: the root mean square of a coordinate of a rotor is wrong by 7e-5 of its value with
+0.5 rad, and by 2.5e-4 with 0.7 rad.
+"""
 
 
 def rotating_bodies(
