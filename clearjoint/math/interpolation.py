@@ -7,6 +7,7 @@ element by element.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -87,39 +88,6 @@ def hermite_root(start: Slope, end: Slope, h: Scalar) -> Scalar:
         inside = (newton >= lower) & (newton <= upper)
         x = jnp.where(inside, newton, 0.5 * (lower + upper))
     return x
-
-
-def secant_root(value_at: Callable[[Scalar], Scalar], start: Scalar, end: Scalar) -> Scalar:
-    """Return the approximate position x of a function's root in a step, by `SECANT_STEPS` secant
-    steps within a shrinking bracket (N. Anderson, A. Bjorck 1973).
-
-    It serves for functions whose rates are not known, unlike `hermite_root`.
-
-    **Arguments:** `value_at`: function of x; `start`, `end`: its values at x = 0 and x = 1, which
-    must have opposite signs.
-    """
-
-    # Secants without a bracket missed the root of a contact that begins soon after another one has
-    # ended: both ends of the step are then at the wall, and the greatest distance lies between.
-    def refine(_: int, state: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
-        # The root lies between x, the latest position, and `other`.
-        x, value, other, value_there = state
-        change = value - value_there
-        slope = jnp.where(change == 0.0, 1.0, change)
-        x_new = jnp.where(change == 0.0, x, x - value * (x - other) / slope)
-        value_new = value_at(x_new)
-        crosses = (value_new > 0.0) != (value > 0.0)
-        # If the far end of the bracket stays, its value is reduced, so that the next secant meets
-        # zero on the other side of the root. Otherwise one end would never move.
-        ratio = 1.0 - value_new / jnp.where(value == 0.0, 1.0, value)
-        reduced = value_there * jnp.where(ratio > 0.0, ratio, 0.5)
-        # At a root, neither the position nor the value must change any more.
-        reduced = jnp.where(value == 0.0, value_there, reduced)
-        far = jnp.where(crosses, x, other), jnp.where(crosses, value, reduced)
-        return x_new, value_new, *far
-
-    first = jnp.ones_like(end), end, jnp.zeros_like(start), start
-    return jax.lax.fori_loop(0, SECANT_STEPS, refine, first)[0]
 
 
 class Bend(NamedTuple):
@@ -219,6 +187,39 @@ class Point(NamedTuple):
 
     x: Scalar
     value: Scalar
+
+
+def secant_root(value_at: Callable[[Scalar], Scalar], start: Point, end: Point) -> Scalar:
+    """Return the approximate position x of a function's root between two points, by `SECANT_STEPS`
+    secant steps within a shrinking bracket (N. Anderson, A. Bjorck 1973).
+
+    It serves for functions whose rates are not known, unlike `hermite_root`.
+
+    **Arguments:** `value_at`: function of x; `start`, `end`: two of its points, whose values must
+    have opposite signs.
+    """
+
+    # Secants without a bracket missed the root of a contact that begins soon after another one has
+    # ended: both ends of the step are then at the wall, and the greatest distance lies between.
+    def refine(_: int, state: tuple[Point, Point]) -> tuple[Point, Point]:
+        # The root lies between the latest point and `other`.
+        last, other = state
+        change = last.value - other.value
+        slope = jnp.where(change == 0.0, 1.0, change)
+        x = jnp.where(change == 0.0, last.x, last.x - last.value * (last.x - other.x) / slope)
+        new = Point(x, value_at(x))
+        crosses = (new.value > 0.0) != (last.value > 0.0)
+        # If the far end of the bracket stays, its value is reduced, so that the next secant meets
+        # zero on the other side of the root. Otherwise one end would never move.
+        ratio = 1.0 - new.value / jnp.where(last.value == 0.0, 1.0, last.value)
+        reduced = other.value * jnp.where(ratio > 0.0, ratio, 0.5)
+        # At a root, neither the position nor the value must change any more.
+        reduced = jnp.where(last.value == 0.0, other.value, reduced)
+        return new, _either(crosses, last, Point(other.x, reduced))
+
+    # Loops need arrays of equal types.
+    ends = jax.tree.map(partial(jnp.asarray, dtype=float), (end, start))
+    return jax.lax.fori_loop(0, SECANT_STEPS, refine, ends)[0].x
 
 
 def vertex(first: Point, middle: Point, last: Point) -> Scalar:

@@ -53,8 +53,8 @@ def test_roots_of_a_bent_curve(root):
 
     start, end = (Slope(jnp.asarray(value(x)), 2.0 + 2.0 * x - root) for x in (0.0, 1.0))
     assert float(hermite_root(start, end, 1.0)) == pytest.approx(root, abs=1e-9)
-    found = secant_root(value, start.value, end.value)
-    assert float(found) == pytest.approx(root, abs=2e-4)
+    ends = Point(0.0, start.value), Point(1.0, end.value)
+    assert float(secant_root(value, *ends)) == pytest.approx(root, abs=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -68,8 +68,8 @@ def test_secants_find_the_root_of_a_contact_right_after_another(seed):
         arch = 4.0 * x * (1.0 - x) * (1.0 + skew * (x - 0.5))
         return (1.0 - x) * -before + x * after - distance * arch
 
-    found = float(secant_root(value, jnp.asarray(value(0.0)), jnp.asarray(value(1.0))))
-    assert found == pytest.approx(brentq(value, 0.5, 1.0, xtol=1e-16), abs=1e-14)
+    root = float(secant_root(value, Point(0.0, value(0.0)), Point(1.0, value(1.0))))
+    assert root == pytest.approx(brentq(value, 0.5, 1.0, xtol=1e-16), abs=1e-14)
 
 
 def test_parabolas_and_their_vertices():

@@ -21,6 +21,7 @@ from ...dynamics.system import System
 from ...math.vectors import Condition, Scalar, Vector
 from ...model.bodies import BodyState
 from ...model.scene import Scene
+from .rotation_limit import longest_step
 from .step_state import Method, Proposal, Step, Variables
 
 CUT = 0.99
@@ -37,22 +38,26 @@ a fall from 50 m on a stiffness of 1e13 N/m^1.5 could not be computed."""
 def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Scalar:
     """Return the end of the next trial, s.
 
-    It is the earliest of four times: the proposed end in `step.proposal`, the next breakpoint, the
-    predicted next event of a contact, and the end `t_end` of the run. Without the rule
-    `method.landing`, events of contacts do not count. An event of a contact that is too close for
-    floating-point times counts as a few of their spacings away.
+    It is the earliest of five times: the proposed end in `step.proposal`, the next breakpoint, the
+    predicted next event of a contact, the end of the longest step that `.rotation_limit` allows,
+    and the end `t_end` of the run. Without the rule `method.landing`, events of contacts do not
+    count. A time that is too close for floating-point times counts as a few of their spacings away.
     """
     t1 = jnp.minimum(step.proposal.t_next, t_end)
     breakpoint = next_breakpoint(system, step.t)
     if breakpoint is not None:
         t1 = jnp.minimum(t1, breakpoint)
-    if method.landing is None or not step.contact_gaps:
-        return t1
+    lengths = []
+    if method.landing is not None and step.contact_gaps:
+        lengths.append(method.landing.time_to_next_event(step.contact_gaps, step.second_rates))
+    if method.rotating:
+        lengths.append(longest_step(method, system, step))
     # A step cannot end at an event that is closer than a few spacings of floating-point times,
     # because it must still advance. The number 1e-300 keeps this bound positive at t = 0.
     resolution = 4.0 * jnp.finfo(t1.dtype).eps * jnp.maximum(jnp.abs(step.t), 1e-300)
-    time_to_event = method.landing.time_to_next_event(step.contact_gaps, step.second_rates)
-    return jnp.minimum(t1, step.t + jnp.maximum(time_to_event, resolution))
+    for length in lengths:
+        t1 = jnp.minimum(t1, step.t + jnp.maximum(length, resolution))
+    return t1
 
 
 def lengths_after_contacts(
@@ -95,8 +100,9 @@ def lengths_after_contacts(
 
 
 def length_after_breakpoints(step: Step, t1: Scalar, keep: Condition, proposed: Scalar) -> Scalar:
-    """Return `full_length` of the next `Proposal`, its length without events, s, in a scene with
-    breakpoints but no contacts. The arguments are those of `lengths_after_contacts`."""
+    """Return `full_length` of the next `Proposal`, its length without events, s, in a scene without
+    contacts, whose steps breakpoints or `.rotation_limit` may cut short. The arguments are those of
+    `lengths_after_contacts`."""
     is_cut = t1 - step.t < CUT * step.proposal.full_length
     return jnp.where(keep, _uncut(step.proposal, is_cut, proposed), proposed)
 
