@@ -67,6 +67,7 @@ THIRD_PARTY = {
     "pdoc": {"reference"},
     "yourdfpy": {"scene_files"},
     "zarr": {"sweeps"},
+    "numcodecs": {"sweeps"},
     "cloudpickle": {"sweeps"},
 }
 """The rooms that may import a package, beside those that every room may."""
@@ -185,6 +186,7 @@ LOADED_WHEN_FIRST_USED = {
     "optax",
     "pandas",
     "pint",
+    "numcodecs",
     "scipy",
     "tomlkit",
     "xarray",

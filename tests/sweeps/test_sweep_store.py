@@ -405,6 +405,18 @@ def test_a_full_disk_leaves_the_earlier_chunk_and_no_part_of_another(path, monke
     assert {file: file.read_bytes() for file in path.rglob("*") if file.is_file()} == before
 
 
+def test_the_error_of_a_time_limit_is_not_taken_for_an_existing_folder(tmp_path, monkeypatch):
+    mkdir = os.mkdir
+
+    def expired(folder, *options):
+        mkdir(folder, *options)
+        raise TimeoutError("the time is over")
+
+    monkeypatch.setattr(os, "mkdir", expired)
+    with pytest.raises(TimeoutError, match="is over"):
+        chunks.make_folder(tmp_path / "a" / "b")
+
+
 def test_the_error_of_a_time_limit_is_not_taken_for_that_of_a_file_system(path, monkeypatch):
     """A signal handler may raise a `TimeoutError`, which is an `OSError`, while the process waits
     for a lock."""

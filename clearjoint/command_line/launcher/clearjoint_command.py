@@ -30,7 +30,7 @@ def main() -> None:
 def _asks_for_help(arguments: Sequence[str]) -> bool:
     """Return whether the arguments, such as ``run --help``, only ask for help or for the version,
     so that no command is run."""
-    return not arguments or (len(arguments) <= 2 and arguments[-1] in ("-h", "--help", "--version"))
+    return 0 < len(arguments) <= 2 and arguments[-1] in ("-h", "--help", "--version")
 
 
 def _leave_package_out() -> None:

@@ -10,6 +10,7 @@ Results are encoded and written here, as Zarr would do it, because Zarr hands ea
 threads. Under the load of a sweep, that took 4 ms a file, and a chunk has a file for each variable.
 """
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
@@ -17,7 +18,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numcodecs.zstd import Zstd
 
 from .program import DIGITS, digest
 
@@ -168,6 +168,14 @@ def compressors() -> "tuple[BytesBytesCodec, ...]":
     return (ZstdCodec(level=0, checksum=False),)
 
 
+def make_folder(folder: Path) -> None:
+    """Make a folder, and those above it, unless they exist."""
+    # With `exist_ok`, Python takes any error for that of an existing folder, also the `TimeoutError`
+    # of a signal handler.
+    with suppress(FileExistsError):
+        os.makedirs(folder)
+
+
 def write_chunk(path: Path, array: "zarr.Array", chunk: int, values: np.ndarray) -> Path:
     """Write one chunk of an array of results, so that a reader finds either the earlier file or the
     new one.
@@ -179,12 +187,14 @@ def write_chunk(path: Path, array: "zarr.Array", chunk: int, values: np.ndarray)
 
     **Raises:** `OSError`, for example if the disk is full; the earlier file is left then.
     """
+    from numcodecs.zstd import Zstd
+
     file = chunk_file(path, array, chunk)
     # Zarr stores chunks in full size, in little-endian order.
     rows = np.full(array.chunks, array.fill_value, array.dtype.newbyteorder("<"))
     rows[tuple(map(slice, values.shape))] = values
     content = bytes(Zstd(level=0).encode(rows.tobytes()))
-    file.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(file.parent)
     # The lock of the store allows one process at a time to write, so that the name can be the same
     # each time, and the file that a killed process leaves is written over.
     new = file.with_name(f"{file.name}.partial")
@@ -206,6 +216,8 @@ def read_chunk(path: Path, array: "zarr.Array", chunk: int) -> np.ndarray | None
     **Returns:** (n, ...), as many rows as the array has in the chunk; ``None`` if the file is
     missing or damaged.
     """
+    from numcodecs.zstd import Zstd
+
     file = chunk_file(path, array, chunk)
     try:
         content = _checked(file.relative_to(path).as_posix(), file.read_bytes())

@@ -30,6 +30,7 @@ from .chunks import (
     checked_files,
     chunk_file,
     compressors,
+    make_folder,
     opened,
     opened_group,
     read,
@@ -81,7 +82,7 @@ def _remove(folder: Path) -> None:
 def move(file: Path, to: Path) -> None:
     """Move a file to the path `to`: an earlier file there is replaced, and missing folders are
     made."""
-    to.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(to.parent)
     file.replace(to)
 
 
