@@ -31,7 +31,6 @@ from ..simulation.step.method import Scheme
 from ..simulation.step.settings import Settings
 from . import folders
 from .endings import FAILED, INTERRUPTED, WELL, CommandResult, has_error_stream, say
-from .reports import PDF, VIEW, write_run_report
 from .study import RunPart, Study
 
 FRAMES = 1000
@@ -94,6 +93,9 @@ def run(study: Study, folder: Path) -> CommandResult:
     except RunInterrupted as stopped:
         assert isinstance(stopped.solution, Solution)
         code, solution = INTERRUPTED, stopped.solution
+    # Imported here, because it takes long and `clearjoint check` does not need it.
+    from .reports import PDF, VIEW, write_run_report
+
     folder.mkdir(parents=True, exist_ok=True)
     names = [folders.MOTION, folders.OBSERVED, folders.IMPACTS, folders.OUTPUTS]
     folders.remove_old(folder, [*names, f"{folders.SECTION}*"], [folders.NUMBERS, PDF, VIEW])

@@ -1,6 +1,7 @@
 """The program `clearjoint`: messages, exit codes, and results equal to those of the library."""
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -764,6 +765,41 @@ def test_ctrl_c_during_the_import_ends_the_program():
         check=False,
     )
     assert (done.returncode, done.stderr) == (130, "interrupted\n")
+
+
+ROOT = Path(__file__).parents[2]
+LAUNCHER = ROOT / "clearjoint" / "command_line" / "launcher"
+IMPORTED = """
+import atexit, sys
+import clearjoint_command
+
+large = {"jax", "scipy.stats", "matplotlib.pyplot", "clearjoint.plot.polar"}
+atexit.register(lambda: print(sorted(large & set(sys.modules))))
+clearjoint_command.main()
+"""
+
+
+def imported(folder, *arguments):
+    """Which of the large packages the program has imported at its end."""
+    done = subprocess.run(
+        [sys.executable, "-c", IMPORTED, *arguments],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(map(str, [ROOT, LAUNCHER]))},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return done.stdout.splitlines()[-1]
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["sweep", "-h"], ["--version"]])
+def test_help_imports_no_large_package(tmp_path, arguments):
+    assert imported(tmp_path, *arguments) == "[]"
+
+
+def test_a_check_imports_no_plots(folder):
+    assert invoke("new", "four_bar").exit_code == 0
+    assert imported(Path.cwd(), "check", "four_bar_study.toml") == "['jax']"
 
 
 @pytest.mark.slow
