@@ -228,9 +228,12 @@ def _object_file(text: str) -> bytes:
     options = llvm.create_pipeline_tuning_options(speed_level=OPTIMISATION)
     # Programs are mostly straight code with few loops, on which these passes only take time.
     options.loop_vectorization = options.slp_vectorization = options.loop_unrolling = False
-    builder = llvm.create_pass_builder(machine, options)
-    builder.getModulePassManager().run(module, builder)
-    return machine.emit_object(module)
+    # The builder keeps results of analyses of the module, and must be freed before it. After an
+    # interrupt, Python would free both in the order in which the error's traceback holds them.
+    with module, options, llvm.create_pass_builder(machine, options) as builder:
+        with builder.getModulePassManager() as manager:
+            manager.run(module, builder)
+        return machine.emit_object(module)
 
 
 def _target() -> tuple[str, ...]:
