@@ -27,6 +27,7 @@ from clearjoint.export.datasets import describe, setting_notes
 from clearjoint.scene_files.documents import FileLocation, keys_of, written
 from clearjoint.simulation.run import host_run, terminal
 from tests.support.dropped_rod import dropped_rod
+from tests.support.repetitions import repetitions
 
 STUDY = """
 title = "A rod that falls"
@@ -83,8 +84,15 @@ def folder(tmp_path, monkeypatch):
 
 
 def invoke(*arguments: str):
-    """The exit code and output of a command."""
-    return CliRunner().invoke(clearjoint, arguments)
+    """The exit code and output of a command, which says nothing twice."""
+    outcome = CliRunner().invoke(clearjoint, arguments)
+    said = [line for line in outcome.output.splitlines() if line.split(":")[0] in SAID]
+    assert repetitions("\n".join(said)) == []
+    return outcome
+
+
+SAID = "error", "warning", "note"
+"""Beginnings of the lines of messages."""
 
 
 def changed(old: str, new: str) -> None:

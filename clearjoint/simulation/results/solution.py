@@ -31,7 +31,7 @@ from ...math.vectors import Scalar
 from ...model.bodies import BodyState, State
 from ...result_codes import RESULTS, result_number
 from ..step.settings import checked_times
-from ..step.types import Numbers
+from ..step.types import Flags, Numbers
 from .impact_table import Impacts
 
 T = TypeVar("T")
@@ -271,6 +271,8 @@ class Trajectory(AbstractReadable, AbstractTabular):
     - `times`: (N,) s, not decreasing.
     - `states`: a `State` whose arrays have an additional first axis of length N. For example,
       `states.bodies["arm"].position` has the shape (N, 3), in m.
+    - `interpolated`: (N,), true at the times inside steps, where `between` has interpolated the
+      states; ``None`` for a trajectory of computed states.
 
     >>> states = cj.State({"arm": cj.body_state((0, 0, 0))})
     >>> cj.results.Trajectory(np.zeros(1), states).times.shape
@@ -279,6 +281,7 @@ class Trajectory(AbstractReadable, AbstractTabular):
 
     times: Numbers
     states: State
+    interpolated: Flags | None = None
 
     def __len__(self) -> int:
         return self.times.shape[0]
@@ -312,7 +315,7 @@ class Trajectory(AbstractReadable, AbstractTabular):
         require(len(ends) >= 2, "times", len(ends), "two states of the trajectory or more", remedy)
         states = jax.tree.map(np.asarray, self.states)
         wanted = instants_of_smooth_curves(ends, states) if times is None else np.asarray(times)
-        return Trajectory(wanted, states_between(ends, states, wanted))
+        return Trajectory(wanted, states_between(ends, states, wanted), ~np.isin(wanted, ends))
 
     def __str__(self) -> str:
         """Return one line with the number of states, the bodies, and the first and last time; the
