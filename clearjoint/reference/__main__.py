@@ -23,12 +23,13 @@ FIRST = """
     Saved ImpactTable open_sweep settle sensitivities Parameter Log Linear Bounded Measurements
     Series identify identifiability fit_horizon posterior minimise largest_feasible ensemble
     Uncertain wear load save load_urdf
-""".split()
+"""
 """Names of the package in the order of learning. The others follow in that of the package."""
 
 
 def _place(name: str) -> int:
-    return FIRST.index(name) if name in FIRST else len(FIRST)
+    first = FIRST.split()
+    return first.index(name) if name in first else len(first)
 
 
 def main() -> None:
