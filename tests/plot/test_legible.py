@@ -238,7 +238,12 @@ def test_no_text_of_a_report_is_cut_off_or_on_another(seed):
     random = np.random.default_rng(seed)
     law = cj.laws.LankaraniNikravesh(0.9, 1e9)
     rubbing = cj.frictions.RegularisedCoulomb(0.2)
-    names = [f"{kind} of the {side} rocker {k}" for kind in ("pin", "foot") for side in ("left", "upper right") for k in range(3)]  # fmt: skip
+    names = [
+        f"{kind} of the {side} rocker {k}"
+        for kind in ("pin", "foot")
+        for side in ("left", "upper right")
+        for k in range(3)
+    ]
     random.shuffle(names)
     bodies = {f"link {name}": cj.Body(1.0, (1e-3, 1e-3, 1e-3)) for name in names}
     joints = {}
