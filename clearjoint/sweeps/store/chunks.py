@@ -170,7 +170,7 @@ def compressors() -> "tuple[BytesBytesCodec, ...]":
 
 def make_folder(folder: Path) -> None:
     """Make a folder, and those above it, unless they exist."""
-    # With `exist_ok`, Python takes any error for that of an existing folder, also the `TimeoutError`
+    # With `exist_ok`, Python takes any error for that of an existing folder, also a `TimeoutError`
     # of a signal handler.
     with suppress(FileExistsError):
         os.makedirs(folder)
