@@ -35,9 +35,9 @@ needed only if another process writes to the store at the same time."""
 WRITE_SHARE = 0.05
 """Largest share of the sweep's time that writing incomplete chunks may take. Each of these writes
 replaces whole files, so lanes wait for further lanes of their chunks if writing takes long."""
-WRITTEN_TOGETHER = 64
-"""Largest number of chunks that are written together. With more, the progress bar would stand still
-for longer."""
+WRITTEN_TOGETHER = 16
+"""Largest number of chunks that are written together. With more, lanes would count as pending for
+longer, and little time would be saved."""
 STORED = "stored"
 """Description of the progress bar, which counts the lanes in the store."""
 

@@ -300,11 +300,10 @@ def sweep(
       of an axis, and outputs can be added later. A store recognises its sweep by the numbers of its
       lanes and by the programs that JAX traces, not by source texts or names. `open_sweep(path)`
       and ``xarray.open_zarr(path)`` read the store, also of an unfinished sweep. Lanes that have
-      ended are written together a few times a second, and no lane begins while others have waited
-      for more than a second. A process that is killed loses the running lanes and, of the ended
-      ones, those of the last second. On a disk that is slower than the lanes, it also loses those
-      that are being written, at most 64 chunks, and lanes of incomplete chunks wait until they can
-      be written in a twentieth of the time.
+      ended are written together a few times a second; while that takes longer, no lane begins. A
+      process that is killed loses the running lanes and, of the ended ones, about one second of
+      computing. On a slow disk, it also loses lanes of incomplete chunks, which then wait until
+      writing them takes at most a twentieth of the time.
     - `executor`: a `concurrent.futures.Executor` or a `dask.distributed.Client` that computes the
       chunks; by default threads of this process share the lanes. Processes must be spawned, not
       forked, and a script must make the executor below ``if __name__ == "__main__":``. Dask serves

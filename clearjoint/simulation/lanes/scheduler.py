@@ -55,7 +55,7 @@ from .xla_lanes import XlaFunction, XlaLaneLoop, zeros_like
 PERIOD = 0.2
 """Longest time, s, for which a batch waits before it reports its progress, and the lanes that have
 ended since the last report. It is short enough for a progress bar that moves evenly."""
-LONGEST_WAIT = 1.0
+LONGEST_WAIT = 0.25
 """Time, s, for which lanes that have ended may wait to be handed over while other lanes begin. It
 limits what is lost if the process is killed while the caller stores results more slowly than they
 are computed."""
