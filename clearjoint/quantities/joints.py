@@ -15,7 +15,6 @@ from functools import reduce
 from typing import ClassVar, Protocol, runtime_checkable
 
 import equinox as eqx
-import jax.numpy as jnp
 
 from ..dynamics.multipliers import row_rate
 from ..fields.checks import require

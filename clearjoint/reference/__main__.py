@@ -23,7 +23,7 @@ FIRST = """
     Saved ImpactTable open_sweep settle sensitivities Parameter Log Linear Bounded Measurements
     Series identify identifiability fit_horizon posterior minimise largest_feasible ensemble
     Uncertain wear load save load_urdf
-""".split()
+""".split()  # noqa: SIM905 (a list would take a line for each name)
 """Names of the package in the order of learning. The others follow in that of the package."""
 
 
