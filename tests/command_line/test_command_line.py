@@ -560,7 +560,7 @@ def test_a_run_writes_tables_figures_and_a_page(folder):
     assert numbers["heating"] * 31.25e-3 == pytest.approx(-lost, rel=1e-3)
     assert "note: the saved samples of force are between 0 and" in outcome.output
     *_, last = outcome.stdout.strip().splitlines()
-    reached = r"\d+ steps to t = 0.03125 s, \d+ impacts"
+    reached = r"\d+ steps to t = 0.03125 s, \d+ finished impacts"
     assert re.fullmatch(
         rf"{reached}, largest force of a contact {largest:.4g} N \(pin .\): .*html", last
     )

@@ -2,6 +2,7 @@
 
 from typing import Any, TypeAlias
 
+import numpy as np
 from jaxtyping import Bool, Float, Int
 
 Numbers: TypeAlias = Float[Any, "*times"]
@@ -9,7 +10,7 @@ Numbers: TypeAlias = Float[Any, "*times"]
 Gradients: TypeAlias = Float[Any, "*times p"]
 """Derivatives of a number with respect to p parameters at each of N times, (N, p); or at a single
 time, (p,)."""
-Flags: TypeAlias = Bool[Any, "*times"]
+Flags: TypeAlias = Bool[np.ndarray, "*times"]
 """Whether something is true at each of N times, (N,)."""
 Integers: TypeAlias = Int[Any, "*times"]
 """A whole number at each of N times, (N,); or at a single time, ()."""
