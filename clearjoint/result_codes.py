@@ -13,16 +13,17 @@ class RESULTS(eqx.Enumeration):
 
     successful = "The run reached its end time."
     max_steps_reached = (
-        "The step limit was reached before the end time. Raise `max_steps`, loosen the tolerances, "
-        "or continue from the state reached."
+        "The step limit was reached before the end time. Raise `max_steps`, loosen the tolerances "
+        "(in runs with derivatives, raise `derivative_tolerance`), or continue from the state "
+        "reached."
     )
     step_too_small = (
         "The step size fell to the resolution of the time. The motion may be singular there, or "
         "the tolerances tighter than double precision allows. If the time is large, short steps "
-        "are lost in rounding: continue from the state reached with a `start_time` of zero. In "
-        "runs with derivatives the cause may be a force with a kink within a contact, for example "
-        "where the damping of `KelvinVoigt` or `ElastoGap` is clamped: loosen `rtol`, or take a "
-        "law without a kink."
+        "are lost in rounding: continue from the state reached with a `start_time` of zero. Far "
+        "from the origin, penetrations have few digits: place the origin near the contacts. In "
+        "runs with derivatives, raise `derivative_tolerance`, for example to 1e3. A looser `rtol` "
+        "would make the derivatives wrong."
     )
     non_finite = (
         "A fixed step met a non-finite state. Use a smaller step or an adaptive controller."

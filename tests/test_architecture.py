@@ -66,6 +66,7 @@ THIRD_PARTY = {
     "tomlkit": {"scene_files"},
     "pdoc": {"reference"},
     "zarr": {"sweeps"},
+    "numcodecs": {"sweeps"},
     "cloudpickle": {"sweeps"},
 }
 """The rooms that may import a package, beside those that every room may."""
@@ -184,6 +185,7 @@ LOADED_WHEN_FIRST_USED = {
     "optax",
     "pandas",
     "pint",
+    "numcodecs",
     "scipy",
     "tomlkit",
     "xarray",

@@ -27,11 +27,7 @@ from ..parametrisation.paths import parameters
 from ..scene_files.documents import FileLocation, keys_of, written
 from ..scene_files.files import save
 from ..simulation.run.run_checks import check_start
-from .fitting import fit_parameters
-from .running import saved_times
 from .study import Study
-from .sweeping import shape_of_lanes, sweep_axes
-from .wearing import check_wear_section
 
 
 def description(study: Study) -> Iterator[str]:
@@ -136,10 +132,15 @@ def _sections(study: Study) -> Iterator[str]:
     run, fit = study.parts.run, study.parts.fit
     study.check_elements(run.outputs, "run", "outputs")
     study.check_elements(study.sections(), "run", "sections")
+    # What a section needs is imported only if there is one: importing takes longer than checking.
     if run.end is not None:
+        from .running import saved_times
+
         saved_times(run, study.end())
         yield f"run: {run.start:g} s to {study.end():g} s"
     if (sweep := study.parts.sweep) is not None:
+        from .sweeping import shape_of_lanes, sweep_axes
+
         axes = sweep_axes(study, sweep)
         # If neither section has an end, the command line must give it, and nothing is checked.
         if sweep.end is not None or run.end is not None:
@@ -147,11 +148,15 @@ def _sections(study: Study) -> Iterator[str]:
         lanes = "x".join(map(str, shape_of_lanes(axes, sweep)))
         yield f"sweep: {lanes} lanes over {', '.join(axes)}"
     if fit is not None:
+        from .fitting import fit_parameters
+
         fit_parameters(study, fit)  # raises an error for an unknown path
         quantities = {name: column.quantity for name, column in fit.columns.items()}
         study.check_elements(quantities, "fit", "columns")
         yield f"fit: {', '.join(fit.parameters)} from {fit.measurements}"
     if (wear := study.parts.wear) is not None:
+        from .wearing import check_wear_section
+
         check_wear_section(study, wear)
         cycles = "cycles" if wear.cycles == np.inf else f"{wear.cycles:g} cycles"
         end = "" if wear.depth is None else f", to a depth of {_length(wear.depth)}"

@@ -8,8 +8,6 @@ from typing import NamedTuple
 
 import click
 
-from ..fields.cautions import SILENCE
-
 WELL, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 """Exit codes of the program: success, failed computation, wrong input, and Ctrl-C."""
 
@@ -71,4 +69,7 @@ def understandable() -> Iterator[None]:
 
 
 def _say_warning(message: Warning | str, *_arguments: object, **_options: object) -> None:
+    # Imported here, because help must not import JAX.
+    from ..fields.cautions import SILENCE
+
     say(f"warning: {str(message).split(SILENCE)[0].rstrip()}")  # without the advice for Python

@@ -17,7 +17,6 @@ from ..scene_files.documents import FileLocation
 from ..scene_files.reading import number_of_text
 from .endings import FAILED, INTERRUPTED, WELL, CommandResult, say
 from .folders import remove_old, write_scene, write_summary, write_table
-from .reports import write_fit_report
 from .study import FitPart, Study, find_path
 
 REPORT = "report.txt"
@@ -70,6 +69,9 @@ def fit(study: Study, folder: Path) -> CommandResult:
         # `stopped.fits` contains the finished fits, if there were several starts, and, last, the
         # best result so far of the fit that was interrupted.
         interrupted, found = True, stopped.fits[-1]
+    # Imported here, because it takes long and `clearjoint check` does not need it.
+    from .reports import write_fit_report
+
     folder.mkdir(parents=True, exist_ok=True)
     remove_old(folder, [f"{SERIES}*"])
     _write(found, folder)

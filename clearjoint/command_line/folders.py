@@ -5,7 +5,7 @@ import re
 import time
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from zlib import crc32
 
@@ -40,6 +40,8 @@ MOTION, OBSERVED, IMPACTS, OUTPUTS = "motion", "observed", "impacts", "outputs"
 """Names of the tables of a run, each in a netCDF and in a CSV file: the saved states; the forces,
 accelerations and energies at these states; the impacts; and the outputs of the study that are
 quantities at these states."""
+DRAWN = "drawn"
+"""Name of the netCDF file of further states of a run between the saved ones, for its figures."""
 NUMBERS = "numbers.csv"
 """File of the outputs that are one number of the run."""
 SECTION = "section "
@@ -186,6 +188,16 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
         ),
     )
     return scene, solution
+
+
+def read_drawn(folder: Path, scene: Scene, solution: Solution) -> Solution:
+    """Return a solution from `read_run` with further states between its saved ones, for figures;
+    `solution` itself for results of an earlier version, which have none."""
+    table = read_table(folder, DRAWN)
+    if table is None:
+        return solution
+    path = Trajectory(table["time"].values, _state(scene, table))
+    return replace(solution, saved=path, saved_count=len(path))
 
 
 def formulation_of(notes: Mapping[str, object], redundant: bool) -> Formulation:

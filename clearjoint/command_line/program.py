@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .. import runtime
 from .endings import CommandResult, understandable
 
 if TYPE_CHECKING:
@@ -271,6 +270,8 @@ def _prepare() -> None:
     process that calls several commands, its configuration is left as it is."""
     import jax
     import matplotlib
+
+    from .. import runtime
 
     matplotlib.use("agg")  # draws files without a screen
     if not jax.config.jax_enable_x64:  # pyright: ignore

@@ -38,6 +38,7 @@ from .folders import (
     STORE,
     WEAR_STORE,
     file_name,
+    read_drawn,
     read_run,
     read_summary,
     read_table,
@@ -200,7 +201,8 @@ def write_run_report(folder: Path) -> None:
         numbers = pd.read_csv(folder / NUMBERS).set_index("output")
         parts.append(_table("Outputs", numbers, len(numbers)))
     if (folder / f"{MOTION}.nc").exists():
-        scene, solution = read_run(folder)
+        scene, saved = read_run(folder)
+        solution = read_drawn(folder, scene, saved)
         _draw_run(folder, scene, solution)
         _write_view(folder, scene, solution)
         if solution.impacts is not None and len(solution.impacts):
@@ -329,7 +331,9 @@ def write_page(folder: Path, *parts: str) -> None:
     title = escape(str(summary.pop("title")))
     # Options of a setting that are None are left out: "Tsit5" for "Tsit5(scan_kind=None)".
     rows = {
-        key.replace("_", " "): re.sub(r"\((\w+=None(, )?)+\)", "", str(value))
+        key.replace("_", " "): re.sub(
+            r"\((\w+=None(, )?)+\)", "", f"{value:.6g}" if isinstance(value, float) else str(value)
+        )
         for key, value in summary.items()
         if str(value) != "None"
     }

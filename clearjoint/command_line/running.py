@@ -6,14 +6,18 @@ reductions, which are updated at every accepted step and give numbers of the who
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import equinox as eqx
+import jax
 import numpy as np
 import pandas as pd
 import xarray as xr
 
-from ..export.datasets import Labelled, labelled_dataset
+from ..dynamics.journals import depths
+from ..export.datasets import Labelled, labelled_dataset, write_netcdf
+from ..fields.cautions import quiet
 from ..fields.checks import require, require_positive
 from ..math.vectors import Scalar
 from ..model.scene import Scene
@@ -31,11 +35,12 @@ from ..simulation.step.method import Scheme
 from ..simulation.step.settings import Settings
 from . import folders
 from .endings import FAILED, INTERRUPTED, WELL, CommandResult, has_error_stream, say
-from .reports import PDF, VIEW, write_run_report
 from .study import RunPart, Study
 
 FRAMES = 1000
 """Default number of equal intervals between the saved states of a run."""
+DRAWN = 10_000
+"""Least number of equal intervals for the figures of a run, between which curves are straight."""
 SHARP = "N", "N m", "m/s^2", "rad/s^2"
 """Units of forces, moments and accelerations, which change during an impact faster than states are
 saved."""
@@ -78,13 +83,18 @@ def run(study: Study, folder: Path) -> CommandResult:
     end, code = study.end(), WELL
     contacts = bool(study.scene.contact_joints())  # without contacts, there is no table of impacts
     times, sections = saved_times(part, end), study.sections()
+    # Each interval between saved states is divided for the figures. The divided times contain the
+    # saved ones exactly.
+    parts = -(-DRAWN // (len(times) - 1))
+    fractions = np.arange(parts * (len(times) - 1) + 1) / parts
+    drawn = np.interp(fractions, np.arange(len(times)), times)
     try:
         solution = simulate(
             study.scene,
             study.state,
             end,
             settings,
-            Saving(times, impacts=contacts, sections=sections, outputs=reductions),
+            Saving(drawn, impacts=contacts, sections=sections, outputs=reductions),
             start_time=part.start,
             throw=False,
             progress=has_error_stream(),
@@ -94,23 +104,37 @@ def run(study: Study, folder: Path) -> CommandResult:
     except RunInterrupted as stopped:
         assert isinstance(stopped.solution, Solution)
         code, solution = INTERRUPTED, stopped.solution
+    path = solution.saved
+    if path is not None:
+        saved = jax.tree.map(lambda rows: rows[::parts], path)
+        solution = replace(solution, saved=saved, saved_count=len(saved))
+    # Imported here, because it takes long and `clearjoint check` does not need it.
+    from .reports import PDF, VIEW, write_run_report
+
     folder.mkdir(parents=True, exist_ok=True)
-    names = [folders.MOTION, folders.OBSERVED, folders.IMPACTS, folders.OUTPUTS]
+    names = [folders.DRAWN, folders.MOTION, folders.OBSERVED, folders.IMPACTS, folders.OUTPUTS]
     folders.remove_old(folder, [*names, f"{folders.SECTION}*"], [folders.NUMBERS, PDF, VIEW])
     folders.write_scene(folder, study.scene, study.state)
     # All tables are left out if no state was saved, since most of them describe the saved states.
     force, contact = 0.0, ""
-    if solution.saved is not None and len(solution.saved):
+    if path is not None and len(path):
         force, contact = write_results(study, solution, reductions, folder)
+        write_netcdf(path.to_xarray(), folder / f"{folders.DRAWN}.nc")
     folders.write_scene(folder, study.scene, solution.final, folders.REACHED)
+    # Contacts that last are no finished impacts, but an `ImpactCount` counts their onsets.
+    with quiet():
+        ends = depths(study.scene, solution.final).values()
+    touching = sum(int(depth > 0.0) for family in ends for depth in family.values())
+    hardest = {"largest_contact_force_N": force, "largest_contact_force_of": contact}
     summary = {
         "ended": "interrupted" if code == INTERRUPTED else RESULTS[solution.result],
         "start_time_s": part.start,
         "time_reached_s": float(solution.time),
         "steps_accepted": int(solution.accepted),
         "steps_tried": int(solution.attempts),
-        **({} if solution.impacts is None else {"impacts": len(solution.impacts)}),
-        **({"largest_force_N": force, "largest_force_of": contact} if contact else {}),
+        **({} if solution.impacts is None else {"finished_impacts": len(solution.impacts)}),
+        **({"contacts_at_the_end": touching} if contacts else {}),
+        **(hardest if force else {}),
         **dict(solution.settings),
     }
     # The page shows the summary and the tables, so it is written after them.
@@ -121,8 +145,8 @@ def run(study: Study, folder: Path) -> CommandResult:
         failure = f"error: the run ended at {reached}: {RESULTS[solution.result]}"
         say(failure if code == FAILED else f"interrupted at {reached}")
         say(f"the results so far are in {folder}; {folders.REACHED} has the state to continue from")
-    count = "" if solution.impacts is None else f", {len(solution.impacts)} impacts"
-    largest = f", largest force of a contact {force:.4g} N ({contact})" if contact else ""
+    count = "" if solution.impacts is None else f", {len(solution.impacts)} finished impacts"
+    largest = f", largest force of a contact {force:.4g} N ({contact})" if force else ""
     return CommandResult(code, f"{int(solution.accepted)} steps to {reached}{count}{largest}")
 
 

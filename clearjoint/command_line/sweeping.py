@@ -18,7 +18,6 @@ from ..sweeps.store.store import open_sweep
 from ..sweeps.sweep import sweep as run_sweep
 from .endings import FAILED, INTERRUPTED, WELL, CommandResult, has_error_stream, say
 from .folders import STORE, Summary, remove_old, write_scene, write_summary
-from .reports import write_sweep_report
 from .study import AxisPart, FoundPath, Study, SweepPart, find_path
 
 
@@ -69,6 +68,9 @@ def sweep(study: Study, folder: Path) -> CommandResult:
         if not (folder / STORE).exists():  # nothing is finished that could be reported
             raise
         dataset, code = open_sweep(folder / STORE), INTERRUPTED
+    # Imported here, because it takes long and `clearjoint check` does not need it.
+    from .reports import write_sweep_report
+
     summary, line = _summary(dataset, code)
     remove_old(folder)
     # The page shows the summary and the table, so it is written after them.

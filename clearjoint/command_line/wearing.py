@@ -14,7 +14,6 @@ from ..durability.wear import check_wear, cycles_to_depth, final_state, open_wea
 from ..durability.wear import wear as compute_wear
 from .endings import FAILED, INTERRUPTED, WELL, CommandResult, has_error_stream, say
 from .folders import WEAR_STORE, Summary, remove_old, write_scene, write_summary
-from .reports import stage_table, worn_parts, write_wear_report
 from .study import Study, WearPart
 
 if TYPE_CHECKING:
@@ -69,6 +68,9 @@ def wear(study: Study, folder: Path) -> CommandResult:
         if not store.exists():  # no stage is finished that could be reported
             raise
         found, code = open_wear(store), INTERRUPTED
+    # Imported here, because it takes long and `clearjoint check` does not need it.
+    from .reports import stage_table, write_wear_report
+
     write_scene(folder, study.scene, study.state)
     write_scene(folder, worn(study.scene, found), final_state(found), WORN_SCENE)
     # The page shows the summary and the table, so it is written after them.
@@ -117,6 +119,8 @@ def _summary(found: "xr.Dataset", part: WearPart, code: int) -> tuple[Summary, s
     **Arguments:** `found`: result of `clearjoint.wear`; `part`: the section [wear]; `code`: exit
     code of the command, which tells whether the computation was interrupted.
     """
+    from .reports import worn_parts
+
     stages, cycles = found.sizes["stage"], float(found["cycles"][-1])
     ended = "interrupted" if code == INTERRUPTED else found.attrs["ending"]
     summary: dict[str, str | int | float] = {"ended": ended, "stages": stages, "cycles": cycles}

@@ -87,7 +87,7 @@ def _nested(value: object) -> object:
     if kind is types.MethodType:
         return "method", *map(_nested, (value.__func__, value.__self__))  # pyright: ignore
     if kind is jax.ShapeDtypeStruct:
-        return "shape", value.shape, str(value.dtype)  # pyright: ignore
+        return "shape", value.shape, str(value.dtype), value.weak_type  # pyright: ignore
     # Functions and classes have a qualified name.
     if isinstance(getattr(value, "__qualname__", None), str):
         return _named(value)

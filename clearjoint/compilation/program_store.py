@@ -2,7 +2,8 @@
 
 The folder is in JAX's compilation cache. Programs are machine code and are read by `pickle`, so
 whoever can write to the folder can have code executed by whoever reads from it. The folder is
-therefore made accessible to its owner only, and a folder to which others may write is not used.
+therefore made accessible to its owner only, and a folder to which others may write, or which others
+could exchange because they may write to one of the folders above it, is not used.
 """
 
 import hashlib
@@ -10,7 +11,8 @@ import os
 import stat
 import tempfile
 import zlib
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import jax
@@ -60,7 +62,10 @@ def prepare_folder(folder: Path) -> str | None:
     **Raises:** `ValueError` if the path is that of a file, or leads through a file.
     """
     try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        for above in reversed(folder.parents):
+            if not above.exists():
+                above.mkdir(mode=0o755, exist_ok=True)  # also if the umask is more generous
+        folder.mkdir(mode=0o700, exist_ok=True)
     except (FileExistsError, NotADirectoryError):
         raise ValueError(
             f"The cache folder {str(folder)!r} is a file, or lies in one: remove the file, or "
@@ -68,28 +73,93 @@ def prepare_folder(folder: Path) -> str | None:
         ) from None
     except OSError as error:
         return f"The cache folder {str(folder)!r} can't be made ({error.strerror}): {_OTHER_PATH}"
-    if is_private(folder):
+    exposed = _exposed(folder)
+    if exposed is None:
         return None
-    mode = stat.filemode(folder.stat().st_mode)
+    mode = stat.filemode(exposed.stat().st_mode)
+    if exposed == folder:
+        return (
+            f"Other users may write to the cache folder {str(folder)!r} ({mode}), from which "
+            "machine code is read: remove it, and it is made again for you alone; or, if nobody "
+            f"else has written to it, run `chmod go-w '{folder}'`; or {_OTHER_PATH}"
+        )
     return (
-        f"Other users may write to the cache folder {str(folder)!r} ({mode}), from which "
-        "machine code is read: remove it, and it is made again for you alone; or, if nobody else "
-        f"has written to it, run `chmod go-w '{folder}'`; or {_OTHER_PATH}"
+        f"Other users may exchange the cache folder {str(folder)!r}, from which machine code is "
+        f"read, because they may write to {str(exposed)!r} ({mode}): run `chmod go-w '{exposed}'` "
+        f"if it is yours, or {_OTHER_PATH}"
     )
 
 
 def is_private(folder: Path) -> bool:
-    """Return whether only the user of this process and the administrator may write to a folder.
+    """Return whether only the user of this process and the administrator may write to a folder, or
+    exchange it.
 
-    Anyone else who may write to it could have code executed by this process. On systems without
-    POSIX permissions, such as Windows, the result is always ``True``.
+    Anyone else who may do so could have code executed by this process. On systems without POSIX
+    permissions, such as Windows, the result is always ``True``.
+
+    **Raises:** `OSError` on systems with POSIX permissions if the folder doesn't exist.
+    """
+    return _exposed(folder) is None
+
+
+def _exposed(folder: Path) -> Path | None:
+    """Return the folder, or else the first folder above it, to which other users may write;
+    ``None`` if there is none.
 
     **Raises:** `OSError` on systems with POSIX permissions if the folder doesn't exist.
     """
     if not hasattr(os, "getuid"):
-        return True
-    status = folder.stat()
+        return None
+    if not _is_ours(folder.stat()):
+        return folder
+    # The folders that lead to it by links count too.
+    for above in (*folder.absolute().parents, *folder.resolve().parents):
+        status = above.stat()
+        # In a folder such as /tmp, with the sticky bit, only owners exchange what is theirs.
+        sticky = status.st_mode & stat.S_ISVTX and status.st_uid in (0, os.getuid())
+        if not (_is_ours(status) or sticky):
+            return above
+    return None
+
+
+def _is_ours(status: os.stat_result) -> bool:
+    """Return whether only the user of this process and the administrator may write to the file or
+    folder of this status."""
     return status.st_uid in (0, os.getuid()) and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+
+
+@contextmanager
+def system_errors_suppressed() -> Iterator[None]:
+    """Context that suppresses errors of the operating system.
+
+    A `TimeoutError` without the number of such an error is raised: a handler of signals has raised
+    it, to end a run after a limit of time.
+    """
+    try:
+        yield
+    except OSError as error:
+        if isinstance(error, TimeoutError) and error.errno is None:
+            raise
+
+
+def _read_private(path: Path) -> bytes | None:
+    """Return the content of a file; ``None`` if others may write to it or to its folder.
+
+    Permissions are those of the opened folder and file, so that neither can be exchanged after the
+    check.
+    """
+    if not hasattr(os, "getuid"):
+        return path.read_bytes()
+    if not is_private(path.parent):
+        return None
+    folder = os.open(path.parent, os.O_RDONLY)
+    try:
+        if not _is_ours(os.fstat(folder)):
+            return None
+        with os.fdopen(os.open(path.name, os.O_RDONLY, dir_fd=folder), "rb") as file:
+            return file.read() if _is_ours(os.fstat(file.fileno())) else None
+    finally:
+        os.close(folder)
 
 
 class ProgramStore:
@@ -112,17 +182,16 @@ class ProgramStore:
         write to the folder.
         """
         path = self._path(key)
-        try:
-            if not is_private(self._folder):
-                return None
-            whole = path.read_bytes()
+        whole = content = b""
+        with system_errors_suppressed(), suppress(zlib.error):
+            whole = _read_private(path) or b""
             content = zlib.decompress(whole[_DIGEST:])
-        except (OSError, zlib.error):
+        if whole[:_DIGEST] != _digest(key, content):
             return None
-        with suppress(OSError):
+        with system_errors_suppressed():
             # Set the time of the last use, which is not possible in a read-only folder.
             os.utime(path)
-        return content if whole[:_DIGEST] == _digest(key, content) else None
+        return content
 
     def write(self, key: str, content: bytes) -> None:
         """Write content under a key, so that other processes read either all of it or nothing.
@@ -156,7 +225,7 @@ class ProgramStore:
         files = []
         # Another process may remove files at the same time.
         for path in self._folder.iterdir():
-            with suppress(OSError):
+            with system_errors_suppressed():
                 status = path.stat()
                 files.append((status.st_mtime, status.st_size, path))
         total = sum(size for _, size, _ in files)

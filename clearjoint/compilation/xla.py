@@ -196,6 +196,18 @@ class Compiled(Generic[Arguments, Result]):
         return self._inner._cached._cache_size() + self._outermost._cached._cache_size()
 
 
+_NEEDS_JAX = (
+    ArithmeticError,
+    AttributeError,
+    LookupError,
+    NotImplementedError,
+    TypeError,
+    ValueError,
+)
+"""Errors of functions that NumPy cannot compute; those of JAX are subclasses. Others are raised at
+once: a handler of signals may raise one, for instance `TimeoutError` to end a run."""
+
+
 class HostFirst(Generic[Arguments, Result]):
     """Function of PyTrees that NumPy computes if it can, and otherwise a program of XLA.
 
@@ -250,7 +262,7 @@ class HostFirst(Generic[Arguments, Result]):
                     jax.eval_shape(lambda: results.append(call()))
                 else:
                     results.append(call())
-            except Exception:
+            except _NEEDS_JAX:
                 # An error of the function itself is raised again when XLA compiles the function.
                 return []
         return [] if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(results)) else results

@@ -21,6 +21,7 @@ from jaxtyping import Float
 from tqdm.auto import tqdm
 
 from ..fields.checks import require, require_count, require_positive
+from ..fields.leaves import ordered_like
 from ..fields.objects import with_arrays
 from ..fields.types import ArrayLike
 from ..model.bodies import BodyState, State
@@ -884,6 +885,7 @@ def _with_depths(
     parameter. With further rows, the new profiles are `MovingSpline`s, which the parameters move
     along these derivatives; without them, they are `PeriodicSpline`s.
     """
+    given = scene
     for j, name in enumerate(names):
         for k, (field, sign) in enumerate(zip(PROFILES, (1.0, -1.0), strict=True)):
             profile = getattr(scene.joints[name], field)
@@ -904,7 +906,8 @@ def _with_depths(
                 scene = eqx.tree_at(
                     lambda s, n=name, f=field: getattr(s.joints[n], f), scene, changed
                 )
-    return scene
+    # `tree_at` sorts the names, but the user may see this scene.
+    return ordered_like(given, scene)
 
 
 def check_wear(

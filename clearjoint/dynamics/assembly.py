@@ -29,7 +29,14 @@ from .absolute_coordinates import AbsoluteCoordinates
 from .constraint_report import constraint_report
 from .coordinates import AbstractCoordinates, MotionVariables
 from .formulation import Formulation
-from .journals import centring_joints, outside, require_centred, resting_joints, with_ideal
+from .journals import (
+    centring_joints,
+    outside,
+    require_centred,
+    resting_entry_speeds,
+    resting_joints,
+    with_ideal,
+)
 from .system import System
 
 ITERATIONS = 100
@@ -120,7 +127,10 @@ def assemble(
     - `scene`: the mechanism; `state`: the guess, of positions and velocities.
     - `t`: s, time at which constraints and forces that depend on time are evaluated.
     - `resting`: names of clearance joints whose journals are put in contact with the wall, on the
-      side to which gravity and the scene's forces press them while all bodies are at rest.
+      side to which gravity and the scene's forces press them while all bodies are at rest. They
+      penetrate the wall as far as their load demands, so that they don't oscillate. Contacts whose
+      laws use the entry speed get the one of an impact with the elastic energy of the contact, so
+      that later oscillations are damped like such an impact.
     - `centred`: whether all journals are put into the centres of their bearings, except `resting`
       ones.
     - `moving`: whether the velocities are those of the mechanism with ideal joints, nearest to the
@@ -128,7 +138,8 @@ def assemble(
       are those of the guess as far as the constraints allow. By default it is ``True`` if a driver
       moves at time `t`.
 
-    **Returns:** the assembled state, with the `entry_speeds`, `work` and `bristles` of the guess.
+    **Returns:** the assembled state, with the `work` and `bristles` of the guess, and its
+    `entry_speeds` except for those of the joints in `resting`.
 
     **Raises:** `ValueError`
 
@@ -165,11 +176,15 @@ def assemble(
     state = _in_bearings(scene, ideal, state, t)
     require_centred(scene, state, ideal)
     if resting:
-        ideal |= resting_joints(scene, ideal, resting, state, t)
-        state = _in_bearings(scene, ideal, state, t)
+        # The load depends on the position too, so it is computed again at the wall.
+        for _ in range(2):
+            ideal |= resting_joints(scene, ideal, resting, state, t)
+            state = _in_bearings(scene, ideal, state, t)
         # Resting journals are not checked: they are placed as circles, so that a journal with a
         # profile may be deep in the wall.
         require_centred(scene, state, set(ideal) - set(resting))
+        entry_speeds = state.entry_speeds | resting_entry_speeds(scene, resting, state, t)
+        state = replace(state, entry_speeds=entry_speeds)
     if not known or moving is False:
         return state
     held = with_ideal(scene, centring_joints(scene, known) | ideal)

@@ -13,23 +13,21 @@ times of the scene.
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import PyTree
 
 from ..compilation import traced_once
 from ..math.smoothing import wrapped
 from ..math.vectors import Condition, Scalar
 from ..model.drives.drivers import AbstractRotationDriver
+from ..model.drives.functions_of_time import Increasing
 from ..model.joints.base import AbstractElement, ByLabel, Row
 from ..model.scene import Scene
 from .coordinates import MotionVariables
 from .system import System
-
-if TYPE_CHECKING:
-    from jax.numpy import BinaryUfunc
 
 ROUNDINGS = 8.0
 """Largest difference, in units of rounding error, at which a time counts as equal to a breakpoint.
@@ -37,6 +35,9 @@ An element may compute the time in another order of operations, with another rou
 SHORTEST = 1e-12
 """s: the rounding error of a breakpoint is taken to be at least that of this time, so that it is
 positive also for a breakpoint at zero. This time is much shorter than any step."""
+FEW = 8
+"""Number of times up to which those of a table are compared one by one, and not found by
+bisection."""
 
 NODES, WEIGHTS = (column.tolist() for column in np.polynomial.legendre.leggauss(5))
 """Nodes and weights of Gauss quadrature with five points (order ten) on the interval -1 to 1."""
@@ -49,17 +50,29 @@ m/s or rad/s. They occur if a driver computes differences of large values in a t
 intervals of time."""
 
 
-def breakpoints(scene: Scene) -> dict[str, list[Scalar]]:
+def breakpoints(scene: Scene) -> dict[str, list[Scalar | Increasing]]:
     """Return the breakpoints, s, of each joint or force that has any, by the name of the element.
 
-    Each value is a list of numbers or of arrays of any shape with one entry at least.
+    Each value is a list of numbers, of arrays of any shape with one entry at least, and of
+    `Increasing` arrays.
     """
     elements: dict[str, AbstractElement] = {**scene.joints, **scene.forces}
     times = {
-        name: [at for at in jax.tree.leaves(element.breakpoints()) if np.size(at) > 0]
+        name: [
+            # Of a few times, looking at all of them costs less than a search.
+            jnp.asarray(at.times, dtype=float)
+            if isinstance(at, Increasing) and np.size(at.times) <= FEW
+            else at
+            for at in jax.tree.leaves(element.breakpoints(), is_leaf=_is_increasing)
+            if np.size(at.times if isinstance(at, Increasing) else at) > 0
+        ]
         for name, element in elements.items()
     }
     return {name: instants for name, instants in times.items() if instants}
+
+
+def _is_increasing(node: PyTree) -> bool:
+    return isinstance(node, Increasing)
 
 
 def next_breakpoint(system: System, t: Scalar) -> Scalar | None:
@@ -69,10 +82,7 @@ def next_breakpoint(system: System, t: Scalar) -> Scalar | None:
     The result is infinity if no breakpoint is after t, and ``None`` if no element of the scene has
     a breakpoint.
     """
-    now = system.clock(t)
-    soonest = _extreme(
-        system.scene, jnp.minimum, lambda at: jnp.where(_is_after(system, at, now), at, jnp.inf)
-    )
+    soonest = _extreme(system, system.clock(t), lambda at: at, after=True)
     return None if soonest is None else system.own_time(soonest)
 
 
@@ -85,17 +95,10 @@ def one_sided_time(system: System, start: Scalar, t: Scalar) -> Scalar:
     the step. All times are on the clock of the system.
     """
     # Each breakpoint gives a bound slightly inside of the step: a lower one if it is not after the
-    # start, else an upper one. The other bound that it could give is infinite.
-    scene, start = system.scene, system.clock(start)
-
-    def left(at: jax.Array) -> jax.Array:
-        return jnp.where(_is_after(system, at, start), -jnp.inf, at + _rounding(system, at))
-
-    def ahead(at: jax.Array) -> jax.Array:
-        return jnp.where(_is_after(system, at, start), at - _rounding(system, at), jnp.inf)
-
-    earliest = _extreme(scene, jnp.maximum, left)
-    latest = _extreme(scene, jnp.minimum, ahead)
+    # start, else an upper one.
+    start = system.clock(start)
+    earliest = _extreme(system, start, lambda at: at + _rounding(system, at), after=False)
+    latest = _extreme(system, start, lambda at: at - _rounding(system, at), after=True)
     if earliest is None:
         return t
     return system.own_time(jnp.clip(system.clock(t), earliest, latest))
@@ -122,6 +125,11 @@ def since_breakpoints(
     for name, times in breakpoints(system.scene).items():
         count, sum_since = jnp.zeros(()), jnp.zeros(())
         for at in times:
+            if isinstance(at, Increasing):
+                # The breakpoint at the end is the last one that is not after it.
+                passed = _passed(system, at, t)
+                instants = jnp.asarray(at.times, dtype=float)
+                at = instants[jnp.maximum(passed - 1, 0)]
             in_step = _is_after(system, at, start) & ~_is_after(system, at, t)
             count = count + jnp.sum(in_step)
             sum_since = sum_since + jnp.sum(jnp.where(in_step, t - at, 0.0))
@@ -209,21 +217,52 @@ def _rounding(system: System, at: Scalar) -> jax.Array:
     return ROUNDINGS * jnp.finfo(jnp.result_type(float)).eps * size
 
 
+def _passed(system: System, table: Increasing, t: Scalar) -> jax.Array:
+    """Return the number of breakpoints of a table that are not after the time t of the scene, s."""
+    times = jax.lax.stop_gradient(jnp.asarray(table.times, dtype=float))
+    count = len(times)
+
+    def halved(_: jax.Array, bounds: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
+        low, high = bounds
+        middle = (low + high) // 2
+        passed = (low < high) & ~_is_after(system, times[jnp.minimum(middle, count - 1)], t)
+        return jnp.where(passed, middle + 1, low), jnp.where(passed, high, middle)
+
+    # Bisection: the number is at least the first bound and at most the second.
+    bounds = jnp.asarray(0), jnp.asarray(count)
+    return jax.lax.fori_loop(0, count.bit_length(), halved, bounds)[0]
+
+
 def _extreme(
-    scene: Scene, choice: "BinaryUfunc", function: Callable[[jax.Array], jax.Array]
+    system: System,
+    t: Scalar,
+    function: Callable[[jax.Array], jax.Array],
+    after: bool,
 ) -> Scalar | None:
-    """Return the smallest or largest value, s, that a function takes at the breakpoints of a scene,
-    or ``None`` if there are no breakpoints.
+    """Return the least value, s, of a function at the breakpoints after the time t of the scene, or
+    its largest value at those that are not after it.
 
-    The result is not differentiated, since the solution does not depend on where steps end.
+    Without such breakpoints the value is infinite, and it is ``None`` if the scene has none at all.
+    It is not differentiated, since the solution does not depend on where steps end.
 
-    **Arguments:** `choice`: `jnp.minimum` or `jnp.maximum`; `function`: maps an array of
-    breakpoints, s, to an array of times, s, of the same shape.
+    **Arguments:** `function`: an increasing function of one breakpoint, or of an array of them
+    element by element; `after`: whether the breakpoints after t are meant.
     """
+    choice, none = (jnp.minimum, jnp.inf) if after else (jnp.maximum, -jnp.inf)
     extreme: jax.Array | None = None
-    for times in breakpoints(scene).values():
-        for at in times:
-            value = function(jax.lax.stop_gradient(jnp.asarray(at, dtype=float)))
-            value = value if jnp.ndim(value) == 0 else choice.reduce(value, axis=None)
+    for times in breakpoints(system.scene).values():
+        for one in times:
+            instants = one.times if isinstance(one, Increasing) else one
+            at = jax.lax.stop_gradient(jnp.asarray(instants, dtype=float))
+            if isinstance(one, Increasing):
+                # Since the function increases, its value at the nearest breakpoint is the extreme.
+                passed, count = _passed(system, one, t), len(at)
+                index, exists = (passed, passed < count) if after else (passed - 1, passed > 0)
+                nearest = function(at[jnp.clip(index, 0, count - 1)])
+                value = jnp.where(exists, nearest, none)
+            else:
+                is_after = _is_after(system, at, t)
+                value = jnp.where(is_after if after else ~is_after, function(at), none)
+                value = value if jnp.ndim(value) == 0 else choice.reduce(value, axis=None)
             extreme = value if extreme is None else choice(extreme, value)
     return extreme

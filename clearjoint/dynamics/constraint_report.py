@@ -5,6 +5,7 @@ scalar constraint equations Phi = 0 with a Jacobian. A row is redundant if it de
 other rows.
 """
 
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import compress
@@ -45,11 +46,12 @@ class ConstraintReport:
     """Constraints of a scene in one state, with m constraint rows, and v = six times the number of
     bodies.
 
-    - `names`: m strings, each "joint: label".
+    - `bodies`: names of the bodies, in the scene's order.
+    - `names`: m strings, each "joint: label", in the scene's order of joints.
     - `values`: (m,), Phi, in m, rad or without unit.
     - `rates`: (m,), time derivatives of Phi, m/s, rad/s or 1/s.
     - `jacobian`: (m, v), derivatives of the rates by the velocity (m/s, global) and the spin
-      (rad/s, body axes) of each body, in the scene's order of bodies.
+      (rad/s, body axes) of each body, in the order of `bodies`.
     - `redundant`: names of the rows that depend linearly on rows before them.
     - `uncertain`: names of the rows that nearly depend on rows before them. No run can start with
       such rows, since rounding errors would determine its reactions.
@@ -58,12 +60,18 @@ class ConstraintReport:
     argument `coordinates` of `constraint_report` eliminates.
     """
 
+    bodies: tuple[str, ...]
     names: tuple[str, ...]
     values: Float[np.ndarray, " m"]
     rates: Float[np.ndarray, " m"]
     jacobian: Float[np.ndarray, "m v"]
     redundant: tuple[str, ...]
     uncertain: tuple[str, ...]
+
+    def columns(self, bodies: Sequence[str]) -> Float[np.ndarray, "m v"]:
+        """Return the columns of `jacobian` that belong to some bodies, six for each, in the order
+        of their names."""
+        return self.jacobian[:, _columns(self.bodies, bodies)]
 
     def degrees_of_freedom(self) -> int:
         """Return six times the number of bodies minus the number of independent constraint rows."""
@@ -91,11 +99,26 @@ def constraint_report(
     """
     coordinates = AbsoluteCoordinates() if coordinates is None else coordinates
     rows = start_rows_by_numpy(scene, coordinates, state, on_device(t), with_jacobian=True)
-    values, rates, left = map(np.asarray, (rows.values, rows.rates, rows.left))
-    # Without constraints, the array has lost its second axis.
-    jacobian = np.asarray(rows.jacobian).reshape(len(rows.all_names), 6 * len(scene.bodies))
-    redundant, uncertain = dependent(rows.names, left, {})
-    return ConstraintReport(rows.all_names, values, rates, jacobian, redundant, uncertain)
+    rows = rows.in_order_of(scene)
+    redundant, uncertain = dependent(rows.names, rows.left, {})
+    names, jacobian = tuple(map(_text, rows.all_names)), rows.jacobian
+    assert jacobian is not None
+    return ConstraintReport(
+        rows.bodies, names, rows.values, rows.rates, jacobian, redundant, uncertain
+    )
+
+
+RowName = tuple[str, str]
+"""Name of a joint, and label of one of its constraint rows."""
+
+
+def _text(row: RowName) -> str:
+    return ": ".join(row)
+
+
+def _columns(bodies: Sequence[str], wanted: Iterable[str]) -> list[int]:
+    """Return the indices of the speeds of the `wanted` bodies among those of all `bodies`."""
+    return [6 * bodies.index(name) + k for name in wanted for k in range(6)]
 
 
 class StartRows(NamedTuple):
@@ -104,21 +127,57 @@ class StartRows(NamedTuple):
     Let m be the number of all rows, n that of the rows which the coordinates do not eliminate, s
     that of the coordinates' speeds, and v six times the number of bodies.
 
-    - `values`, (m,), `rates`, (m,), and `all_names`: of all rows, as in `ConstraintReport`.
+    - `values`, (m,), and `rates`, (m,): of all rows, as in `ConstraintReport`; `all_names`: their
+      names.
     - `names`: of the n rows that remain.
     - `left`: (n, s), derivatives of the rates of these rows by the coordinates' speeds, each row
       divided by the norm of the same row of `jacobian`.
     - `jacobian`: (m, v), of all rows, as in `ConstraintReport`; ``None`` unless it was asked for.
+    - `bodies`: names of the bodies in the order of the columns of `jacobian`.
 
     Arrays without rows have the shape (0,).
+
+    Rows and columns are in the order of the names, not in that of the scene, if JAX or native code
+    has made them; see `in_order_of`.
     """
 
     values: np.ndarray
     rates: np.ndarray
-    all_names: tuple[str, ...]
-    names: tuple[str, ...]
+    all_names: tuple[RowName, ...]
+    bodies: tuple[str, ...]
+    names: tuple[RowName, ...]
     left: np.ndarray
     jacobian: np.ndarray | None
+
+    def in_order_of(self, scene: Scene) -> "StartRows":
+        """Return the rows in the scene's order of joints, and the columns of `jacobian` in its
+        order of bodies, as NumPy arrays without a further first axis.
+
+        The order determines which of several dependent rows count as redundant: those that depend
+        on rows before them. So this does not depend on names.
+        """
+        every, remaining = scene_order(self.all_names, scene), scene_order(self.names, scene)
+        bodies, jacobian = tuple(scene.bodies), self.jacobian
+        if jacobian is not None:
+            # Without rows, the array has lost its second axis.
+            jacobian = np.asarray(jacobian).reshape(len(every), 6 * len(bodies))
+            jacobian = jacobian[every][:, _columns(self.bodies, bodies)]
+        return StartRows(
+            np.asarray(self.values)[every],
+            np.asarray(self.rates)[every],
+            tuple(self.all_names[k] for k in every),
+            bodies,
+            tuple(self.names[k] for k in remaining),
+            np.asarray(self.left)[remaining],
+            jacobian,
+        )
+
+
+def scene_order(names: tuple[RowName, ...], scene: Scene) -> list[int]:
+    """Return the indices of rows in the scene's order of joints; rows of the same joint keep their
+    order."""
+    rank = {name: k for k, name in enumerate(scene.joints)}
+    return sorted(range(len(names)), key=lambda k: rank[names[k][0]])
 
 
 def start_rows(
@@ -132,8 +191,7 @@ def start_rows(
     not eliminate. Scene and state have vectors as arrays (3,).
 
     The rows of the arrays in `StartRows` are in the order of its tuples `all_names` and `names`.
-    This order determines which of several dependent rows count as redundant: those that depend on
-    rows before them. A dictionary would lose the order, since JAX sorts its keys.
+    A dictionary would lose the order, since JAX sorts its keys.
 
     **Arguments:** `with_jacobian`: whether to return the field `jacobian`, whose size grows with
     the square of the number of bodies.
@@ -155,14 +213,12 @@ def start_rows(
     # In a scene of trees, joint coordinates leave no rows, and nothing further is computed.
     if not by_joint.keys() <= coordinates.eliminated(scene):
         mechanics = coordinates.mechanics(scene, coordinates.encode(scene, bodies))
-        for name, row in _by_name(
-            constraint_rows(scene, coordinates, mechanics.motions, t)
-        ).items():
+        remaining = constraint_rows(scene, coordinates, mechanics.motions, t)
+        for name, row in _by_name(remaining).items():
             names.append(name)
             left.append(as_array(mechanics.projected(row.jacobian)) / _norm(rows[name]))
-    return StartRows(
-        _stacked(values), _stacked(rates), tuple(rows), tuple(names), _stacked(left), jacobian
-    )
+    of_all = _stacked(values), _stacked(rates), tuple(rows), tuple(scene.bodies)
+    return StartRows(*of_all, tuple(names), _stacked(left), jacobian)
 
 
 def _norm(row: Row) -> Scalar:
@@ -186,9 +242,8 @@ def _stacked(rows: list[jax.Array]) -> np.ndarray:
     return library(rows).stack(rows) if rows else np.zeros(0)
 
 
-def _by_name(rows: ByLabel[Row]) -> dict[str, Row]:
-    """Return constraint rows by the name "joint: label"."""
-    return {f"{joint}: {label}": row for joint, by in rows.items() for label, row in by.items()}
+def _by_name(rows: ByLabel[Row]) -> dict[RowName, Row]:
+    return {(joint, label): row for joint, by in rows.items() for label, row in by.items()}
 
 
 # The first evaluates many scenes in compiled native code, the second one scene, by NumPy if it can.
@@ -246,10 +301,10 @@ def start_rows_of_lanes(
 
 
 def dependent(
-    names: tuple[str, ...], rows: np.ndarray, known: dict[bytes, np.ndarray]
+    names: tuple[RowName, ...], rows: np.ndarray, known: dict[bytes, np.ndarray]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the names of the rows that depend linearly on rows before them, and those of the rows
-    that nearly do.
+    """Return the names "joint: label" of the rows that depend linearly on rows before them, and
+    those of the rows that nearly do.
 
     **Arguments:**
 
@@ -264,7 +319,8 @@ def dependent(
     apart = known[key]
     redundant = apart < RANK_TOLERANCE
     uncertain = (apart < UNCERTAIN_BELOW) & ~redundant
-    return tuple(compress(names, redundant)), tuple(compress(names, uncertain))
+    texts = [*map(_text, names)]
+    return tuple(compress(texts, redundant)), tuple(compress(texts, uncertain))
 
 
 def _distances(rows: np.ndarray) -> np.ndarray:

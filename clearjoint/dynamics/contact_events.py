@@ -91,31 +91,94 @@ def uses_entry_speed(scene: Scene) -> bool:
 
 
 def initial_entry_speeds(
-    scene: Scene, start: ContactGaps, given: EntrySpeeds | None = None
+    scene: Scene,
+    start: ContactGaps,
+    given: EntrySpeeds | None = None,
+    second_rates: ByLabel[Scalar] | None = None,
 ) -> EntrySpeeds:
     """Return the entry speeds at the start of a run, m/s, by joint and contact label, of the
     contacts whose laws use them.
 
-    - A contact in `given` keeps its entry speed.
     - An open contact gets zero.
+    - A closed contact with a positive entry speed in `given` keeps it.
     - A contact that is just beginning (depth positive, but at most `TOUCHING`) gets its penetration
-      rate, or `SLOWEST` if that is larger.
+      rate at the onset, or `SLOWEST` if that is larger.
     - A deeper contact gets `UNKNOWN_ENTRY_SPEED`, with which its force is elastic, since its impact
       was before the start.
 
     **Arguments:** `start`: the contact gaps at the start of the run; `given`: known entry speeds,
-    m/s, by joint and contact label. Those of contacts whose laws do not use them are left out.
+    m/s, by joint and contact label. Those of contacts whose laws do not use them are left out, and
+    those of zero count as unknown. `second_rates`: second time derivatives of the depths at the
+    start, m/s^2, on which only the derivatives of the entry speeds depend noticeably; zero if left
+    out.
     """
 
     def entry_speed(name: str, label: str) -> Scalar:
-        known = (given or {}).get(name, {})
-        if label in known:
-            return known[label]
         gap = start[name][label]
-        present = jnp.where(_at_the_wall(gap), jnp.maximum(gap.rate, SLOWEST), UNKNOWN_ENTRY_SPEED)
-        return jnp.where(gap.depth > 0.0, present, 0.0)
+        second_rate = 0.0 if second_rates is None else second_rates[name][label]
+        present = jnp.where(_at_the_wall(gap), _at_onset(gap, second_rate), UNKNOWN_ENTRY_SPEED)
+        # A state inside a step has the entry speeds of the step's start, and its depth is only
+        # exact to rounding. Between flight and contact the two may contradict each other: zero is
+        # then not the entry speed of the closed contact, for which the force would be elastic.
+        known = (given or {}).get(name, {}).get(label, 0.0)
+        return jnp.where(gap.depth > 0.0, jnp.where(known > 0.0, known, present), 0.0)
 
     return _for_each_entry_speed(scene, entry_speed)
+
+
+def approaches_unknown(
+    scene: Scene, start: ContactGaps, given: EntrySpeeds | None = None
+) -> ByLabel[Scalar]:
+    """Return the penetration rate, m/s, at the start of a run, of each closed contact that
+    approaches further and that `initial_entry_speeds` makes elastic because its entry speed is
+    unknown, by joint and contact label; zero for other contacts."""
+
+    def rate(name: str, label: str) -> Scalar:
+        gap = start[name][label]
+        known = (given or {}).get(name, {}).get(label, 0.0)
+        unknown = (gap.depth > TOUCHING) & jnp.logical_not(known > 0.0)
+        return jnp.where(unknown, jnp.maximum(gap.rate, 0.0), 0.0)
+
+    return _for_each_entry_speed(scene, rate)
+
+
+def entry_speeds_inside(
+    scene: Scene, gaps: ContactGaps, left: Scalar, start: EntrySpeeds, end: EntrySpeeds
+) -> EntrySpeeds:
+    """Return the entry speeds at an instant before the end of a step, m/s, by joint and contact
+    label.
+
+    They are those of the step's start, except that a contact which began in the step has, from its
+    onset, the entry speed of the step's end. The onset is estimated as in `time_since_onset`.
+    Within `TOUCHING` of the wall, the contact counts as begun.
+
+    **Arguments:** `gaps`: the contact gaps at the end of the step; `left`: s, time from the instant
+    to there; `start`, `end`: the entry speeds at the ends of the step.
+    """
+
+    def entry_speed(name: str, label: str) -> Scalar:
+        before, after, gap = start[name][label], end[name][label], gaps[name][label]
+        has_begun = gap.depth - gap.rate * left > -TOUCHING
+        return jnp.where((before > 0.0) | jnp.logical_not(has_begun), before, after)
+
+    return _for_each_entry_speed(scene, entry_speed)
+
+
+def _at_onset(gap: ContactGap, second_rate: Scalar) -> Scalar:
+    """Return the penetration rate of a contact at its onset shortly before, m/s, estimated from the
+    `gap` and the second time derivative of the depth, m/s^2.
+
+    If the estimate is not positive, the result is the present rate, or `SLOWEST` if that is larger.
+    """
+    usable = gap.rate > SLOWEST
+    # One Newton step goes back by the time depth over rate, in which the rate changes by second
+    # rate times this time. The correction changes the value hardly at all. But with it, the
+    # derivative is that of the rate at the onset, whose instant depends on the parameters.
+    back = gap.depth / jnp.where(usable, gap.rate, 1.0)
+    entry = jnp.where(usable, gap.rate - second_rate * back, 0.0)
+    # If a contact hardly touches the wall, the correction may exceed the rate. The entry speed must
+    # be positive, since zero stands for an open contact.
+    return jnp.where(entry > 0.0, entry, jnp.maximum(gap.rate, SLOWEST))
 
 
 def _at_the_wall(gap: ContactGap) -> Condition:
@@ -224,16 +287,7 @@ def updated_entry_speeds(
     def update(name: str, label: str) -> Scalar:
         end = after[name][label]
         began = (before[name][label].depth <= 0.0) & (end.depth > 0.0)
-        usable = end.rate > SLOWEST
-        # The step ends slightly after the onset. One Newton step goes back by the time depth over
-        # rate, in which the rate changes by second rate times this time. The correction changes the
-        # value hardly at all. But with it, the derivative is that of the rate at the onset, whose
-        # instant depends on the parameters.
-        back = end.depth / jnp.where(usable, end.rate, 1.0)
-        entry = jnp.where(usable, end.rate - second_rates[name][label] * back, end.rate)
-        # If a contact hardly touches the wall, the correction may exceed the rate. The entry speed
-        # must be positive, since zero stands for an open contact.
-        entry = jnp.where(entry > 0.0, entry, jnp.maximum(end.rate, SLOWEST))
+        entry = _at_onset(end, second_rates[name][label])
         return jnp.where(end.depth > 0.0, jnp.where(began, entry, entry_speeds[name][label]), 0.0)
 
     return _for_each_entry_speed(scene, update)

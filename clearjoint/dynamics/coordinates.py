@@ -16,6 +16,7 @@ place of the changes.
 """
 
 import abc
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -192,6 +193,21 @@ class AbstractCoordinates(eqx.Module):
 
         Time-stepping methods that advance positions and speeds separately call it.
         """
+
+    def rotation_rates(self, scene: Scene, variables: MotionVariables) -> dict[str, Scalar]:
+        """Return how fast bodies rotate relative to the bodies that carry them, rad/s, positive, by
+        name, for rotations that have no integration error if they are uniform.
+
+        Runs limit these rotations in a step where they search steps for events. The variables of
+        these bodies, by name, must have an attribute `position`. The default is an empty
+        dictionary: the integration error of Euler parameters limits the rotation in a step.
+        """
+        return {}
+
+    def carriers(self, scene: Scene, bodies: Collection[str]) -> frozenset[str]:
+        """Return those of the bodies in `rotation_rates` whose rotations change the poses of some
+        `bodies` relative to each other. The default is an empty set."""
+        return frozenset()
 
 
 def anchors(scene: Scene) -> dict[str, tuple[Vector, Vector]]:

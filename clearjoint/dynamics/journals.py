@@ -16,15 +16,18 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..compilation import HostFirst
-from ..fields.cautions import LeftBearingWarning, caution, quiet
+from ..fields.cautions import LeftBearingWarning, UnusualValueWarning, caution, quiet
 from ..fields.checks import caution_unless, require
 from ..fields.objects import on_device
 from ..math.vectors import ZERO, Condition, Scalar, pack, unpack
 from ..model.bodies import GROUND, GROUND_MOTION, NO_WRENCH, BodyState, State
-from ..model.joints.base import AbstractConstraint, AbstractContactJoint, ByLabel
+from ..model.contact.laws import whole_law
+from ..model.joints.base import AbstractConstraint, AbstractContactJoint, ByLabel, Contact
 from ..model.scene import Scene
 from ..native import Native
 from .absolute_coordinates import AbsoluteCoordinates
+from .contact_events import approaches_unknown
+from .contact_forces import EntrySpeeds, LoadedContact
 from .coordinates import free_motion
 from .formulation import Formulation, Unstabilised
 from .system import System
@@ -36,6 +39,12 @@ FAR_OUTSIDE = 1e-2
 """Penetration, relative to the largest one that the joint allows, above which a warning is issued
 at the start of a run, and an error is raised for a journal that `assemble` has centred. Contacts in
 motion are usually far less deep."""
+SLOW_ONSET = 1e-2
+"""Entry speed below which a contact counts as overdamped, relative to that of an impact with the
+elastic energy of the contact."""
+FAST_APPROACH = 1e-6
+"""Penetration rate, m/s, above which a warning is issued at the start of a run if the contact's
+entry speed is unknown. It is the default of the smallest entry speed of contact laws."""
 HOLD_IT = "Give the joint axial=EndPlay(...) or FixedAxially(), or hold the bodies by other joints."
 Depths: TypeAlias = ByLabel[float]
 """Penetration of the surfaces of each contact, m, by joint and contact label; negative without
@@ -82,8 +91,9 @@ def resting_joints(
     """Return ideal joints that hold the journals of the named clearance joints at the wall, by name
     of clearance joint.
 
-    A journal is held on the side to which its load presses it while the bodies are at rest. The
-    load is the reaction of an ideal joint in the place of the clearance joint.
+    A journal is held on the side to which its load presses it while the bodies are at rest, at the
+    penetration at which the contacts carry the load. The load is the reaction of an ideal joint in
+    the place of the clearance joint.
 
     **Arguments:** `ideal`: ideal joints that replace clearance joints, including the named ones;
     `state`: a state that satisfies the ideal joints; `t`: s, time at which forces are evaluated.
@@ -107,6 +117,53 @@ def resting_joints(
     return resting
 
 
+def resting_entry_speeds(
+    scene: Scene, names: Collection[str], state: State, t: Scalar
+) -> dict[str, dict[str, float]]:
+    """Return entry speeds for the closed contacts of the named joints, m/s, by joint and contact
+    label, with which a journal that rests on the wall is damped moderately.
+
+    They are those of an impact of the contact's effective mass whose energy is the elastic energy
+    of the contact. Oscillations about the position of rest are then damped like such an impact:
+    with a damping ratio of about half the factor chi of a Hunt-Crossley law. An entry speed of zero
+    would be replaced by the law's smallest one, with which the damping is so large that the
+    equations of motion are stiff, and an unknown one would mean no damping.
+    """
+    laws = scene.laws()
+    names = tuple(n for n in names if any(law.uses_entry_speed for law in laws[n].values()))
+    if not names:
+        return {}
+    speeds = _speeds_of_rest(names, scene, state.bodies, on_device(t))
+    by_joint = {name: _numbers(family) for name, family in speeds.items()}
+    return {
+        name: {label: speed for label, speed in family.items() if speed > 0.0}
+        for name, family in by_joint.items()
+    }
+
+
+def overdamped_contacts(scene: Scene, state: State, t: Scalar) -> list[str]:
+    """Return a sentence for each joint with a contact that began so slowly that its damping makes
+    the equations of motion stiff: with less than a fraction `SLOW_ONSET` of the entry speed that
+    `resting_entry_speeds` returns for its present depth. The sentence names the law and a remedy.
+    """
+    sentences, usual = [], resting_entry_speeds(scene, scene.contact_joints(), state, t)
+    for name, family in usual.items():
+        for label, speed in family.items():
+            law = whole_law(scene.laws()[name][label])
+            floor = float(getattr(law, "entry_speed_floor", 0.0))
+            present = max(float(state.entry_speeds[name][label]), floor)
+            if present < SLOW_ONSET * speed:
+                raising = f"give the law `entry_speed_floor={speed:.0e}`" if floor else ""
+                other = "take a law without an entry speed, such as `MemorylessHuntCrossley`"
+                sentences.append(
+                    f"Contact {label!r} of joint {name!r} began at {present:.1e} m/s, at which the "
+                    f"damping of its law {type(law).__name__} is so large that steps must be very "
+                    f"short: {' or '.join(filter(None, [raising, other]))}."
+                )
+                break
+    return sentences
+
+
 def with_ideal(scene: Scene, ideal: Mapping[str, AbstractConstraint]) -> Scene:
     """Return the scene with joints replaced by the joints of the same names in `ideal`."""
     # The user has had the warnings of the scene's constructor already.
@@ -115,7 +172,8 @@ def with_ideal(scene: Scene, ideal: Mapping[str, AbstractConstraint]) -> Scene:
 
 
 def require_in_bearings(scene: Scene, state: State) -> None:
-    """Check the penetrations of an initial state, and warn of contacts deep inside the wall.
+    """Check the penetrations of an initial state, and warn of contacts deep inside the wall, and of
+    contacts that begin without their damping.
 
     The penetration is that of the surfaces. `too_deep`, which ends a run, measures the depth from
     the onset of the force. It is slightly stricter for smoothed and rough contact laws, whose force
@@ -126,7 +184,19 @@ def require_in_bearings(scene: Scene, state: State) -> None:
 
     **Warns:** `UnusualValueWarning` for a smaller penetration above `FAR_OUTSIDE` times the limit.
     Each joint gets one message at most, on the contact that is deepest relative to its limit.
+    Another `UnusualValueWarning` is issued for a contact that has begun before, approaches faster
+    than `FAST_APPROACH`, and has no entry speed.
     """
+    for name, family in unknown_approaches(scene, state.bodies, state.entry_speeds).items():
+        label = max(family, key=lambda label: float(family[label]))
+        rate, argument = float(family[label]), f"state.entry_speeds[{name!r}][{label!r}]"
+        if rate > FAST_APPROACH:
+            caution(
+                f"Contact {label!r} of joint {name!r} is closed at the start and approaches at "
+                f"{rate:.3g} m/s, but its entry speed is unknown, so that it has no damping until "
+                f"it ends: give {argument}, in m/s, or start outside of the wall.",
+                UnusualValueWarning,
+            )
     for name, joint_depths in depths(scene, state).items():
         limits = _numbers(scene.contact_joints()[name].deepest())
         # A joint may have no limits, and then any penetration is allowed.
@@ -254,6 +324,58 @@ def contact_depths(scene: Scene, bodies: dict[str, BodyState]) -> ByLabel[Scalar
         name: {label: contact.gap.depth for label, contact in joint.contacts(motions).items()}
         for name, joint in system.scene.contact_joints().items()
     }
+
+
+# NumPy computes this function if it can, since a compilation takes longer than a single call.
+@HostFirst
+def unknown_approaches(
+    scene: Scene, bodies: dict[str, BodyState], entry_speeds: EntrySpeeds
+) -> ByLabel[Scalar]:
+    """Return the result of `approaches_unknown` for scene and states of the bodies in which vectors
+    are arrays (3,)."""
+    system = System(unpack(scene), Formulation(AbsoluteCoordinates()))
+    gaps = system.contact_gaps(system.encode(unpack(bodies)))
+    return approaches_unknown(system.scene, gaps, entry_speeds)
+
+
+# This function is compiled to native code or, if that is not possible, by XLA without a warning.
+@partial(Native, warns=False)
+def _speeds_of_rest(
+    names: tuple[str, ...], scene: Scene, bodies: dict[str, BodyState], t: Scalar
+) -> ByLabel[Scalar]:
+    """Return the speed of an impact, m/s, whose energy is the elastic energy, for each contact of
+    the named joints whose law uses the entry speed, by joint and contact label; zero if the contact
+    is open.
+
+    In scene and states of the bodies, vectors are arrays (3,).
+    """
+    formulation = Formulation(AbsoluteCoordinates(), Unstabilised(), redundant=True)
+    system = System(unpack(scene), formulation)
+    variables = system.encode(unpack(bodies))
+    motions, speeds = system.motions(variables), {}
+
+    def per_mass(name: str, label: str, contact: Contact) -> Scalar:
+        """Return the inverse of the mass, 1/kg, that the normal force of a contact accelerates."""
+
+        def second_rate(push: Scalar) -> Scalar:
+            forces = {name: {label: LoadedContact(contact, push, push, None)}}
+            rates = system.dynamics_under(variables, forces, t).variable_rates
+            return jnp.asarray(system.second_rates(variables, rates)[name][label], float)
+
+        # The second rate of the depth is linear in the force.
+        push = jnp.zeros(())
+        return -jax.jvp(second_rate, (push,), (jnp.ones_like(push),))[1]
+
+    for name in names:
+        joint = system.scene.contact_joints()[name]
+        laws, contacts = joint.laws(), joint.contacts(motions)
+        speeds[name] = {}
+        for label, contact in contacts.items():
+            if laws[label].uses_entry_speed:
+                energy = laws[label].stored_energy(contact.gap)
+                square = 2.0 * energy * per_mass(name, label, contact)
+                speeds[name][label] = jnp.sqrt(jnp.maximum(square, 0.0))
+    return speeds
 
 
 # This function is compiled to native code or, if that is not possible, by XLA without a warning.

@@ -515,7 +515,7 @@ def _children(tree: PyTree) -> list[PyTree]:
     if isinstance(tree, eqx.Module):
         return [getattr(tree, field.name) for field in fields(tree)]
     if isinstance(tree, dict):
-        return [tree[key] for key in sorted(tree)]
+        return list(tree.values())
     return list(tree) if isinstance(tree, list | tuple) else []
 
 

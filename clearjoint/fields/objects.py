@@ -28,6 +28,7 @@ from .checks import (
     require_range,
     require_shape,
 )
+from .leaves import with_leaves
 from .types import ArrayLike
 
 Check = Callable[[str, ArrayLike], None]
@@ -328,8 +329,8 @@ def with_arrays(tree: PyTree) -> PyTree:
     if all(map(is_float_array, leaves)):
         return tree
     numbers = _number_fields(structure)
-    return jax.tree.unflatten(
-        structure,
+    return with_leaves(
+        tree,
         [
             np.asarray(leaf, np.float64) if k in numbers and _is_other_number(leaf) else leaf
             for k, leaf in enumerate(leaves)

@@ -2,12 +2,15 @@
 
 A position x in a step is a number from 0 at its start to 1 at its end. The length of the step is h,
 s. A rate is a derivative by time, which is the derivative by x divided by h. All functions are
-arithmetic on scalars without loops at run time. For arrays they work element by element.
+arithmetic on scalars without loops at run time, except for `secant_root`. For arrays they work
+element by element.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 
 from .vectors import Scalar
@@ -18,8 +21,8 @@ the number of correct digits."""
 TINY = 1e-200
 """`Parabola.part_below` divides by the coefficient of x^2. If its magnitude is at most this number,
 this number takes its place. In practice this happens only if the coefficient is zero."""
-SECANT_STEPS = 4
-"""Number of evaluations in `secant_root`. It is fixed, since there are no loops at run time."""
+SECANT_STEPS = 12
+"""Number of evaluations in `secant_root`. It is fixed, so that lanes side by side do the same."""
 REFINEMENTS = 3
 """Number of evaluations in `highest`."""
 MARGIN = 0.05
@@ -84,25 +87,6 @@ def hermite_root(start: Slope, end: Slope, h: Scalar) -> Scalar:
         # Bisection where Newton's step leaves the bracket.
         inside = (newton >= lower) & (newton <= upper)
         x = jnp.where(inside, newton, 0.5 * (lower + upper))
-    return x
-
-
-def secant_root(value_at: Callable[[Scalar], Scalar], start: Scalar, end: Scalar) -> Scalar:
-    """Return the approximate position x of a function's root in a step, by `SECANT_STEPS` secant
-    steps.
-
-    It serves for functions whose rates are not known, unlike `hermite_root`.
-
-    **Arguments:** `value_at`: function of x; `start`, `end`: its values at x = 0 and x = 1, which
-    must have opposite signs.
-    """
-    x_old, x, value_old, value = jnp.zeros_like(start), jnp.ones_like(end), start, end
-    for _ in range(SECANT_STEPS):
-        # After convergence, neither x nor the value changes, and x must stay where it is.
-        change = value - value_old
-        slope = jnp.where(change == 0.0, 1.0, change)
-        x_old, x = x, jnp.clip(x - value * (x - x_old) / slope, 0.0, 1.0)
-        value_old, value = value, value_at(x)
     return x
 
 
@@ -203,6 +187,39 @@ class Point(NamedTuple):
 
     x: Scalar
     value: Scalar
+
+
+def secant_root(value_at: Callable[[Scalar], Scalar], start: Point, end: Point) -> Scalar:
+    """Return the approximate position x of a function's root between two points, by `SECANT_STEPS`
+    secant steps within a shrinking bracket (N. Anderson, A. Bjorck 1973).
+
+    It serves for functions whose rates are not known, unlike `hermite_root`.
+
+    **Arguments:** `value_at`: function of x; `start`, `end`: two of its points, whose values must
+    have opposite signs.
+    """
+
+    # Secants without a bracket missed the root of a contact that begins soon after another one has
+    # ended: both ends of the step are then at the wall, and the greatest distance lies between.
+    def refine(_: int, state: tuple[Point, Point]) -> tuple[Point, Point]:
+        # The root lies between the latest point and `other`.
+        last, other = state
+        change = last.value - other.value
+        slope = jnp.where(change == 0.0, 1.0, change)
+        x = jnp.where(change == 0.0, last.x, last.x - last.value * (last.x - other.x) / slope)
+        new = Point(x, value_at(x))
+        crosses = (new.value > 0.0) != (last.value > 0.0)
+        # If the far end of the bracket stays, its value is reduced, so that the next secant meets
+        # zero on the other side of the root. Otherwise one end would never move.
+        ratio = 1.0 - new.value / jnp.where(last.value == 0.0, 1.0, last.value)
+        reduced = other.value * jnp.where(ratio > 0.0, ratio, 0.5)
+        # At a root, neither the position nor the value must change any more.
+        reduced = jnp.where(last.value == 0.0, other.value, reduced)
+        return new, _either(crosses, last, Point(other.x, reduced))
+
+    # Loops need arrays of equal types.
+    ends = jax.tree.map(partial(jnp.asarray, dtype=float), (end, start))
+    return jax.lax.fori_loop(0, SECANT_STEPS, refine, ends)[0].x
 
 
 def vertex(first: Point, middle: Point, last: Point) -> Scalar:

@@ -6,6 +6,7 @@ The units are those of pint's application registry, in which users can define th
 
 import math
 import re
+import tokenize
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
@@ -73,6 +74,22 @@ def to_si(unit: str, si: str | None) -> tuple[float, str]:
     return float(one), unit if one == 1.0 else f"{target:~C}" or "1"
 
 
+_UNREADABLE = (
+    ArithmeticError,
+    AssertionError,
+    AttributeError,
+    LookupError,
+    NotImplementedError,
+    RecursionError,
+    SyntaxError,
+    TypeError,
+    ValueError,
+    tokenize.TokenError,
+)
+"""Errors that pint raises for texts that are no units, its own being subclasses. Others, such as
+one by which a handler of signals ends a program, are no errors of the unit."""
+
+
 def _pint_unit(
     registry: "pint.registry.ApplicationRegistry", unit: str, argument: str
 ) -> "pint.Unit":
@@ -99,7 +116,7 @@ def _pint_unit(
     try:
         known = registry.Unit(unit)
         registry.get_base_units(known)  # Overflows for a prefix with a large power.
-    except Exception as error:  # pint raises many kinds of errors, including its tokenizer's.
+    except _UNREADABLE as error:
         raise ValueError(
             f"Argument `{argument}` must be a unit that pint knows, but is {unit!r}: {SPELLING}."
         ) from error

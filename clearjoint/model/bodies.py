@@ -131,20 +131,39 @@ def _require_inertia(argument: str, value: ArrayLike) -> None:
     if (known := checkable(value)) is None:
         return
     (inertia,) = known
-    # The value is an array of NumPy, or of JAX if it is traced and its conditions are collected for
-    # a compiled program. The tests of the symmetry and of the largest moment allow for the rounding
-    # of given numbers.
-    xp, moments = inertia.__array_namespace__(), inertia
-    if inertia.ndim == 2:
+    # The tests of the symmetry and of the largest moment allow for the rounding of given numbers.
+    # The largest moment is at most (1 + 1e-9) times the sum of the other two.
+    largest = inertia.sum() if inertia.ndim == 1 else inertia.trace()
+    largest = largest * (1 + 1e-9) / (2 + 1e-9)
+    if inertia.ndim == 1:
+        positive, fine = inertia.min() > 0, inertia.max() <= largest
+    else:
         symmetric = abs(inertia - inertia.T).max() <= 1e-9 * abs(inertia).max()
         require(symmetric, argument, inertia, "symmetric", "average it with its transpose")
-        moments = xp.linalg.eigvalsh(inertia)
+        positive = _is_positive_definite(inertia)
+        fine = _is_positive_definite(largest * np.eye(3) - inertia)
     remedy = "give every body a positive moment of inertia about each axis"
-    require(moments.min() > 0, argument, inertia, "positive definite", remedy)
-    fine = moments.max() <= (moments.sum() - moments.max()) * (1 + 1e-9)
+    require(positive, argument, inertia, "positive definite", remedy)
     expected = "such that no principal moment exceeds the sum of the other two"
     remedy = "check the order of the moments and their units (kg m^2)"
     require(fine, argument, inertia, expected, remedy)
+
+
+def _is_positive_definite(matrix: ArrayLike) -> bool | jax.Array:
+    """Return whether a symmetric matrix, (3, 3), has positive eigenvalues only.
+
+    That is so if each pivot of Gaussian elimination is positive. The eigenvalues themselves would
+    need an iteration, for which native code has no rule: checks that compute them are slow.
+
+    **Arguments:** `matrix`: an array of NumPy, or of JAX if it is traced and its conditions are
+    collected for a compiled program.
+    """
+    xp = matrix.__array_namespace__()
+    (a, b, c), (_, d, e), (_, _, f) = matrix
+    first = xp.where(a > 0, a, 1.0)
+    d, e, f = d - b * b / first, e - b * c / first, f - c * c / first
+    second = xp.where(d > 0, d, 1.0)
+    return (a > 0) & (d > 0) & (f - e * e / second > 0)
 
 
 class Body(AbstractReadable):
@@ -416,8 +435,9 @@ class State(AbstractReadable):
     - `bodies`: `BodyState` of each body by name, without the ground.
     - `entry_speeds[joint][contact]`: entry speed of the current contact, its penetration rate at
       the onset, m/s, by name of the joint and label of the contact. It is zero without contact. If
-      a run starts without the entry speed of a contact that began earlier, the contact gets
-      1e9 m/s, which makes the damping negligible. Empty for scenes whose laws don't use entry
+      a run starts without the entry speed of a contact that began earlier (it is missing or zero),
+      the contact gets 1e9 m/s, which makes the damping negligible, or its present penetration rate
+      if its depth is at most 1e-12 m. Empty for scenes whose laws don't use entry
       speeds; a run ignores entries for contacts whose laws don't use them. States saved by
       `simulate_nonsmooth`, whose contacts are rigid, list zero for each contact.
     - `work`: energies since the start, J, by name: "normal damping", "friction", "film" and

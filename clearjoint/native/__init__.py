@@ -5,7 +5,7 @@
 1. JAX traces it to a jaxpr (`.functions`);
 2. `.lowering` converts the jaxpr to operations on scalars, vectors of tangents (derivatives by
    parameters) and arrays in memory (`.operations`), by a rule for each JAX primitive. The rules are
-   in `.elementwise`, `.elementary`, `.structure`, `.indexing` and `.control`;
+   in `.elementwise`, `.elementary`, `.structure`, `.indexing`, `.linear_algebra` and `.control`;
 3. `.llvm_text` writes the operations in LLVM's language;
 4. `.machine_code` compiles this text to machine code, and saves it on disk for other processes.
 

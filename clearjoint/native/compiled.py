@@ -7,7 +7,7 @@ contain these.
 
 import os
 import warnings
-from collections.abc import Callable, Hashable
+from collections.abc import Callable
 from functools import update_wrapper
 from typing import Generic, ParamSpec, TypeVar
 
@@ -18,6 +18,7 @@ from ..compilation import Compiled
 from ..compilation.xla import is_tracing
 from .functions import FlatArguments, NativeFunction
 from .lowering import UnsupportedPrimitiveError
+from .machine_code import RecentPrograms
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
@@ -59,7 +60,7 @@ class Native(Generic[Arguments, Result]):
     def __init__(self, function: Callable[Arguments, Result], warns: bool = True):
         self._compiled, self._warns = Compiled(function), warns
         self.native = NativeFunction(function)
-        self._refused: set[Hashable] = set()
+        self._refused: RecentPrograms[bool] = RecentPrograms()
         update_wrapper(self, function)
 
     def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
@@ -71,11 +72,11 @@ class Native(Generic[Arguments, Result]):
         if options or is_tracing() or not is_native():
             return self._compiled(*arguments, **options)
         flat = FlatArguments.of(arguments)
-        if not flat.traced and flat.key not in self._refused:
+        if not flat.traced and self._refused.recent(flat.key) is None:
             try:
                 return self.native.run(flat)
             except UnsupportedPrimitiveError as error:
-                self._refused.add(flat.key)
+                self._refused.add(flat.key, True)
                 if self._warns:
                     report_fallback(error)
         return self._compiled(*arguments, **options)

@@ -36,6 +36,7 @@ from .lowering import (
     aval_of,
     count_equations,
     kind_of,
+    scalar,
 )
 from .operations import Symbol, Value
 
@@ -49,12 +50,10 @@ def _cond(lower: Lowering, equation: Equation, condition: Array, *arguments: Arr
 
     **Raises:** `UnsupportedPrimitiveError` for more than two branches, unless the index is known;
     and for branches that return large arrays in different cells of memory, if the program has
-    several lanes or the cells of the array of the second branch (that of a true condition) must not
-    be overwritten.
+    several lanes.
     """
     branches = equation.params["branches"]
-    ops = lower.ops
-    assert isinstance(condition, int)  # a scalar value, not an array
+    ops, condition = lower.ops, scalar(condition, "a branch whose condition is an array")
     number = ops.number(condition)
     if number is not None:
         # As in JAX, an index out of range counts as the nearest one.
@@ -146,6 +145,11 @@ def _if_any(
     return lower.unflatten(lower.ops.branch(condition, compute, leave_out), results)
 
 
+class _DifferentArraysError(Exception):
+    """Raised if two branches give different arrays in memory, and those of the branch that is added
+    first must not be overwritten."""
+
+
 def _branch(
     lower: Lowering,
     condition: Value,
@@ -153,32 +157,61 @@ def _branch(
     no: core.ClosedJaxpr,
     arguments: Sequence[Array],
 ) -> list[Array]:
-    """Add a branch in a program of one lane, and return its results.
+    """Add a branch in a program of one lane, and return its results."""
 
-    **Raises:** `UnsupportedPrimitiveError` if the two branches return arrays in different cells of
-    memory, and the cells of an array of `yes` must not be overwritten.
-    """
-    first_results: list[Array] = []
+    def added(copies: bool) -> list[Array]:
+        """Add the branch, and return its results.
 
-    def compute(branch: core.ClosedJaxpr) -> list[Value]:
-        results = lower.inline(branch, arguments)
-        # The first call, for `yes`, sets `first_results`.
-        first_results[:] = first_results or results
-        # Later operations read the same cells whichever branch was executed. So the branch that is
-        # added second, `no`, must leave its arrays in the cells of the first one, `yes`.
-        if not all(old.owned for _, old in _moved(results, first_results)):
-            raise UnsupportedPrimitiveError("branches that give different arrays")
-        _move_to(lower, first_results, results)
-        return lower.flatten(results)
+        **Arguments:** `copies`: whether `yes` copies the arrays that must not be overwritten.
+        """
+        first_results: list[Array] = []
 
-    outs = lower.ops.branch(condition, partial(compute, yes), partial(compute, no))
-    return lower.unflatten(outs, first_results)
+        def compute(branch: core.ClosedJaxpr) -> list[Value]:
+            results = lower.inline(branch, arguments)
+            # The first call, for `yes`, sets `first_results`. Each must have cells of its own,
+            # since `no` may give different arrays where `yes` gives the same array twice.
+            if not first_results:
+                results = [
+                    lower.copied(a) if copies and isinstance(a, InMemory) and not a.owned else a
+                    for a in apart(lower, results)
+                ]
+                first_results[:] = results
+            # Later operations read the same cells whichever branch was executed. So the branch that
+            # is added second, `no`, must leave its arrays in the cells of the first one, `yes`.
+            if not all(old.owned for _, old in _moved(results, first_results)):
+                raise _DifferentArraysError
+            _move_to(lower, first_results, results)
+            return lower.flatten(results)
+
+        outs = lower.ops.branch(condition, partial(compute, yes), partial(compute, no))
+        return lower.unflatten(outs, first_results)
+
+    try:
+        return added(copies=False)
+    except _DifferentArraysError:
+        # Most branches that return an array as it was both return the same one. Copies are made
+        # only if they do not, which is known once both have been added. What has been added for the
+        # first attempt is not part of the program.
+        return added(copies=True)
+
+
+def apart(lower: Lowering, arrays: list[Array]) -> list[Array]:
+    """Return arrays with the same numbers of which no two have cells in common."""
+    in_memory = [array for array in arrays if isinstance(array, InMemory)]
+    return [
+        # Each array in memory overlaps with itself.
+        lower.copied(array)
+        if isinstance(array, InMemory) and sum(map(array.overlaps, in_memory)) > 1
+        else array
+        for array in arrays
+    ]
 
 
 def _while(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array]:
     """Add a loop (`jax.lax.while_loop`), and return its results.
 
-    **Raises:** `UnsupportedPrimitiveError` for carries in memory in a program of several lanes.
+    **Raises:** `UnsupportedPrimitiveError` for carries in memory in a program of several lanes, and
+    for a condition that is an array, as `jax.vmap` makes it.
     """
     parameters = equation.params
     condition, body = parameters["cond_jaxpr"], parameters["body_jaxpr"]
@@ -191,8 +224,7 @@ def _while(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array
 
     def holds(carries: list[Array]) -> Value:
         (result,) = lower.inline(condition, [*condition_consts, *map(borrowed, carries)])
-        assert isinstance(result, int)
-        return result
+        return scalar(result, "a loop whose condition is an array")
 
     def iterate(carries: list[Array]) -> list[Array]:
         return lower.inline(body, [*body_consts, *carries])
@@ -311,8 +343,7 @@ def _scan(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array]
 
     # The first carry of the loop is the number of the iteration.
     def iterate(carries: list[Array]) -> list[Array]:
-        k = carries[0]
-        assert isinstance(k, int)
+        k = scalar(carries[0])
         row = ops.emit("sub", "i", end, k) if parameters["reverse"] else k
         items = []
         for memory in inputs:
@@ -325,11 +356,11 @@ def _scan(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array]
         return [(Symbol(ops, k) + 1).value, *results[:carried]]
 
     def holds(carries: list[Array]) -> Value:
-        assert isinstance(carries[0], int)
+        k = scalar(carries[0])
         # The counter is the same in all lanes, so that rows of all lanes are read and written at
         # once instead of lane by lane.
-        ops.mark_uniform(carries[0])
-        return ops.emit("ile", "b", carries[0], end)
+        ops.mark_uniform(k)
+        return ops.emit("ile", "b", k, end)
 
     # All lanes have the same number of iterations.
     results = loop(lower, [ops.constant("i", 0), *first], holds, iterate, uniform=True)

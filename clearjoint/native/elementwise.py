@@ -31,6 +31,9 @@ PARAMETERS = {
 }
 """By the name of a primitive, the name of the parameter that its rule takes as last argument."""
 
+IDENTITIES = ("copy", "copy_p", "stop_gradient", "optimization_barrier")
+"""Primitives whose results are their arguments."""
+
 
 def apply(ops: Operations, name: str, *values: Value, parameter: object = None) -> Value:
     """Apply the rule of the primitive `name` to values, and return the value of the result.
@@ -276,7 +279,6 @@ RULES: dict[str, Rule] = {
     "rem": _remainder,
     "select_n": _select,
     "convert_element_type": _convert,
-    **dict.fromkeys(("copy", "copy_p", "stop_gradient", "optimization_barrier"), lambda a: a),
     **{name: _direct(name) for name in ("sqrt", "floor", "ceil", "not", "and", "or", "xor")},
     **{name: _direct(name) for name in LIBRARY if name not in ("fmod", "pow")},
     **ELEMENTARY,

@@ -20,7 +20,7 @@ from ..compilation.xla import (
     program_of,
 )
 from ..math.vectors import ConstantFolded
-from . import control, indexing, structure
+from . import control, indexing, linear_algebra, structure
 from .cells import Cells, Memory
 from .lowering import (
     LARGEST_UNROLLED,
@@ -29,10 +29,10 @@ from .lowering import (
     aval_of,
     tangents_of,
 )
-from .machine_code import Code, Stopwatch, load, load_or_make
+from .machine_code import Code, RecentPrograms, Stopwatch, is_weak, load, load_or_make
 from .operations import Number, Operations
 
-RULES = structure.RULES | indexing.RULES | control.RULES
+RULES = structure.RULES | indexing.RULES | control.RULES | linear_algebra.RULES
 """Functions that lower the primitives that do not work element by element, by the primitives'
 names."""
 LARGE = 256
@@ -77,7 +77,11 @@ class NativeProgram:
         needed = iter(jaxpr.invars)
         self.inputs = [lowering.region(aval_of(next(needed))) if yes else None for yes in used]
         arguments = [lowering.argument(r) for r in self.inputs if r is not None]
-        results = lowering.inline(core.ClosedJaxpr(jaxpr, closed.consts), arguments)
+        # Results are views of the memory. With cells of their own, a caller who changes one of them
+        # in place does not change another.
+        results = control.apart(
+            lowering, lowering.inline(core.ClosedJaxpr(jaxpr, closed.consts), arguments)
+        )
         self.outputs = [
             lowering.stored(array, aval_of(out)) for array, out in zip(results, outs, strict=True)
         ]
@@ -216,7 +220,7 @@ class FlatArguments(NamedTuple):
     - `leaves`, `structure`: their leaves and structure, as `jax.tree.flatten` returns them.
     - `arrays`: the arrays of NumPy and JAX among the leaves.
     - `traced`: whether JAX traces any of them.
-    - `key`: structure, shapes and dtypes of the arrays, and all other leaves with their types.
+    - `key`: structure, shapes and types of the arrays, and all other leaves with their types.
       Arguments with equal keys need the same program.
     """
 
@@ -246,12 +250,18 @@ def _flattened(argument: PyTree) -> FlatArguments:
         leaves, structure = jax.tree.flatten(argument)
         arrays, key, traced = [], [], False
         for leaf in leaves:
-            if type(leaf) is np.ndarray or eqx.is_array(leaf):
+            if type(leaf) is np.ndarray:
                 arrays.append(leaf)
                 key.append((leaf.shape, leaf.dtype))
+            elif eqx.is_array(leaf):
+                arrays.append(leaf)
+                # A weak type is the same as a strong one only for the numbers themselves.
+                weak = (True,) if is_weak(leaf) else ()
+                key.append((leaf.shape, leaf.dtype, *weak))
                 traced = traced or isinstance(leaf, Tracer)
             else:
-                key.append((type(leaf), leaf))
+                # By their digits, since 0.0 == -0.0 and NaN != NaN.
+                key.append((type(leaf), leaf.hex() if type(leaf) is float else leaf))
         kept["flattened"] = FlatArguments(
             (argument,), leaves, structure, arrays, traced, (structure, tuple(key))
         )
@@ -270,11 +280,12 @@ class NativeFunction:
 
     def __init__(self, function: Callable[..., PyTree]):
         self._function, self._traced = function, begins_a_program(function)
-        self._programs: dict[Hashable, tuple[NativeProgram, Result]] = {}
+        self._programs: RecentPrograms[tuple[NativeProgram, Result]] = RecentPrograms()
+        self._count = 0
 
     def count(self) -> int:
-        """Return the number of programs that have been compiled or loaded from disk."""
-        return len(self._programs)
+        """Return how many programs have been compiled or loaded from disk."""
+        return self._count
 
     def __call__(self, *arguments: PyTree) -> PyTree:
         """Return the function's result."""
@@ -318,15 +329,21 @@ class NativeFunction:
 
         **Raises:** `UnsupportedPrimitiveError` as `NativeProgram`.
         """
-        program = self._programs.get(flat.key)
+        program = self._programs.recent(flat.key)
         if program is None:
             # Calls may come from several threads, but each program is compiled once.
             with collector_at_rest(), program_is_made_inside(), _COMPILES:
-                program = self._programs.get(flat.key) or load_or_make(
-                    self._function, flat.arguments, lambda: self._compiled(flat)
-                )
-                self._programs[flat.key] = program
+                program = self._programs.recent(flat.key)
+                if program is None:
+                    program = load_or_make(
+                        self._function, flat.arguments, lambda: self._compiled(flat)
+                    )
+                    self._add(flat, program)
         return program
+
+    def _add(self, flat: FlatArguments, program: "tuple[NativeProgram, Result]") -> None:
+        self._programs.add(flat.key, program)
+        self._count += 1
 
     def is_made(self, flat: FlatArguments) -> bool:
         """Return whether this process has made or loaded the program for flattened arguments."""
@@ -336,7 +353,7 @@ class NativeFunction:
         """Load the program for flattened arguments from disk, if it is saved there."""
         program = load(self._function, flat.arguments)
         if program is not None:
-            self._programs[flat.key] = cast(tuple[NativeProgram, Result], program)
+            self._add(flat, cast(tuple[NativeProgram, Result], program))
 
     def _compiled(self, flat: FlatArguments) -> tuple[NativeProgram, "Result"]:
         """Trace the function, and compile the program for flattened arguments."""

@@ -32,6 +32,7 @@ from .lowering import (
     UnsupportedPrimitiveError,
     aval_of,
     is_contiguous,
+    scalar,
 )
 from .operations import Symbol, Value
 
@@ -378,8 +379,7 @@ def _combination(lower: Lowering, equation: Equation, name: str) -> Callable[[Va
 
     def combine(old: Value, new: Value) -> Value:
         (result,) = lower.inline(closed, [old, new])
-        assert isinstance(result, int)
-        return result
+        return scalar(result)
 
     return combine
 

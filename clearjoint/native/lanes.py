@@ -21,7 +21,7 @@ from ..compilation.xla import program_of
 from .cells import Memory, Region, numbers_of
 from .control import borrowed, loop
 from .functions import RULES
-from .lowering import Array, InMemory, Lowering, aval_of
+from .lowering import Array, InMemory, Lowering, aval_of, scalar
 from .machine_code import Code, Stopwatch
 from .operations import Operations, Symbol, Value
 
@@ -128,6 +128,7 @@ class LaneLoop(AbstractLaneLoop):
         stopwatch = Stopwatch()
         arrays, static = eqx.partition((shared, own, state), eqx.is_array)
         names, steps, checks = _traced(step, status, arrays, static)
+        moves = names.index("moves")
         stopwatch.end("tracing")
 
         # The arguments stand in memory: first `shared` and `own`, then `state`.
@@ -151,8 +152,7 @@ class LaneLoop(AbstractLaneLoop):
 
         # The carries of the loop are the number of steps and the arrays of the state.
         def holds(carries: list[Array]) -> Value:
-            count, goes = carries[0], status_values(carries[1:])[names.index("moves")]
-            assert isinstance(goes, int) and isinstance(count, int)
+            count, goes = scalar(carries[0]), scalar(status_values(carries[1:])[moves])
             ops.mark_uniform(count)
             # All lanes stop together as soon as one of them needs its host, so that the condition
             # is uniform and no lane's state has to be kept from changing.
@@ -160,14 +160,11 @@ class LaneLoop(AbstractLaneLoop):
             return (~waits.emit("any") & Symbol(ops, count).compare("lt", Symbol(ops, limit))).value
 
         def iterate(carries: list[Array]) -> list[Array]:
-            count = carries[0]
-            assert isinstance(count, int)
-            following = (Symbol(ops, count) + 1).value
+            following = (Symbol(ops, scalar(carries[0])) + 1).value
             return [following, *lowering.inline(steps, [*fixed, *carries[1:]])]
 
         first: list[Array] = [ops.constant("i", 0), *arguments[ends[2] :]]
         count, *after = loop(lowering, first, holds, iterate, uniform=True)
-        assert isinstance(count, int)
 
         # The next call goes on with these states. Arrays that the loop has updated in place are in
         # their cells already.
@@ -177,7 +174,7 @@ class LaneLoop(AbstractLaneLoop):
         outputs = zip(names, status_values(after), checks.jaxpr.outvars, strict=True)
         self.status = {name: lowering.stored(array, aval_of(v)) for name, array, v in outputs}
         stopwatch.end("lowering")
-        self.code = Code(lowering, stopwatch, count)
+        self.code = Code(lowering, stopwatch, scalar(count))
         self._shared = parts[0]
         self.own_cells, self.state_cells = (
             slice(part[0].start, part[-1].cells.stop) if part else slice(0, 0) for part in parts[1:]

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 
 from ..compilation.xla import CALLS
 from .cells import Region
-from .elementwise import PARAMETERS, RULES, apply
+from .elementwise import IDENTITIES, PARAMETERS, RULES, apply
 from .operations import KINDS, Operations, Symbol, Value
 
 LARGEST_UNROLLED = 48
@@ -109,6 +109,18 @@ Array = Value | Packed | np.ndarray | InMemory
 EquationRule = Callable[..., Sequence[Array]]
 """Function of a `Lowering`, an equation and the equation's arguments that adds the equation to the
 program and returns its results."""
+
+
+def scalar(array: Array, what: str = "an array in the place of a number") -> Value:
+    """Return an array of shape () as a value.
+
+    **Arguments:** `what`: what is not supported if the array has another shape.
+
+    **Raises:** `UnsupportedPrimitiveError` for another shape.
+    """
+    if not isinstance(array, int):
+        raise UnsupportedPrimitiveError(what)
+    return array
 
 
 def aval_of(atom: Atom) -> ShapedArray:
@@ -571,10 +583,10 @@ class Lowering:
         support this use of the primitive.
         """
         name = equation.primitive.name
+        if name in IDENTITIES:
+            return arguments
         if name in RULES:
-            if len(equation.outvars) == 1:
-                return [self._elementwise(equation, arguments)]
-            return arguments  # `optimization_barrier` of several arrays
+            return [self._elementwise(equation, arguments)]
         if name in CALLS:
             closed = equation.params[CALLS[name]]
             repeated = self._repeated.get(id(equation))

@@ -15,7 +15,8 @@ import hashlib
 import pickle
 import sys
 import time
-from collections.abc import Callable
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
 from contextlib import suppress
 from importlib import metadata
 from typing import TypeVar, cast
@@ -25,11 +26,12 @@ import jax
 import llvmlite
 import llvmlite.binding as llvm
 from jaxtyping import PyTree
+from numpy.typing import ArrayLike
 
 from ..compilation import keeps_programs
-from ..compilation.package_code import source_digest
-from ..compilation.plain_values import NUMERIC, digest_of
-from ..compilation.program_store import ProgramStore, cache_in_use
+from ..compilation.package_code import ChangedCodeError, source_digest
+from ..compilation.plain_values import NUMERIC, NotPlainError, digest_of
+from ..compilation.program_store import ProgramStore, cache_in_use, system_errors_suppressed
 from .cells import Memory, Region
 from .llvm_text import llvm_text
 from .lowering import Lowering, UnsupportedPrimitiveError
@@ -42,6 +44,61 @@ _PACKAGES = (*NUMERIC, "beartype", "jax", "jaxlib", "jaxtyping", "ml_dtypes", "n
 """Packages on whose versions programs depend."""
 _IRRELEVANT = ("cache_dir", "persistent_cache", "compilation_cache", "log", "traceback", "dump")
 """Programs do not depend on settings of JAX whose names contain one of these texts."""
+
+
+_NOT_PICKLED = (
+    ArithmeticError,
+    AttributeError,
+    EOFError,
+    ImportError,
+    LookupError,
+    RecursionError,
+    TypeError,
+    ValueError,
+    pickle.PickleError,
+)
+"""Errors of a program that cannot be pickled, and of a file of another version when it is read. No
+wider class is suppressed: a handler of signals may raise an error in between, to end a run."""
+_NOT_DESCRIBED = (
+    ArithmeticError,
+    AttributeError,
+    ChangedCodeError,
+    LookupError,
+    NotPlainError,
+    RecursionError,
+    TypeError,
+    ValueError,
+)
+"""Errors of values for which there is no key."""
+MOST_PROGRAMS = 256
+"""Largest number of programs that `RecentPrograms` holds."""
+
+
+class RecentPrograms(OrderedDict[Hashable, Program]):
+    """Programs of a process by their keys, at most `MOST_PROGRAMS`.
+
+    A program occupies about 1 MB and four of the mappings of memory of which a process may have
+    65 530. Beyond the limit, the least recently used program is removed. Its machine code is freed
+    when the last call of it has ended, because a call holds the program. Threads may use the object
+    at once.
+    """
+
+    def recent(self, key: Hashable) -> Program | None:
+        """Return the program with a key, which counts as its use, or ``None`` without one."""
+        program = self.get(key)
+        if program is not None:
+            # Another thread may have removed it.
+            with suppress(KeyError):
+                self.move_to_end(key)
+        return program
+
+    def add(self, key: Hashable, program: Program) -> None:
+        """Add a program, and remove the least recently used one if there are too many."""
+        self[key] = program
+        while len(self) > MOST_PROGRAMS:
+            # Another thread may have emptied it.
+            with suppress(KeyError):
+                self.popitem(last=False)
 
 
 class Stopwatch:
@@ -153,7 +210,7 @@ def _saved_object_file(text: str) -> bytes:
         code = _object_file(text)
         if store is not None:
             # The program can be used even if it cannot be saved.
-            with suppress(OSError):
+            with system_errors_suppressed():
                 store.write(key, code)
     return code
 
@@ -171,9 +228,12 @@ def _object_file(text: str) -> bytes:
     options = llvm.create_pipeline_tuning_options(speed_level=OPTIMISATION)
     # Programs are mostly straight code with few loops, on which these passes only take time.
     options.loop_vectorization = options.slp_vectorization = options.loop_unrolling = False
-    builder = llvm.create_pass_builder(machine, options)
-    builder.getModulePassManager().run(module, builder)
-    return machine.emit_object(module)
+    # The builder keeps results of analyses of the module, and must be freed before it. After an
+    # interrupt, Python would free both in the order in which the error's traceback holds them.
+    with module, options, llvm.create_pass_builder(machine, options) as builder:
+        with builder.getModulePassManager() as manager:
+            manager.run(module, builder)
+        return machine.emit_object(module)
 
 
 def _target() -> tuple[str, ...]:
@@ -219,7 +279,7 @@ def load_or_make(
     program, place = make(), _place(function, arguments)
     if place is not None:
         store, key = place
-        with suppress(Exception):
+        with suppress(*_NOT_PICKLED), system_errors_suppressed():
             store.write(key, pickle.dumps(program))
     return program
 
@@ -234,8 +294,7 @@ def load(function: Callable[..., PyTree], arguments: tuple[PyTree, ...]) -> obje
         return None
     store, key = place
     content = store.read(key)
-    # A file of another version can fail in any way.
-    with suppress(Exception):
+    with suppress(*_NOT_PICKLED):
         return None if content is None else pickle.loads(content)
     return None
 
@@ -247,8 +306,8 @@ def _place(
     store = _store() if keeps_programs() else None
     if store is None:
         return None
-    # A value that cannot be described, for any reason, has no key.
-    with suppress(Exception):
+    # A value that cannot be described has no key.
+    with suppress(*_NOT_DESCRIBED), system_errors_suppressed():
         return store, _key(function, arguments)
     return None
 
@@ -263,16 +322,26 @@ def _key(function: Callable[..., PyTree], arguments: tuple[PyTree, ...]) -> str:
     neither to this package nor to one in `NUMERIC`, or other values that `digest_of` refuses;
     `ChangedCodeError` if the package's own code has changed since its import.
     """
-    shapes = jax.tree.map(
-        lambda leaf: jax.ShapeDtypeStruct(leaf.shape, leaf.dtype) if eqx.is_array(leaf) else leaf,
-        arguments,
-    )
+    shapes = jax.tree.map(_form, arguments)
     settings = {
         name: repr(value)
         for name, value in sorted(jax.config.values.items())
         if not any(part in name for part in _IRRELEVANT)
     }
     return digest_of([function, shapes, source_digest(), _versions(), settings, _target()])
+
+
+def _form(leaf: PyTree) -> PyTree:
+    """Return shape, dtype and weakness of the type of an array, or any other leaf itself."""
+    if not eqx.is_array(leaf):
+        return leaf
+    return jax.ShapeDtypeStruct(leaf.shape, leaf.dtype, weak_type=is_weak(leaf))
+
+
+def is_weak(array: ArrayLike) -> bool:
+    """Return whether an array has a weak type: JAX makes it from a Python number, and gives results
+    of operations with it the type of the other operand."""
+    return getattr(array, "weak_type", False)
 
 
 @functools.cache

@@ -22,6 +22,7 @@ import numpy as np
 from jax.core import ShapedArray
 
 from .elementwise import apply, convert
+from .linear_algebra import large_product
 from .lowering import (
     LARGEST_UNROLLED,
     Array,
@@ -289,14 +290,15 @@ def _arg_extreme(lower: Lowering, equation: Equation, array: Array, compare: str
 
 
 def _dot_general(lower: Lowering, equation: Equation, first: Array, second: Array) -> list[Array]:
-    """Return the products of two small arrays, summed along some axes (`jax.lax.dot_general`).
+    """Return the products of two arrays, summed along some axes (`jax.lax.dot_general`).
 
-    **Raises:** `UnsupportedPrimitiveError` for large arrays, and for a first array without
-    elements.
+    **Raises:** `UnsupportedPrimitiveError` for an array without elements.
     """
     (left, right), (left_batch, right_batch) = equation.params["dimension_numbers"]
+    if not all(aval_of(atom).size for atom in equation.invars):
+        raise UnsupportedPrimitiveError("dot_general of no elements")
     if isinstance(first, InMemory) or isinstance(second, InMemory):
-        raise UnsupportedPrimitiveError("dot_general of large arrays")
+        return large_product(lower, equation, first, second)
     out = aval_of(equation.outvars[0])
 
     def rows(array: Array, number: int, batch: Sequence[int], along: Sequence[int]) -> list:
@@ -310,8 +312,6 @@ def _dot_general(lower: Lowering, equation: Equation, first: Array, second: Arra
         count, length = (math.prod(shape[k] for k in axes) for axes in (batch, along))
         return values.transpose([*batch, *others, *along]).reshape(count, -1, length).tolist()
 
-    if math.prod(aval_of(equation.invars[0]).shape) == 0:
-        raise UnsupportedPrimitiveError("dot_general of no elements")
     # Each element of the result is the inner product of a row of one array and a row of the other.
     add, multiply = (lower.operation(name, out) for name in ("add", "mul"))
     left_rows, right_rows = rows(first, 0, left_batch, left), rows(second, 1, right_batch, right)

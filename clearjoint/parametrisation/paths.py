@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import PyTree
 
 from ..fields.checks import as_number, concrete, nearest, require
+from ..fields.leaves import in_order_of_leaves, with_leaves
 
 NumberPath = Callable[[PyTree], PyTree]
 """Function that receives a scene or a state and returns one of its numbers, or several numbers that
@@ -135,12 +136,11 @@ def set_values(tree: PyTree, numbers: list[Number], value: Leaf) -> PyTree:
     **Raises:** `ValueError` for a value of another shape than the number, and for a component that
     the scene or state doesn't have.
     """
-    leaves, structure = jax.tree.flatten(tree)
-    value = as_number(value)
+    leaves, value = jax.tree.leaves(tree), as_number(value)
     require_fits(leaves, numbers, value)
     for number in numbers:
         leaves[number.leaf] = _replaced(leaves[number.leaf], number.component, value)
-    return jax.tree.unflatten(structure, leaves)
+    return with_leaves(tree, leaves)
 
 
 def require_fits(leaves: list[PyTree], numbers: list[Number], value: Leaf) -> None:
@@ -228,7 +228,7 @@ def _named_leaves(tree: PyTree, name: str, unit: str = "1") -> Iterator[tuple[st
     the names of its numbers begin; `unit`: unit of the numbers of this part. It does not apply to
     numbers in fields of an object: such a field declares its own unit.
     """
-    # As in JAX, static fields are no leaves, and the entries of dictionaries are sorted by key.
+    # As in JAX, static fields are no leaves.
     if isinstance(tree, eqx.Module):
         for field in fields(tree):
             if not field.metadata.get("static", False):
@@ -236,7 +236,7 @@ def _named_leaves(tree: PyTree, name: str, unit: str = "1") -> Iterator[tuple[st
                 unit = field.metadata.get("unit", "1")
                 yield from _named_leaves(inner, f"{name}.{field.name}".lstrip("."), unit)
     elif isinstance(tree, dict):
-        for key in sorted(tree):
+        for key in in_order_of_leaves(tree):
             yield from _named_leaves(tree[key], f"{name}[{key!r}]", unit)
     elif isinstance(tree, list | tuple):
         for index, inner in enumerate(tree):

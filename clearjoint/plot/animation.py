@@ -22,6 +22,8 @@ from .style import DARK, GREY, LIGHT
 DRAWN_GAP = 0.3
 """Clearance in the pictures, as a fraction of the radius of the bearing. True clearances, at most a
 few hundredths of the radius, would hardly be visible."""
+NOTE = f"clearance drawn larger, as {DRAWN_GAP:g} of the bearing's radius"
+"""Text on the pictures."""
 WALL = 0.14
 """Thickness of the bearing's wall in the pictures, as a fraction of the radius of the bearing."""
 Instants = Sequence[float] | np.ndarray
@@ -82,9 +84,9 @@ def journal_frames(
             if k % columns == 0:  # left of the bearing's wall, which ends at -(1 + WALL)
                 axes.text(-1.25, 0.0, f"base {base}", rotation=90, ha="right", va="center")
     samples = [Circle((0, 0), 1, facecolor=face, edgecolor=DARK) for face in (DARK, LIGHT)]
-    figure.legend(
-        samples, ["in contact", "in flight"], loc="outside lower center", ncols=2, frameon=False
-    )
+    samples += [Circle((0, 0), 0, visible=False)]
+    texts = ["in contact", "in flight", NOTE]
+    figure.legend(samples, texts, loc="outside lower center", ncols=3, frameon=False)
     return figure
 
 
@@ -123,7 +125,8 @@ def animate_journal(
     # Inches: two square pictures, and above them space for their titles and the time.
     figure = Figure(figsize=(5.0, 2.9))
     pair = figure.subplots(1, 2)
-    figure.subplots_adjust(left=0.02, right=0.98, bottom=0.02, top=0.8, wspace=0.05)
+    figure.subplots_adjust(left=0.02, right=0.98, bottom=0.08, top=0.82, wspace=0.05)
+    figure.text(0.5, 0.02, NOTE, ha="center", fontsize=8)
     time_text = figure.suptitle("", fontsize=11)
     pictures = []
     for axes, base in zip(pair, BASES, strict=True):

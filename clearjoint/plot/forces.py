@@ -99,9 +99,9 @@ def contact_forces(
     - `joint`: name of the clearance joint.
     - `logarithmic`: whether the force axis is logarithmic; zero force is then not visible. By
       default it is logarithmic if the largest force in the drawn time exceeds six times the median
-      of the peaks, or 20 times the median over time of the forces in contact. A peak is the largest
-      force in one interval of contact. Without any force in the drawn time the axis is always
-      linear.
+      of the peaks, or eight times the median over time of the forces in contact. A peak is the
+      largest force in one interval of contact. Without any force in the drawn time the axis is
+      always linear.
     - `window`: start and end of the drawn time, s, by default all observed times; `axes`: axes to
       draw on, by default new ones.
 
@@ -182,9 +182,9 @@ def _over_time(
         usual = np.quantile(values[acting], 0.5, weights=weights[acting], method="inverted_cdf")
         largest = peaks.max()
         # On a linear axis, half of the peaks would be in the lowest sixth of its height, or half of
-        # the forces in its lowest twentieth.
+        # the forces in its lowest eighth.
         has_outlier = largest > 6.0 * np.median(peaks)
-        if logarithmic or has_outlier or largest > 20.0 * usual:
+        if logarithmic or has_outlier or largest > 8.0 * usual:
             # The axis begins somewhat below the smallest peak and the usual force, but it spans at
             # least one and a half decades, and at most four.
             lowest = np.clip(0.3 * min(peaks.min(), usual), 1e-4 * largest, 0.03 * largest)

@@ -7,10 +7,9 @@ over time, energies with a spectrum, and a table of impacts. Each row is a matpl
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
-from textwrap import fill
+from textwrap import fill, wrap
 from typing import NamedTuple
 
-import jax
 import numpy as np
 import xarray as xr
 from matplotlib import rc, rc_context
@@ -24,7 +23,7 @@ from ..model.clearance_joints.clearance import ClearanceJoint
 from ..model.clearance_joints.journal_bases import HasJournal
 from ..model.clearance_joints.lubricated import LubricatedJoint
 from ..model.contact.laws import whole_law
-from ..model.joints.base import AbstractConstraint, AbstractContactJoint
+from ..model.joints.base import AbstractContactJoint
 from ..model.scene import Scene
 from ..quantities.base import Quantity
 from ..result_codes import RESULTS
@@ -34,57 +33,44 @@ from ..simulation.results.solution import Solution, Trajectory
 from .forces import contact_forces, joint_forces, motion_timeline
 from .journal import journal_orbit
 from .polar import contact_rose
-from .style import GREY, draw_lines, dress, fitting_unit, time_unit
+from .style import GREY, draw_lines, dress, fit_labels, fitting_unit, time_unit
 from .time_series import energy_ledger, labelled, series, spectrum_of, suits_spectrum, trajectory_of
 
 Cells = Sequence[str]
 """Texts of a row of a table, from left to right."""
 SYMBOLS = {"restitution": "c", "coefficient": "µ", "breakaway": "µ_S", "kinetic": "µ_C"}
 """Symbols of the numbers of a contact or friction law that the table shows, by field name."""
-JOINT_COLUMNS = {
-    "joint": 0.0,
-    "kind": 0.14,
-    "bodies": 0.30,
-    "play": 0.50,
-    "normal law": 0.585,
-    "friction": 0.81,
-}
-"""Left ends of the columns of the table of joints, as fractions of the width of the page, by the
-columns' titles."""
+JOINT_COLUMNS = "joint", "kind", "bodies", "play", "normal law", "friction"
+"""Titles of the columns of the table of joints with contacts."""
 IMPACT_NUMBERS = (
-    ("onset, ms", 0.26, "onset", 1e3, ".4f"),
-    ("duration, µs", 0.36, "duration", 1e6, ".1f"),
-    ("entry speed, m/s", 0.48, "entry_speed", 1.0, ".4g"),
-    ("exit speed, m/s", 0.615, "exit_speed", 1.0, ".4g"),
-    ("peak force, N", 0.745, "peak_force", 1.0, ".1f"),
-    ("penetration, µm", 0.86, "largest_penetration", 1e6, ".4g"),
+    ("onset, ms", "onset", 1e3, ".4f"),
+    ("duration, µs", "duration", 1e6, ".1f"),
+    ("entry speed, m/s", "entry_speed", 1.0, ".4g"),
+    ("exit speed, m/s", "exit_speed", 1.0, ".4g"),
+    ("peak force, N", "peak_force", 1.0, ".1f"),
+    ("penetration, µm", "largest_penetration", 1e6, ".4g"),
 )
-"""Columns of numbers in the table of impacts: title, left end as a fraction of the page's width,
-name in `Impacts`, factor from the SI unit, and format."""
-IMPACT_COLUMNS = {"joint": 0.0, "contact": 0.16} | {row[0]: row[1] for row in IMPACT_NUMBERS}
-"""Left ends of the columns of the table of impacts, as `JOINT_COLUMNS` for joints."""
+"""Columns of numbers in the table of impacts: title, name in `Impacts`, factor from the SI unit,
+and format."""
+IMPACT_COLUMNS = "joint", "contact", *(title for title, *_ in IMPACT_NUMBERS)
+"""Titles of the columns of the table of impacts."""
 
 
 def joint_rows(scene: Scene, most: int) -> list[Cells]:
-    """Return at most `most` rows of the table of joints. A row has the texts of its cells, in the
-    order of the columns `JOINT_COLUMNS`; a joint without contacts has only the first three.
+    """Return the rows of the table of joints with contacts, with the texts of `JOINT_COLUMNS`.
 
-    Joints with contacts come first. If there are more joints than rows, the last row tells how many
-    are left out, such as "3 more".
+    If there are more than `most` joints, the last row names those that are left out.
     """
-    joints = sorted(
-        scene.joints.items(), key=lambda item: not isinstance(item[1], AbstractContactJoint)
-    )
-    rows: list[Cells] = [_joint_row(name, joint) for name, joint in joints]
-    return rows if len(rows) <= most else [*rows[: most - 1], (f"{len(rows) - most + 1} more",)]
+    joints = scene.contact_joints()
+    rows = [_joint_row(name, joint) for name, joint in joints.items()]
+    if len(rows) <= most:
+        return rows
+    others = ", ".join(map(shown, list(joints)[most - 1 :]))
+    return [*rows[: most - 1], (f"and {others}", *[""] * (len(JOINT_COLUMNS) - 1))]
 
 
-def _joint_row(name: str, joint: AbstractConstraint | AbstractContactJoint) -> Cells:
-    """Return the texts of a joint's cells, in the order of the columns `JOINT_COLUMNS`; only the
-    first three for a joint without contacts."""
-    head = name, type(joint).__name__, " – ".join(joint.body_names())
-    if not isinstance(joint, AbstractContactJoint):
-        return head
+def _joint_row(name: str, joint: AbstractContactJoint) -> Cells:
+    """Return the texts of a joint's cells, in the order of the columns `JOINT_COLUMNS`."""
     # Contacts with equal laws share one text: the keys of a dictionary are unique and ordered.
     laws = dict.fromkeys(_law(whole_law(law)) for law in joint.laws().values())
     # A joint without the field `friction`, such as a user-defined one, shows its bristle laws only.
@@ -95,8 +81,9 @@ def _joint_row(name: str, joint: AbstractConstraint | AbstractContactJoint) -> C
     dry = joint.dry if isinstance(joint, LubricatedJoint) else joint
     if isinstance(dry, ClearanceJoint) and (face := dry.axial.shoulder_friction()) is not None:
         frictions += [face[0]]
-    texts = dict.fromkeys(map(_law, frictions))
-    return (*head, _play(joint), " / ".join(laws), " / ".join(texts) or "none")
+    rubbing = " / ".join(dict.fromkeys(map(_law, frictions))) or "none"
+    bodies = " – ".join(map(shown, joint.body_names()))
+    return shown(name), type(joint).__name__, bodies, _play(joint), " / ".join(laws), rubbing
 
 
 def _law(law: object) -> str:
@@ -136,7 +123,7 @@ def _play(joint: AbstractContactJoint) -> str:
 
 def run_lines(scene: Scene, solution: Solution) -> list[str]:
     """Return the lines of text that describe the scene, the run, its steps, its equations, and its
-    redundant constraints if there are any."""
+    joints without contacts and its redundant constraints if there are any."""
     masses = sum(float(np.asarray(body.mass)) for body in scene.bodies.values())
     gravity = "no gravity"
     if scene.gravity is not None:
@@ -153,6 +140,11 @@ def run_lines(scene: Scene, solution: Solution) -> list[str]:
         type(formulation.stabilisation).__name__,
         "with energy ledger" if formulation.ledger else "without energy ledger",
     ]
+    ideal: dict[str, list[str]] = {}
+    for name, joint in scene.joints.items():
+        if not isinstance(joint, AbstractContactJoint):
+            ideal.setdefault(type(joint).__name__, []).append(shown(name))
+    kinds = [f"{kind} {', '.join(names)}" for kind, names in ideal.items()]
     steps = f"{int(solution.accepted)} steps accepted of {int(solution.attempts)} tried"
     redundant = ", ".join(solution.redundant_constraints)
     return [
@@ -160,6 +152,7 @@ def run_lines(scene: Scene, solution: Solution) -> list[str]:
         f"Run: to {float(solution.time):.6g} s; {RESULTS[solution.result]}",
         f"Steps: {steps}; {_impacts(solution.impacts)}",
         f"Equations: {', '.join(equations)}",
+        *([f"Joints without contacts: {'; '.join(kinds)}"] if kinds else []),
         *([f"Redundant constraints: {redundant}"] if redundant else []),
     ]
 
@@ -197,45 +190,44 @@ def _impacts(impacts: Impacts | None) -> str:
 def impact_rows(impacts: Impacts, most: int) -> list[Cells]:
     """Return the rows of the table of impacts, with the texts of `IMPACT_COLUMNS`.
 
-    The rows are the `most` impacts with the largest peak forces, in descending order. Equal
-    simultaneous impacts of several contacts of a joint, such as both ends of a journal in planar
-    motion, count as one impact and share a row, which has the numbers of the first of them.
+    The rows are the `most` impacts with the largest peak forces, in descending order. Simultaneous
+    impacts of several contacts of a joint, such as both ends of a journal, count as one impact and
+    share a row, which has the numbers of the one with the largest peak force.
     """
-    groups = _equal_impacts(impacts)
+    force = impacts.peak_force
+    hardest = {max(group, key=lambda k: force[k]): group for group in _simultaneous(impacts)}
     rows = []
-    for k in sorted(groups, key=lambda k: -impacts.peak_force[k])[:most]:
+    for k in sorted(hardest, key=lambda k: -force[k])[:most]:
         texts = [
             f"{factor * getattr(impacts, name)[k]:{digits}}"
-            for _, _, name, factor, digits in IMPACT_NUMBERS
+            for _, name, factor, digits in IMPACT_NUMBERS
         ]
-        rows.append([str(impacts.joint[k]), " and ".join(sorted(groups[k])), *texts])
+        contacts = sorted(str(impacts.contact[j]) for j in hardest[k])
+        rows.append([shown(impacts.joint[k]), " and ".join(contacts), *texts])
     return rows
 
 
-def _equal_impacts(impacts: Impacts) -> dict[int, list[str]]:
-    """Group the equal simultaneous impacts of a joint's contacts: their onsets differ by at most a
-    thousandth of the duration, and their peak forces by at most a thousandth.
-
-    **Returns:** for each group, the labels of the contacts, by the index of the group's first
-    impact in `impacts`.
-    """
-    groups: dict[int, list[str]] = {}
+def _simultaneous(impacts: Impacts) -> list[list[int]]:
+    """Return groups of the indices of simultaneous impacts of a joint: they overlap the first of
+    the group for more than half of the shorter one's duration."""
+    groups: list[list[int]] = []
     # In the order of the onsets, simultaneous impacts follow each other, so that an impact can only
     # belong to one of the latest groups. Eight are examined, since impacts of other joints may lie
     # between. A contact has at most one impact in a group.
-    for k in np.lexsort((impacts.contact.astype(str), impacts.onset)):
-        same = [
-            j
-            for j in list(groups)[-8:]
-            if impacts.joint[j] == impacts.joint[k]
-            and impacts.contact[k] not in groups[j]
-            and abs(impacts.onset[j] - impacts.onset[k]) <= 1e-3 * impacts.duration[k]
-            and np.isclose(impacts.peak_force[j], impacts.peak_force[k], rtol=1e-3)
-        ]
-        if same:
-            groups[same[0]].append(str(impacts.contact[k]))
+    for k in np.lexsort((impacts.contact.astype(str), impacts.onset)).tolist():
+        for group in groups[-8:]:
+            first = group[0]
+            end = min(impacts.separation[first], impacts.separation[k])
+            shorter = min(impacts.duration[first], impacts.duration[k])
+            if (
+                impacts.joint[first] == impacts.joint[k]
+                and impacts.contact[k] not in impacts.contact[group]
+                and end - impacts.onset[k] > 0.5 * shorter
+            ):
+                group.append(k)
+                break
         else:
-            groups[int(k)] = [str(impacts.contact[k])]
+            groups.append([k])
     return groups
 
 
@@ -246,7 +238,10 @@ LINE = 0.145
 PAGE = (8.27, 11.69)
 """Width and height, inches: A4."""
 MOST_ROWS = 8
-"""Largest number of joints or impacts that a table lists."""
+"""Largest number of impacts that a table lists; twice as many joints with contacts."""
+LETTERS = 112
+"""Number of letters for which a line of the page has space: it is 7.4 inches wide, and a letter of
+bold text a little less than 0.066."""
 TABLE_EXTRA_LINES = 2.6
 """Height of a table's head and of the gaps around the table, in lines of text."""
 MARGIN = 0.4
@@ -317,12 +312,13 @@ def report(
         grid = figure.subfigures(3, 1, height_ratios=(MARGIN, height, MARGIN), squeeze=False)
         middle: SubFigure = grid[1, 0]
         page = middle.subfigures(1, 3, width_ratios=(MARGIN, width, MARGIN), squeeze=False)[0, 1]
-        names = ", ".join(shown(name) for name in scene.bodies)
+        names = shown(f"Run of {', '.join(scene.bodies)}", 140)
         # At this size of the font, about 70 letters fit into the width of the page.
-        page.suptitle(fill(literal(title) or f"Run of {names}", 70), fontsize=12)
+        page.suptitle(fill(literal(title) or names, 70), fontsize=12)
         rows = page.subfigures(len(parts), 1, height_ratios=heights, squeeze=False)[:, 0]
         for row, part in zip(rows, parts, strict=True):
             part.draw(row)
+        fit_labels(figure)
         if file is not None:
             figure.savefig(file, dpi=200)  # for a PNG, and for rasterised curves in a PDF
     return figure
@@ -353,25 +349,23 @@ def _parts(scene: Scene, solution: Solution, record: xr.DataArray) -> list[_Part
     """
     if solution.steps is not None and len(solution.steps) > 1:
         path = solution.steps.between()
-        along = observe(scene, solution, path)
-        # The integrals of the energy ledger are only known at the ends of steps.
-        ends = np.isin(along.times, np.asarray(solution.steps.times))
-        at_ends = jax.tree.map(lambda rows: np.asarray(rows)[ends], along)
     else:
         path = trajectory_of(solution, solution.saved or solution.steps)
-        along = at_ends = observe(scene, solution, path)
-    lines, joints = run_lines(scene, solution), joint_rows(scene, MOST_ROWS)
-    height = LINE * (len(lines) + len(joints) + TABLE_EXTRA_LINES)
+    along = observe(scene, solution, path)
+    # Light letters are narrower than bold ones.
+    lines = [line for text in run_lines(scene, solution) for line in wrap(text, LETTERS + 13)]
+    joints = _Table.of(JOINT_COLUMNS, joint_rows(scene, 2 * MOST_ROWS))
     # The functions draw later, when the heights of all rows are known.
+    height = LINE * len(lines) + joints.height()
     parts = [_Part(height, lambda row: draw_description(row, lines, joints), is_table=True)]
     parts += [_Part(2.6, lambda row: draw_motion(row, scene, path, along))]
     if along.contacts:  # the phases of the motion below the forces have a row for each joint
         height = 2.4 + 0.2 * len(along.contacts)
         parts += [_Part(height, lambda row: draw_over_time(row, along))]
-    parts += [_Part(2.5, lambda row: draw_energies(row, at_ends, record))]
+    parts += [_Part(2.5, lambda row: draw_energies(row, along, record))]
     if solution.impacts:
-        impacts = impact_rows(solution.impacts, MOST_ROWS)
-        height = LINE * (len(impacts) + TABLE_EXTRA_LINES)
+        impacts = _Table.of(IMPACT_COLUMNS, impact_rows(solution.impacts, MOST_ROWS))
+        height = LINE + impacts.height()
         parts += [_Part(height, lambda row: draw_impacts(row, impacts), is_table=True)]
     return parts
 
@@ -395,7 +389,9 @@ def _record(
     trajectory = trajectory_of(solution, solution.saved or solution.steps)
     if quantity is not None:
         return series(scene, solution, quantity, unit=unit, trajectory=trajectory)
-    body, state = list(trajectory.states.bodies.items())[-1]
+    # The scene has its author's order; JAX has sorted the names of the states.
+    body = list(scene.bodies)[-1]
+    state = trajectory.states.bodies[body]
     vectors, name, unit = np.asarray(state.velocity), f"velocity of {body}", "m/s"
     if not np.ptp(vectors, axis=0).max() > 0.0:  # constant, or NaN after a failed run
         vectors, name, unit = np.asarray(state.spin), f"spin of {body} about its", "rad/s"
@@ -403,41 +399,72 @@ def _record(
     return labelled(trajectory, vectors[:, axis], f"{name} {'xyz'[axis]}", unit)
 
 
-def draw_description(row: SubFigure, lines: list[str], joints: list[Cells]) -> None:
-    """Write the `lines` that describe scene and run, and below them a table with the rows
-    `joints`, whose columns are `JOINT_COLUMNS`."""
-    axes = row.add_subplot()
-    for line, text in enumerate(lines):
-        _write(axes, 0.0, line, shown(text, 125))  # as many letters as fit into the page's width
-    _table(axes, JOINT_COLUMNS, joints, len(lines) + 0.5)
+class _Table(NamedTuple):
+    """A table in which long texts are broken into lines.
 
-
-def draw_impacts(row: SubFigure, impacts: list[Cells]) -> None:
-    """Write a table with the rows `impacts`, whose columns are `IMPACT_COLUMNS`."""
-    axes = row.add_subplot()
-    _write(axes, 0.0, 0.0, "Impacts of largest force", "bold")
-    _table(axes, IMPACT_COLUMNS, impacts, 1.2)
-
-
-def _table(axes: Axes, columns: Mapping[str, float], rows: list[Cells], first: float) -> None:
-    """Write a table with a rule below the head.
-
-    **Arguments:** `columns`: left ends of the columns, as fractions of the width, by their titles;
-    `first`: line of the head, counted from the top of the axes.
+    - `columns`: left ends of the columns, as fractions of the width, by their titles.
+    - `rows`: lines of the cells of each row.
     """
+
+    columns: Mapping[str, float]
+    rows: list[list[list[str]]]
+
+    @staticmethod
+    def of(titles: Cells, rows: Sequence[Cells]) -> "_Table":
+        """Return a table whose columns are as wide as their longest texts where the page has space
+        for all of them; otherwise the widest columns are made narrower."""
+        cells = [titles, *rows]
+        needed = np.array([max(map(len, column)) + 2 for column in zip(*cells, strict=True)])
+        widest = needed.max()
+        while np.minimum(needed, widest).sum() > LETTERS:
+            widest -= 1
+        widths = np.minimum(needed, widest)
+        ends = np.cumsum([0, *widths[:-1]]) * (1.0 / max(widths.sum(), 0.8 * LETTERS))
+        broken_rows = [
+            [wrap(cell, width - 2) for cell, width in zip(row, widths, strict=True)] for row in rows
+        ]
+        return _Table(dict(zip(titles, ends.tolist(), strict=True)), broken_rows)
+
+    def height(self) -> float:
+        """Return the height, inches, with the head and the gaps around the table."""
+        if not self.rows:
+            return LINE
+        return LINE * (sum(max(map(len, row)) for row in self.rows) + TABLE_EXTRA_LINES)
+
+    def draw(self, axes: Axes, first: float) -> None:
+        """Write the table with a rule below the head, unless it has no rows; `first`: line of the
+        head, counted from the top of the axes."""
+        if not self.rows:
+            return
+        for title, position in self.columns.items():
+            _write(axes, position, first, title, weight="bold")
+        # The rule is 1.1 lines below the top of the head, just above the first row at 1.3 lines.
+        shift = ScaledTranslation(0.0, -LINE * (first + 1.1), axes.figure.dpi_scale_trans)
+        transform = axes.transAxes + shift
+        axes.plot([0, 1], [1, 1], color=GREY, linewidth=0.6, transform=transform, clip_on=False)
+        line = first + 1.3
+        for row in self.rows:
+            for position, texts in zip(self.columns.values(), row, strict=True):
+                for k, text in enumerate(texts):
+                    _write(axes, position, line + k, text)
+            line += max(map(len, row))
+
+
+def draw_description(row: SubFigure, lines: list[str], joints: _Table) -> None:
+    """Write the `lines` that describe scene and run, and below them the table of joints."""
+    axes = row.add_subplot()
     axes.set_axis_off()
-    # Number of letters for which each column has space; longer texts are shortened. The page is
-    # 7.4 inches wide, and a letter of bold text a little less than 0.066.
-    lengths = [int(7.4 * width / 0.066) for width in np.diff([*columns.values(), 1.0])]
-    for title, position in columns.items():
-        _write(axes, position, first, title, weight="bold")
-    for line, row in enumerate(rows):
-        for position, length, cell in zip(columns.values(), lengths, row, strict=False):
-            _write(axes, position, first + 1.3 + line, shown(cell, length))
-    # The rule is 1.1 lines below the top of the head, just above the first row at 1.3 lines.
-    shift = ScaledTranslation(0.0, -LINE * (first + 1.1), axes.figure.dpi_scale_trans)
-    transform = axes.transAxes + shift
-    axes.plot([0, 1], [1, 1], color=GREY, linewidth=0.6, transform=transform, clip_on=False)
+    for line, text in enumerate(lines):
+        _write(axes, 0.0, line, text)
+    joints.draw(axes, len(lines) + 0.5)
+
+
+def draw_impacts(row: SubFigure, impacts: _Table) -> None:
+    """Write the table of impacts with its heading."""
+    axes = row.add_subplot()
+    axes.set_axis_off()
+    _write(axes, 0.0, 0.0, "Impacts of largest force", "bold")
+    impacts.draw(axes, 1.2)
 
 
 def _write(axes: Axes, position: float, line: float, text: str, weight: str = "normal") -> None:
@@ -539,8 +566,7 @@ def draw_energies(row: SubFigure, observed: Observation, record: xr.DataArray) -
     spectrum of `record` (N,) over "time", s.
 
     A note replaces the spectrum if there are fewer than four times, or if they are not at equal
-    intervals. `observed` is the observation at saved states or at ends of steps, where the energies
-    are known.
+    intervals.
     """
     panels = row.subplot_mosaic([["stored", "lines"], ["drift", "lines"]], height_ratios=(2.0, 1.0))
     panels["stored"].sharex(panels["drift"])

@@ -1,7 +1,9 @@
 """Look of all figures: colours, line styles, labels, units with SI prefixes, and scales."""
 
 from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 from itertools import cycle
+from textwrap import fill
 from typing import NamedTuple
 
 import matplotlib.pyplot as plt
@@ -10,9 +12,12 @@ import xarray as xr
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
+from matplotlib.backend_bases import RendererBase
 from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
 from matplotlib.projections.polar import PolarAxes
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
+from matplotlib.transforms import Bbox
 
 from ..fields.checks import as_shown, require, require_type
 from ..fields.drawn_text import broken, shown
@@ -114,6 +119,14 @@ def legend_above(
     labelled curves; `handlelength`: length of the samples in font sizes; `height`: lower edge of
     the legend as a fraction of the axes' height.
     """
+    if not any(child.get_label() == ROOM for child in axes.child_axes):
+        # Titles are placed above child axes. Empty ones, as large as the legend, keep the title
+        # from the legend.
+        room = axes.inset_axes((0.0, 1.0, 1.0, 0.0), label=ROOM)
+        room.set_axis_off()
+        room.set_in_layout(False)
+        room.set_navigate(False)
+        room.set_axes_locator(partial(_legend_box, axes))
     axes.legend(
         handles=handles,
         loc="lower center",
@@ -122,6 +135,35 @@ def legend_above(
         frameon=False,
         handlelength=handlelength,
     )
+
+
+ROOM = "room of the legend"
+"""Label of the empty axes that `legend_above` adds."""
+
+
+def _legend_box(axes: Axes, _room: Axes, renderer: RendererBase | None) -> Bbox:
+    """Return the box of the legend of `axes`, in fractions of the figure; an empty box on the upper
+    edge of the axes without a visible legend."""
+    legend = axes.get_legend()
+    box = Bbox([[axes.bbox.x0, axes.bbox.y1], [axes.bbox.x1, axes.bbox.y1]])
+    if legend is not None and legend.get_visible():
+        box = legend.get_window_extent(renderer)
+    return box.transformed(axes.figure.transSubfigure.inverted())
+
+
+def fit_labels(figure: Figure) -> None:
+    """Break labels that are longer than their axes into lines, so that none reaches into another
+    panel."""
+    figure.draw_without_rendering()
+    for axes in figure.findobj(Axes):
+        for label, vertical in ((axes.xaxis.label, False), (axes.yaxis.label, True)):
+            if not (text := label.get_text()):
+                continue
+            box, space = label.get_window_extent(), axes.get_window_extent()
+            share = space.height / box.height if vertical else space.width / box.width
+            if share < 0.9:
+                letters = max(int(share * max(map(len, text.split("\n")))), 8)
+                label.set_text(fill(text.replace("\n", " "), letters, break_long_words=False))
 
 
 def limit_to_window(

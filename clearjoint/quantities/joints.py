@@ -15,7 +15,6 @@ from functools import reduce
 from typing import ClassVar, Protocol, runtime_checkable
 
 import equinox as eqx
-import jax.numpy as jnp
 
 from ..dynamics.multipliers import row_rate
 from ..fields.checks import require
@@ -167,8 +166,9 @@ class EntrySpeed(AbstractContactQuantity):
     """Entry speed of the current contact, m/s; zero while the surfaces are apart.
 
     It is the rate of the penetration at the onset of the contact. It exists only for contacts whose
-    law uses the entry speed. For a contact that had begun before the start of the run, the value is
-    1e9 m/s, unless the initial state contains the entry speed.
+    law uses the entry speed. In a section at the onset or the end of a contact, it is that of the
+    contact. For a contact that had begun before the start of the run, the value is 1e9 m/s, unless
+    the initial state contains the entry speed.
 
     **Arguments:** `joint`: name of the joint. `contact`: label of the contact, such as "V".
 

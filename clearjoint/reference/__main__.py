@@ -16,6 +16,21 @@ except ImportError as error:
         'The reference pages need pdoc: pip install "clearjoint[reference]"'
     ) from error
 
+FIRST = """
+    Scene Body State body_state rotation GROUND ClearanceJoint RevoluteJoint SphericalJoint
+    PrismaticJoint SpringDamper Motor PrescribedRotation assemble simulate Settings Saving observe
+    view configure RESULTS SimulationError Section sweep Axis Peak Statistics Quantiles ImpactCount
+    Saved ImpactTable open_sweep settle sensitivities Parameter Log Linear Bounded Measurements
+    Series identify identifiability fit_horizon posterior minimise largest_feasible ensemble
+    Uncertain wear load save load_urdf
+"""
+"""Names of the package in the order of learning. The others follow in that of the package."""
+
+
+def _place(name: str) -> int:
+    first = FIRST.split()
+    return first.index(name) if name in first else len(first)
+
 
 def main() -> None:
     """Write the pages into the folder that the command line names, ``results/reference`` by
@@ -34,11 +49,13 @@ def main() -> None:
     pages = {}
     for module in filter(inspect.ismodule, modules):
         # pdoc omits names that are imported from elsewhere, unless they are in `__all__`.
-        vars(module)["__all__"] = [
+        names = [
             name
             for name, value in vars(module).items()
             if not name.startswith("_") and not inspect.ismodule(value)
         ]
+        # Pages list names in the order of `__all__`.
+        vars(module)["__all__"] = sorted(names, key=_place) if module is clearjoint else names
         pages[module.__name__] = pdoc.doc.Module(module)
     # The page of the package ends with the list of changes.
     package = pages["clearjoint"]

@@ -4,7 +4,7 @@ A lane is one run of a sweep. In a zipped sweep, lane i takes the i-th value of 
 """
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -43,7 +43,8 @@ are set to zero, so that velocities which the constraints fix get no axis."""
 def directions(scene: Scene, members: int, seed: int) -> Float[np.ndarray, "members v"]:
     """Return a random direction in the space of all velocities for each member of an ensemble.
 
-    The v columns are the components of velocity and spin of each body, all standard normal.
+    The v columns are the components of velocity and spin of each body, all standard normal, in the
+    scene's order of bodies.
     `disturbed_velocities` projects a direction on the velocities that the constraints permit. The
     first rows don't depend on the number of members, so that an ensemble can be extended.
     """
@@ -51,26 +52,34 @@ def directions(scene: Scene, members: int, seed: int) -> Float[np.ndarray, "memb
 
 
 def disturbed_velocities(
-    scene: Scene, state: State, size: float, along: Float[np.ndarray, "n v"], start_time: float
+    bodies: Sequence[str],
+    scene: Scene,
+    state: State,
+    size: float,
+    along: Float[np.ndarray, "n v"],
+    start_time: float,
 ) -> Float[np.ndarray, "n v"]:
-    """Return initial velocities (m/s, global) and spins (rad/s, body axes) of n disturbed starts.
+    """Return initial velocities (m/s, global) and spins (rad/s, body axes) of n disturbed starts,
+    of each of the `bodies` in this order.
 
     Positions stay as they are. The velocities and spins of `state` are changed by the parts of the
     random directions `along` that the constraints permit, scaled to `size`.
 
-    **Arguments:** `size`: m/s, expected root mean square of the added speeds over starts and
-    bodies, in which a spin counts by the speed at its body's radius of gyration; `along`: from
-    `directions`, a row for each start; `start_time`: s, the start of the run, at which the
-    constraints are evaluated (those of drivers depend on time).
+    **Arguments:** `bodies`: names of all bodies. They are passed because a scene that a function of
+    JAX or of a user has made may have its bodies in another order than the columns; `size`: m/s,
+    expected root mean square of the added speeds over starts and bodies, in which a spin counts by
+    the speed at its body's radius of gyration; `along`: from `directions`, a row for each start;
+    `start_time`: s, the start of the run, at which the constraints are evaluated (those of drivers
+    depend on time).
 
     **Raises:** `ValueError` if the constraints leave no velocity free.
     """
     radii = radii_of_gyration(scene)
-    lengths = np.concatenate([[1.0] * 3 + [radii[name]] * 3 for name in scene.bodies])
+    lengths = np.concatenate([[1.0] * 3 + [radii[name]] * 3 for name in bodies])
     # In speeds at the radius of gyration, spins and velocities of all bodies are comparable. The
     # constraints are linear in the velocities, so that directions in the null space of their
     # Jacobian satisfy them exactly, whatever the size.
-    jacobian = constraint_report(scene, state, start_time).jacobian / lengths
+    jacobian = constraint_report(scene, state, start_time).columns(bodies) / lengths
     singular, rows = np.zeros(0), np.zeros((0, len(lengths)))
     if jacobian.size:
         _, singular, rows = np.linalg.svd(jacobian)
@@ -83,7 +92,7 @@ def disturbed_velocities(
     # over the bodies, is the square of `size`.
     added = size * np.sqrt(len(radii) / len(free)) * (along @ free.T) @ free
     added[np.abs(added) < NEGLIGIBLE * size] = 0.0
-    return velocities_of(scene, state) + added / lengths
+    return velocities_of(bodies, state) + added / lengths
 
 
 def disturbed_axes(
@@ -128,16 +137,17 @@ def disturbed_axes(
     shared = members == 1 and all(isinstance(a.variation, SceneNumber) for a in axes.values())
     block = len(along) if shared else members
     velocities, nominal = np.empty_like(along), np.empty_like(along)
+    bodies = tuple(scene.bodies)
     for first in range(0, len(along), block):
         rows = slice(first, first + block)
         values = {} if shared else {name: axis.values[first] for name, axis in axes.items()}
         at = with_values(scene, state, axes, values)
-        velocities[rows] = disturbed_velocities(*at, size, along[rows], start_time)
-        nominal[rows] = velocities_of(*at)
+        velocities[rows] = disturbed_velocities(bodies, *at, size, along[rows], start_time)
+        nominal[rows] = velocities_of(bodies, at[1])
     # Components that no disturbance changes, such as all those out of a planar mechanism's plane,
     # need no axis.
     disturbed = dict(axes)
-    names = [(b, part, k) for b in scene.bodies for part in PARTS for k in range(3)]
+    names = [(b, part, k) for b in bodies for part in PARTS for k in range(3)]
     for column, (body, part, k) in enumerate(names):
         if (velocities[:, column] != nominal[:, column]).any():
             path = partial(_component, body=body, part=part, k=k)
@@ -153,11 +163,11 @@ def _component(state: State, body: str, part: str, k: int) -> float:
     return getattr(state.bodies[body], part)[k]
 
 
-def velocities_of(scene: Scene, state: State) -> Float[np.ndarray, " v"]:
-    """Return velocity (m/s, global) and spin (rad/s, body axes) of each body in a state, (v,), in
-    the scene's order of bodies."""
-    bodies = [state.bodies[name] for name in scene.bodies]
-    return np.concatenate([[*body.velocity, *body.spin] for body in bodies]).astype(float)
+def velocities_of(bodies: Sequence[str], state: State) -> Float[np.ndarray, " v"]:
+    """Return velocity (m/s, global) and spin (rad/s, body axes) of each of the `bodies` in a state,
+    (v,), in the order of their names."""
+    states = [state.bodies[name] for name in bodies]
+    return np.concatenate([[*body.velocity, *body.spin] for body in states]).astype(float)
 
 
 def with_values(

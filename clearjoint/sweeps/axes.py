@@ -24,6 +24,7 @@ from ..fields.checks import (
     require,
     require_finite,
 )
+from ..fields.leaves import ordered_like
 from ..fields.types import ArrayLike
 from ..math.vectors import Condition, unpack
 from ..model.bodies import State
@@ -187,7 +188,7 @@ class Lanes:
     def of(self, lane: int) -> tuple[Scene, State]:
         """Return the scene and the initial state of the lane with the given number."""
         varied, state = jax.tree.map(lambda leaf: leaf[lane], (self.scenes, self.states))
-        return eqx.combine(varied, self.scene), state
+        return ordered_like((self.scene, self.state), (eqx.combine(varied, self.scene), state))
 
 
 def lanes_of(

@@ -32,12 +32,12 @@ the workers may be unable to start."""
 ROUNDS = 3
 """Largest number of attempts to compute the lanes that are missing in the store. More than one is
 needed only if another process writes to the store at the same time."""
-WRITE_PERIOD = 10.0
-"""Time, s, after which lanes that have ended are written without waiting for the other lanes of
-their chunks. It limits the loss if the process is killed. On a slow disk, `WRITE_SHARE` makes lanes
-wait longer."""
-WRITE_SHARE = 0.1
-"""Largest share of the sweep's time that writing incomplete chunks may take."""
+WRITE_SHARE = 0.05
+"""Largest share of the sweep's time that writing incomplete chunks may take. Each of these writes
+replaces whole files, so lanes wait for further lanes of their chunks if writing takes long."""
+WRITTEN_TOGETHER = 16
+"""Largest number of chunks that are written together. With more, lanes would count as pending for
+longer, and little time would be saved."""
 STORED = "stored"
 """Description of the progress bar, which counts the lanes in the store."""
 
@@ -151,10 +151,10 @@ def _by_threads(
 class _Writer:
     """Collects the results of lanes that have ended, and writes them to the store.
 
-    Each write replaces whole chunks of the store, so a chunk is written when its last lane has
-    ended. Lanes of incomplete chunks are written together when their number reaches the size of a
-    chunk, or `WRITE_PERIOD` seconds after the previous such write. These writes take at most the
-    share `WRITE_SHARE` of the time.
+    Lanes whose chunk is complete are written at once, all such chunks together. So are those of
+    incomplete chunks, as long as writing them takes at most the share `WRITE_SHARE` of the time.
+    Lanes that end while others are written are added in the next call of `add`; `Batch.run` begins
+    no further lanes if that lasts long.
 
     **Arguments:** `missing`: numbers of the lanes to compute in each chunk, by number of the chunk;
     `store`: where results are written; `bar`: progress bar that counts written lanes.
@@ -171,7 +171,7 @@ class _Writer:
         self._write_seconds = 0.0
 
     def add(self, lanes: np.ndarray, results: LaneArrays) -> None:
-        """Add lanes that have ended, and write chunks that are complete.
+        """Add lanes that have ended, and write those that are due.
 
         **Arguments:** `lanes`: (n,) numbers of the lanes; `results`: arrays (n, ...) by name.
         """
@@ -180,38 +180,42 @@ class _Writer:
             rows = chunks == chunk
             part = lanes[rows], {name: values[rows] for name, values in results.items()}
             self._waiting.setdefault(chunk, []).append(part)
-            if self._lanes_waiting(chunk) == self._unwritten[chunk]:
-                self._write(chunk)
         self.write_if_due()
 
-    def _lanes_waiting(self, chunk: int) -> int:
-        """Return the number of lanes of a chunk that have ended and are not yet written."""
-        return sum(len(lanes) for lanes, _ in self._waiting[chunk])
-
     def write_if_due(self) -> None:
-        """Write lanes of incomplete chunks if they are as many as a chunk has, or if the previous
-        such write is more than `WRITE_PERIOD` seconds ago, unless such writes would take more than
-        `WRITE_SHARE` of the time."""
+        """Write the lanes of complete chunks, and also those of incomplete chunks unless such
+        writes would take more than `WRITE_SHARE` of the time."""
         since = time.monotonic() - self._last_write
-        many = sum(map(self._lanes_waiting, self._waiting)) >= self._store.layout.chunk
-        # On a slow disk, the time since the last write must be long relative to its duration.
-        if since > self._write_seconds / WRITE_SHARE and (many or since > WRITE_PERIOD):
+        if since * WRITE_SHARE >= self._write_seconds:
             self.write_all()
+        else:
+            self._write([chunk for chunk in self._waiting if self._is_complete(chunk)])
 
     def write_all(self) -> None:
         """Write all lanes that have ended and are not yet written."""
+        self._write([chunk for chunk in self._waiting if self._is_complete(chunk)])
         start = time.monotonic()
-        for chunk in list(self._waiting):
-            self._write(chunk)
+        self._write(list(self._waiting))
         self._last_write = time.monotonic()
         self._write_seconds = self._last_write - start
 
-    def _write(self, chunk: int) -> None:
-        """Write the lanes of a chunk that have ended."""
-        lanes, results = concatenated(self._waiting.pop(chunk))
-        self._store.write(chunk, lanes.tolist(), results)
-        self._unwritten[chunk] -= len(lanes)
-        self._bar.update(len(lanes))
+    def _is_complete(self, chunk: int) -> bool:
+        """Return whether all lanes of a chunk that are not written yet have ended."""
+        return sum(len(lanes) for lanes, _ in self._waiting[chunk]) == self._unwritten[chunk]
+
+    def _write(self, chunks: Sequence[int]) -> None:
+        """Write the lanes of some chunks that have ended."""
+        for first in range(0, len(chunks), WRITTEN_TOGETHER):
+            parts = {}
+            for chunk in chunks[first : first + WRITTEN_TOGETHER]:
+                lanes, results = concatenated(self._waiting[chunk])
+                parts[chunk] = lanes.tolist(), results
+            self._store.write_chunks(parts)
+            # Only now: if an error interrupts the writing, it is repeated at the end of the sweep.
+            for chunk, (lanes, _) in parts.items():
+                del self._waiting[chunk]
+                self._unwritten[chunk] -= len(lanes)
+                self._bar.update(len(lanes))
 
 
 def lane_progress(lanes: int, done: int, show: bool) -> AbstractContextManager[tqdm]:

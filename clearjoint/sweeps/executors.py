@@ -316,17 +316,19 @@ def _fail(failed: dict[int, BaseException], done: int) -> None:
     chunks = tuple(sorted(failed))
     cause = next(iter(failed.values()))
     numbers = ", ".join(map(str, chunks))
+    guard = (
+        'a script must call the sweep below `if __name__ == "__main__":`, because each worker '
+        "process imports the script"
+    )
     if isinstance(cause, BrokenExecutor):
         why = "killed, or out of memory"
-        # If workers die before the first result, the usual cause is a script without the line
-        # `if __name__ == "__main__":`.
+        # If workers die before the first result, the usual cause is a script without that line.
         if not done:
-            why = (
-                "no chunk was computed: a script must call the sweep below "
-                '`if __name__ == "__main__":`, because each worker process imports the script; or '
-                "the process was killed, or out of memory"
-            )
+            why = f"no chunk was computed: {guard}; or the process was {why}"
         problem = f"A worker process died while chunks {numbers} were submitted ({why})"
+    elif getattr(multiprocessing.current_process(), "_inheriting", False):
+        # This process is a worker that imports the script, and can't start workers of its own.
+        problem = f"A worker process called the sweep again: {guard}"
     else:
         problem = f"Chunk {numbers} failed" if len(chunks) == 1 else f"Chunks {numbers} failed"
     raise ChunkError(

@@ -1,6 +1,7 @@
 """Parameter sweeps: simulate one scene for many values of its parameters. Each of the runs is
 called a lane."""
 
+import os
 import warnings
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -232,6 +233,8 @@ def _constant_numbers(tree: PyTree, varied: PyTree[bool], name: str) -> dict[str
 if TYPE_CHECKING:
     import xarray as xr
 
+_PROCESS = os.getpid()
+"""Number of the process that has imported this module. A forked process has another one."""
 CHUNK = 256
 """Number of lanes in a chunk by default. A store has one file for each result of a chunk, and an
 executor computes one chunk in each of its tasks."""
@@ -296,9 +299,11 @@ def sweep(
       store of this sweep, only missing or damaged lanes are computed, so that axes, further values
       of an axis, and outputs can be added later. A store recognises its sweep by the numbers of its
       lanes and by the programs that JAX traces, not by source texts or names. `open_sweep(path)`
-      and ``xarray.open_zarr(path)`` read the store, also of an unfinished sweep. A process that is
-      killed loses the running lanes and, of the finished ones, at most a chunk or those of the last
-      ten seconds; on a slow disk it may lose more.
+      and ``xarray.open_zarr(path)`` read the store, also of an unfinished sweep. Lanes that have
+      ended are written together a few times a second; while that takes longer, no lane begins. A
+      process that is killed loses the running lanes and, of the ended ones, about one second of
+      computing. On a slow disk, it also loses lanes of incomplete chunks, which then wait until
+      writing them takes at most a twentieth of the time.
     - `executor`: a `concurrent.futures.Executor` or a `dask.distributed.Client` that computes the
       chunks; by default threads of this process share the lanes. Processes must be spawned, not
       forked, and a script must make the executor below ``if __name__ == "__main__":``. Dask serves
@@ -312,9 +317,9 @@ def sweep(
     **Returns:** an `xarray.Dataset` along the axes (along "lane" if zipped), with units and the
     settings as attributes.
 
-    **Raises:** `ValueError` for unsupported arguments, and for a store that belongs to another
-    sweep; `PermissionError` for lanes that are missing in a store which can't be written to;
-    `ChunkError` if an executor fails.
+    **Raises:** `ValueError` for unsupported arguments, for a store that belongs to another sweep,
+    and for a `path` in a forked process; `PermissionError` for lanes that are missing in a store
+    which can't be written to; `ChunkError` if an executor fails.
 
     **Warns:** `UserWarning` with the number of failed lanes, the error message of the first lane
     that was not run, and the number of lanes that are pending because another process has discarded
@@ -338,6 +343,12 @@ def sweep(
     check_outputs(outputs, scene, settings.ledger)
     if threads is not None:
         require_count("threads", threads, "give a number of threads, or None")
+    if path is not None:
+        # JAX computes while the programs are traced, and would wait forever for threads that only
+        # the parent process has.
+        expected = "None in a process that was forked after clearjoint was imported"
+        remedy = "start processes by multiprocessing.get_context('spawn')"
+        require(os.getpid() == _PROCESS, "path", str(path), expected, remedy)
     labels = tuple(Coordinate(name, a.values, a.unit_in(scene, state)) for name, a in axes.items())
     variables, coordinates = variables_of(scene, outputs)
     # Settings that change the numbers of a lane; a store with others belongs to another sweep.

@@ -1,25 +1,25 @@
 """Draw pictures and animations of a view by matplotlib.
 
-A view consists of solids (`DrawnPart`), each with a triangle mesh and a pose in every frame. They
-are projected on the picture, and their triangles are painted from back to front.
+A view consists of solids (`DrawnPart`), each with a triangle mesh and a pose in every frame. Their
+triangles are projected on the pixels of the picture. Each pixel has the colour of the triangle that
+is nearest there: an order of whole triangles would show some through walls.
 """
 
 import shutil
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from textwrap import fill
 
 import numpy as np
+from jaxtyping import Float
 from matplotlib.animation import FFMpegWriter, PillowWriter
-from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from ..fields.checks import require
 from ..fields.drawn_text import literal, shown
-from .meshes import DrawnPart, Mesh, needed
+from .meshes import DrawnPart
 from .page import Legend
 from .proportions import WIDE, Camera, in_perspective
 
@@ -29,6 +29,10 @@ SHADE = 0.45
 """Brightness of surfaces that face away from the light, as a fraction of full brightness."""
 DPI = 100
 """Pixels per inch of an animation; a still picture has twice as many."""
+SAMPLES = 4 * DPI
+"""Computed points per inch, of which several are averaged in a pixel."""
+MOST_POINTS = 1_000_000
+"""Largest number of points whose depths are computed at once, apart from those of one triangle."""
 FRAMES_PER_SECOND = 25
 """Number of frames that an animation shows in a second."""
 
@@ -36,12 +40,11 @@ FRAMES_PER_SECOND = 25
 class Film:
     """A matplotlib figure of a view, in which `show` draws one frame.
 
-    Triangles are drawn from the farthest to the nearest. Triangles that face away from the camera
-    are omitted.
+    Triangles that face away from the camera are omitted.
 
     **Arguments:** `parts`: solids with a pose for each frame; `camera`: positions of the viewer and
     of the picture's middle; `legend`: texts and colours on the left of the picture; `times`: times
-    of the frames, (N,) s, None for a single state.
+    of the frames, (N,) s, None for a single state; `samples`: computed points per inch.
     """
 
     def __init__(
@@ -50,11 +53,10 @@ class Film:
         camera: Camera,
         legend: Legend,
         times: np.ndarray | None,
+        samples: int = SAMPLES,
     ):
         self._times = times
-        # Large triangles can't be painted in a correct order, since one may be partly before and
-        # partly behind another: they are divided. The reach is half the height of the picture.
-        self._parts = [_divided(part, 0.3 * camera.reach) for part in parts]
+        self._parts = parts
         self._view, self._target = camera.axes(), camera.target
         self._distance = float(np.linalg.norm(camera.eye - camera.target))
         self.figure = Figure(figsize=(8.0, 4.8), dpi=DPI)
@@ -63,9 +65,11 @@ class Film:
         self._axes = self.figure.add_axes((0.28, 0.0, 0.72, 1.0))
         self._axes.set_axis_off()
         wide, high = WIDE * camera.reach, camera.reach
-        self._axes.set(xlim=(-wide, wide), ylim=(-high, high), aspect="equal")
-        self._triangles = PolyCollection([], linewidths=0.3)
-        self._axes.add_collection(self._triangles)
+        box = self._axes.get_window_extent()
+        self._shape = round(box.height / DPI * samples), round(box.width / DPI * samples)
+        self._scale = min(self._shape[0] / high, self._shape[1] / wide) / 2.0  # points per m
+        blank = np.ones((*self._shape, 3))
+        self._image = self._axes.imshow(blank, origin="lower", aspect="auto")
         self._time_text = self.figure.text(0.98, 0.02, "", ha="right", va="bottom", fontsize=11)
         patches = [
             Patch(facecolor=c, edgecolor="#777777", label=shown(name)) for c, name in legend.entries
@@ -75,7 +79,7 @@ class Film:
             title=fill(literal(legend.title), 24),
             title_fontproperties={"weight": "bold"},
             loc="upper left",
-            fontsize=9,
+            fontsize=min(9.0, 160.0 / (len(patches) + 1)),  # so that all are in the picture
             frameon=False,
             alignment="left",
         )
@@ -87,8 +91,11 @@ class Film:
     def show(self, k: int) -> None:
         """Draw the parts in frame `k` and, unless the view is of a single state, the frame's time
         as text."""
-        corners, colours = [], []
-        for part in self._parts:
+        height, width = self._shape
+        # `nearest` has the inverse distance of the nearest opaque triangle at each point.
+        picture, nearest = np.ones((height * width, 3)), np.zeros(height * width)
+        middle = 0.5 * np.array([width, height])
+        for part in sorted(self._parts, key=lambda part: self._order(part, k)):
             moved = part.mesh.moved(part.pose(k)).vertices
             # Corners (F, 3, 3), m: to the right, upwards and to the viewer, from the target.
             triangles = ((moved - self._target) @ self._view.T)[part.mesh.faces]
@@ -98,21 +105,29 @@ class Film:
             # behind are left out.
             towards = (0.0, 0.0, self._distance) - triangles[:, 0]
             facing = np.sum(normals * towards, axis=1) > 1e-9 * self._distance * sizes
-            normals = normals[facing] / sizes[facing, None]
+            triangles, normals = triangles[facing], normals[facing] / sizes[facing, None]
             light = SHADE + (1.0 - SHADE) * np.clip(normals @ LIGHT, 0.0, 1.0)
             shades = light[:, None] * np.array(to_rgb(part.colour_at(k)))
-            colours.append(np.insert(shades, 3, part.opacity, axis=1))
-            corners.append(triangles[facing])
-        everything, painted = np.concatenate(corners), np.concatenate(colours)
-        order = np.argsort(everything[:, :, 2].mean(axis=1))  # the farthest first
-        self._triangles.set_verts([*in_perspective(everything[order], self._distance)])
-        self._triangles.set_facecolor([*painted[order]])
-        # Edges in the colour of the face close gaps between opaque triangles. Edges of transparent
-        # ones are invisible, because they would overlap and show as lines.
-        seams = np.where(painted[order, 3:] < 1.0, 0.0, 1.0) * (0.0, 0.0, 0.0, 1.0)
-        self._triangles.set_edgecolor([*(painted[order] * (1.0, 1.0, 1.0, 0.0) + seams)])
+            projected = in_perspective(triangles, self._distance) * self._scale + middle
+            closeness = 1.0 / (self._distance - triangles[:, :, 2])
+            before = nearest if part.opacity == 1.0 else nearest.copy()
+            shown = np.full(len(nearest), -1)
+            for point, triangle, near in _covered(projected, closeness, width, height):
+                np.maximum.at(before, point, near)
+                first = near == before[point]
+                shown[point[first]] = triangle[first]
+            seen = shown >= 0
+            behind = (1.0 - part.opacity) * picture[seen]
+            picture[seen] = behind + part.opacity * shades[shown[seen]]
+        self._image.set_data(picture.reshape(height, width, 3))
         if self._times is not None:
             self._time_text.set_text(_time_text(self._times[k], self._times[-1] - self._times[0]))
+
+    def _order(self, part: DrawnPart, k: int) -> tuple[bool, float]:
+        """Return the key by which parts are sorted before they are painted in frame `k`: the
+        transparent ones last, from the farthest to the nearest, over what is behind them."""
+        centre = part.mesh.moved(part.pose(k)).vertices.mean(axis=0)
+        return part.opacity < 1.0, float(centre @ self._view[2])
 
     def save(self, file: Path, frames: Sequence[int]) -> None:
         """Write an animation of the frames with the indices `frames` to a file: a GIF or an MP4,
@@ -132,17 +147,60 @@ class Film:
                 writer.grab_frame()
 
 
-def _divided(part: DrawnPart, longest: float) -> DrawnPart:
-    """Return a part with its triangles divided until no edge is longer than `longest`, m, so that
-    they can be sorted by their distance. A part that its pose stretches, such as an arrow, is
-    returned unchanged, since its edges have other lengths in each frame."""
-    is_rigid = np.allclose(np.linalg.norm(part.poses[0, :3, :3], axis=0), 1.0)
-    edges = part.mesh.vertices[part.mesh.faces] - part.mesh.vertices[part.mesh.faces[:, [1, 2, 0]]]
-    if not is_rigid or np.linalg.norm(edges, axis=2).max() <= longest:
-        return part
-    remesh = needed("trimesh").remesh
-    vertices, faces = remesh.subdivide_to_size(*part.mesh, max_edge=longest)
-    return replace(part, mesh=Mesh(vertices, faces))
+def _covered(
+    corners: Float[np.ndarray, "F 3 2"], values: Float[np.ndarray, "F 3"], width: int, height: int
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Yield the points of a grid that triangles cover, for some triangles at a time: the number of
+    the point, row by row; the index of the triangle; and its value there.
+
+    **Arguments:** `corners`: of the F triangles, counter-clockwise, in points from the lower left
+    of the grid; `values`: at the corners, between which they are interpolated linearly; `width`,
+    `height`: numbers of points in a row and in a column.
+    """
+    a, b, c = (corners[:, j] for j in range(3))
+    # Each triangle covers, in each row between its lowest and its highest corner, the points
+    # between its edges. The lines are numbered triangle by triangle.
+    low, high = (
+        np.clip(np.ceil(f(corners[:, :, 1], axis=1) - 0.5), 0, height).astype(int)
+        for f in (np.min, np.max)
+    )
+    triangle, row = _counted(low, high)
+    y, crossings = row + 0.5, []
+    for p, q in ((a, b), (b, c), (c, a)):
+        p, q = p[triangle], q[triangle]
+        with np.errstate(divide="ignore", invalid="ignore"):  # horizontal edges
+            share = (y - p[:, 1]) / (q[:, 1] - p[:, 1])
+            x = p[:, 0] + share * (q[:, 0] - p[:, 0])
+        crossings.append(np.where((share >= 0.0) & (share <= 1.0), x, np.nan))
+    left, right = (
+        np.clip(np.nan_to_num(np.ceil(f(crossings, axis=0) - 0.5)), 0, width).astype(int)
+        for f in (np.fmin.reduce, np.fmax.reduce)
+    )
+    # The values are linear functions of x and y: their slopes, from the differences to corner a.
+    (bx, by), (cx, cy) = (b - a).T, (c - a).T
+    rise_b, rise_c = values[:, 1] - values[:, 0], values[:, 2] - values[:, 0]
+    along_x, along_y = np.array([rise_b * cy - rise_c * by, rise_c * bx - rise_b * cx]) / (
+        bx * cy - cx * by
+    )
+    first, ends = 0, np.cumsum(np.maximum(right - left, 0))
+    while first < len(row):
+        done = ends[first - 1] if first else 0
+        last = max(first + 1, int(np.searchsorted(ends, done + MOST_POINTS)))
+        line, x = _counted(left[first:last], right[first:last])
+        line += first
+        k = triangle[line]
+        value = values[k, 0] + along_x[k] * (x + 0.5 - a[k, 0]) + along_y[k] * (y[line] - a[k, 1])
+        yield row[line] * width + x, k, value
+        first = last
+
+
+def _counted(starts: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the whole numbers of all intervals, from its start to before its end for each, and the
+    index of the interval of each number, first."""
+    counts = np.maximum(ends - starts, 0)
+    interval = np.repeat(np.arange(len(counts)), counts)
+    before = np.repeat(np.cumsum(counts) - counts, counts)
+    return interval, starts[interval] + np.arange(len(interval)) - before
 
 
 def _time_text(time: float, whole: float) -> str:

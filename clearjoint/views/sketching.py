@@ -574,8 +574,23 @@ def sketch(
 
 
 def colours(bodies: Collection[str]) -> dict[str, str]:
-    """Return the colour "#rrggbb" of each body and of the ground, by name."""
-    return dict(zip(bodies, cycle(BODIES), strict=False)) | {GROUND: GROUND_COLOUR}
+    """Return the colour "#rrggbb" of each body and of the ground, by name.
+
+    Further bodies have lighter and darker shades of the colours `BODIES`; more than 63 bodies, the
+    first colours again.
+    """
+    shades = cycle([_mixed(colour, *mix) for mix in MIXTURES for colour in BODIES])
+    return dict(zip(bodies, shades, strict=False)) | {GROUND: GROUND_COLOUR}
+
+
+MIXTURES = (0.0, 0), (0.5, 255), (0.45, 0), (0.25, 255), (0.25, 0), (0.7, 255), (0.65, 0)
+"""For each repetition of the colours of bodies, the part of white or black in them, and the
+brightness of that, 255 or 0."""
+
+
+def _mixed(colour: str, part: float, brightness: int) -> str:
+    channels = [round((1.0 - part) * c + part * brightness) for c in bytes.fromhex(colour[1:])]
+    return f"#{bytes(channels).hex().upper()}"
 
 
 def _unit(vector: ArrayLike) -> np.ndarray:

@@ -93,10 +93,12 @@ class View:
         if suffix == ".html":
             file.write_text(self.html, encoding="utf-8")
             return file
-        from .filming import DPI, Film
+        from .filming import DPI, SAMPLES, Film
 
-        film = Film(self.parts, self._camera, self.legend, self.times)
-        if suffix not in (".gif", ".mp4"):
+        is_still = suffix not in (".gif", ".mp4")
+        samples = SAMPLES if is_still else SAMPLES // 2  # a picture has twice the pixels
+        film = Film(self.parts, self._camera, self.legend, self.times, samples)
+        if is_still:
             if self.times is not None and time is not None:
                 film.show(int(np.argmin(np.abs(self.times - time))))
             film.figure.savefig(file, dpi=2 * DPI)

@@ -1,6 +1,7 @@
 """The program `clearjoint`: messages, exit codes, and results equal to those of the library."""
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -26,6 +27,7 @@ from clearjoint.export.datasets import describe, setting_notes
 from clearjoint.scene_files.documents import FileLocation, keys_of, written
 from clearjoint.simulation.run import host_run, terminal
 from tests.support.dropped_rod import dropped_rod
+from tests.support.repetitions import repetitions
 
 STUDY = """
 title = "A rod that falls"
@@ -82,8 +84,15 @@ def folder(tmp_path, monkeypatch):
 
 
 def invoke(*arguments: str):
-    """The exit code and output of a command."""
-    return CliRunner().invoke(clearjoint, arguments)
+    """The exit code and output of a command, which says nothing twice."""
+    outcome = CliRunner().invoke(clearjoint, arguments)
+    said = [line for line in outcome.output.splitlines() if line.split(":")[0] in SAID]
+    assert repetitions("\n".join(said)) == []
+    return outcome
+
+
+SAID = "error", "warning", "note"
+"""Beginnings of the lines of messages."""
 
 
 def changed(old: str, new: str) -> None:
@@ -551,8 +560,10 @@ def test_a_run_writes_tables_figures_and_a_page(folder):
     assert numbers["heating"] * 31.25e-3 == pytest.approx(-lost, rel=1e-3)
     assert "note: the saved samples of force are between 0 and" in outcome.output
     *_, last = outcome.stdout.strip().splitlines()
-    reached = r"\d+ steps to t = 0.03125 s, \d+ impacts"
-    assert re.fullmatch(rf"{reached}, largest force of a contact {largest:.4g} N \(pin .\): .*html", last)
+    reached = r"\d+ steps to t = 0.03125 s, \d+ finished impacts"
+    assert re.fullmatch(
+        rf"{reached}, largest force of a contact {largest:.4g} N \(pin .\): .*html", last
+    )
     pictures = sorted((out / "figures").glob("*.png"))
     assert len(pictures) == 6
     page = (out / "index.html").read_text()
@@ -762,6 +773,41 @@ def test_ctrl_c_during_the_import_ends_the_program():
         check=False,
     )
     assert (done.returncode, done.stderr) == (130, "interrupted\n")
+
+
+ROOT = Path(__file__).parents[2]
+LAUNCHER = ROOT / "clearjoint" / "command_line" / "launcher"
+IMPORTED = """
+import atexit, sys
+import clearjoint_command
+
+large = {"jax", "scipy.stats", "matplotlib.pyplot", "clearjoint.plot.polar"}
+atexit.register(lambda: print(sorted(large & set(sys.modules))))
+clearjoint_command.main()
+"""
+
+
+def imported(folder, *arguments):
+    """Which of the large packages the program has imported at its end."""
+    done = subprocess.run(
+        [sys.executable, "-c", IMPORTED, *arguments],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(map(str, [ROOT, LAUNCHER]))},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return done.stdout.splitlines()[-1]
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["sweep", "-h"], ["--version"]])
+def test_help_imports_no_large_package(tmp_path, arguments):
+    assert imported(tmp_path, *arguments) == "[]"
+
+
+def test_a_check_imports_no_plots(folder):
+    assert invoke("new", "four_bar").exit_code == 0
+    assert imported(Path.cwd(), "check", "four_bar_study.toml") == "['jax']"
 
 
 @pytest.mark.slow

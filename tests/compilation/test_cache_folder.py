@@ -3,9 +3,10 @@
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from clearjoint.compilation.program_store import is_private, prepare_folder
+from clearjoint.compilation.program_store import ProgramStore, is_private, prepare_folder
 
 
 def test_a_folder_is_made_for_its_owner_alone(tmp_path):
@@ -35,6 +36,52 @@ def test_a_folder_of_another_user_is_refused_except_the_administrators(tmp_path,
     if owner == 0:
         os.chown(tmp_path, 7, -1)
         assert not is_private(tmp_path)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_folder_that_others_could_exchange_is_refused(tmp_path, seed):
+    """Others may, if they may write to any folder above it, unless that has the sticky bit. A link
+    on the way counts with the folders on both sides."""
+    rng, folders, exposed = np.random.default_rng(seed), [], []
+    folder = tmp_path
+    for depth in range(4):
+        folder = folder / f"{depth}"
+        folder.mkdir()
+        if rng.random() < 0.3:
+            link = folder.with_name(f"{depth} link")
+            link.symlink_to(folder)
+            folder = link
+        folders.append(folder)
+    (cache := folder / "cache").mkdir(mode=0o700)
+    for above in folders:
+        mode = int(
+            rng.choice([0o700, 0o755, 0o1777, 0o1770, 0o777, 0o775], p=[0.3] * 3 + [0.1 / 3] * 3)
+        )
+        above.chmod(mode)
+        if mode in (0o777, 0o775):
+            exposed.append(above.resolve())
+    problem = prepare_folder(cache)
+    assert is_private(cache) == (problem is None) == (not exposed)
+    if problem is not None:
+        named = {Path(part) for part in problem.split("'") if part.startswith("/")}
+        assert "chmod go-w" in problem and {path.resolve() for path in named} & set(exposed)
+
+
+def test_folders_above_are_made_for_their_owner_even_with_a_generous_umask(tmp_path):
+    before = os.umask(0)
+    try:
+        assert prepare_folder(tmp_path / "a" / "b" / "cache") is None
+    finally:
+        os.umask(before)
+
+
+def test_a_program_to_which_others_may_write_is_not_read(tmp_path):
+    store = ProgramStore(tmp_path / "cache")
+    store.write("k", b"code")
+    assert store.read("k") == b"code"
+    (file,) = (tmp_path / "cache").iterdir()
+    file.chmod(0o666)
+    assert store.read("k") is None
 
 
 @pytest.mark.parametrize("path", ["file", "file/inside"])

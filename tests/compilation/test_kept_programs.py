@@ -16,6 +16,7 @@ import clearjoint as cj
 from clearjoint.compilation import keep_programs, package_code, plain_values
 from clearjoint.compilation.program_store import ProgramStore
 from clearjoint.native import Native, NativeFunction
+from clearjoint.native.machine_code import RecentPrograms
 from clearjoint.simulation.lanes import scheduler
 from studies.benchmark.chain import chain
 
@@ -140,7 +141,7 @@ def forget(monkeypatch):
         modules = [m for name, m in sys.modules.items() if name.startswith("clearjoint.")]
         for found in [value for module in modules for value in vars(module).values()]:
             if isinstance(found, Native):
-                monkeypatch.setattr(found.native, "_programs", {})
+                monkeypatch.setattr(found.native, "_programs", RecentPrograms())
 
     forget()
     return forget

@@ -124,8 +124,10 @@ def test_a_resting_journal_lies_along_the_wall_where_gravity_presses_it(bearing,
     """The rod's end is displaced in the direction of gravity, whether it is journal or bearing."""
     scene = rocker(bearing, gravity=gravity)
     state = cj.assemble(scene, start(2e-4), resting=["pin"])
-    np.testing.assert_allclose(end_of(state)[0][:2], CLEARANCE * np.array(towards), atol=1e-6)
-    assert np.abs([*depths(scene, state)["pin"].values()]).max() < 1e-12
+    # The load turns slightly as the rod moves to the wall, which it penetrates to carry the load.
+    np.testing.assert_allclose(end_of(state)[0][:2], CLEARANCE * np.array(towards), atol=4e-6)
+    found = np.array([*depths(scene, state)["pin"].values()])
+    assert (found > 1e-9).all() and (found < 1e-6).all()
     np.testing.assert_allclose(end_of(state)[1][:2], 0.0, atol=1e-3)
 
 

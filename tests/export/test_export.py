@@ -171,7 +171,7 @@ def test_netcdf_gives_back_every_bit(result, tmp_path: Path):
 def test_csv_gives_back_every_bit(result, tmp_path: Path):
     frame = result.to_dataframe()
     result.to_csv(tmp_path / "out.csv")
-    read = pd.read_csv(tmp_path / "out.csv", index_col=0)
+    read = pd.read_csv(tmp_path / "out.csv", index_col=0, float_precision="round_trip")
     assert read.columns.tolist() == frame.columns.tolist()
     assert read.index.name == frame.index.name
     for name in frame:

@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from clearjoint.math.interpolation import (
     Bend,
@@ -52,8 +53,23 @@ def test_roots_of_a_bent_curve(root):
 
     start, end = (Slope(jnp.asarray(value(x)), 2.0 + 2.0 * x - root) for x in (0.0, 1.0))
     assert float(hermite_root(start, end, 1.0)) == pytest.approx(root, abs=1e-9)
-    found = secant_root(value, start.value, end.value)
-    assert float(found) == pytest.approx(root, abs=2e-4)
+    ends = Point(0.0, start.value), Point(1.0, end.value)
+    assert float(secant_root(value, *ends)) == pytest.approx(root, abs=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_secants_find_the_root_of_a_contact_right_after_another(seed):
+    """Both ends of the step are at the wall, and the largest distance is between them."""
+    rng = np.random.default_rng(seed)
+    before, after = 10.0 ** rng.uniform(-15, -12, 2)
+    distance, skew = 10.0 ** rng.uniform(-8, -3), rng.uniform(-0.5, 0.5)
+
+    def value(x):
+        arch = 4.0 * x * (1.0 - x) * (1.0 + skew * (x - 0.5))
+        return (1.0 - x) * -before + x * after - distance * arch
+
+    root = float(secant_root(value, Point(0.0, value(0.0)), Point(1.0, value(1.0))))
+    assert root == pytest.approx(brentq(value, 0.5, 1.0, xtol=1e-16), abs=1e-14)
 
 
 def test_parabolas_and_their_vertices():

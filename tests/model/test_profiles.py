@@ -208,13 +208,16 @@ def test_of_many_waves_the_deepest_is_found():
 
 
 def test_a_journal_rests_where_its_load_presses_it():
-    """The resting place touches the wall, and the wall's normal is along the load."""
+    """Both bases carry half of the load there, and the wall's normal is along the load."""
     profile = Harmonics([0.0, 30e-6, -10e-6], [0.0, 20e-6, 0.0])
     load = np.array([3.0, -2.0, 0.5])
-    ideal = pin(profile).resting_joint(load)
+    joint = pin(profile)
+    ideal = joint.resting_joint(load)
     x, y, _ = ideal.attachments()[0][2]
     found = closest_approach(x, y, CLEARANCE, profile, None, ALIGNED)
-    assert float(found.depth) == pytest.approx(0.0, abs=1e-17)
+    gap = cj.extend.Gap(found.depth, 0.0, joint.bearing_radius, joint.clearance)
+    push = float(joint.law.elastic_force(gap))
+    assert 2.0 * push == pytest.approx(np.hypot(*load[:2]), rel=1e-9)
     np.testing.assert_allclose(
         [found.cosine, found.sine], load[:2] / np.hypot(*load[:2]), atol=1e-12
     )

@@ -1,5 +1,6 @@
 """Native code against XLA: each primitive on random numbers, NaN and infinities."""
 
+import itertools
 import pickle
 import threading
 from collections.abc import Callable
@@ -457,6 +458,80 @@ def test_large_products_of_small_arrays(k):
     assert_same(NativeFunction(products)(*arguments), jax.jit(products)(*arguments), ulp=256)
 
 
+def given_twice(chosen, x):
+    """Branches of which one returns an array twice, and the other two arrays."""
+    branches = [(lambda a, b: (a, a)), (lambda a, b: (a * 2.0, b * 3.0)), (lambda a, b: (b, a))]
+    results = [
+        lax.cond(chosen, yes, no, x * 1.5, x + 1.0)
+        for yes in branches
+        for no in branches
+        if yes is not no
+    ]
+    return {str(k): one for k, one in enumerate(jax.tree.leaves(results))}
+
+
+@pytest.mark.parametrize("chosen", [True, False])
+def test_branches_may_give_one_array_for_several_results(chosen):
+    arguments = np.asarray(chosen), RANDOM.uniform(size=100)
+    assert_same(NativeFunction(given_twice)(*arguments), jax.jit(given_twice)(*arguments))
+
+
+def test_results_do_not_share_memory():
+    first, second, part = NativeFunction(lambda x: (x, x, x[1:]))(np.arange(100.0))
+    first[:] = -1.0
+    np.testing.assert_array_equal(second, np.arange(100.0))
+    np.testing.assert_array_equal(part, np.arange(1.0, 100.0))
+
+
+@pytest.mark.parametrize("size", [4, 14])
+def test_linear_systems(size):
+    """Small matrices, and matrices in memory; all sides, triangles and transposes."""
+    draws = RANDOM.normal(size=(2, size, size))
+    given = draws[0] @ draws[0].T + np.eye(size), draws[1, 0]
+
+    def solution(matrix, right):
+        factor = jax.scipy.linalg.cho_factor(matrix)
+        return jax.scipy.linalg.cho_solve(factor, right)
+
+    def solutions(matrix, right):
+        found = {"factor": jnp.linalg.cholesky(matrix), "solution": solution(matrix, right)}
+        found["derivative"] = jax.jvp(solution, (matrix, right), (matrix.T, right * right))[1]
+        found["several"] = jax.vmap(solution)(
+            jnp.stack([matrix, 2.0 * matrix]), jnp.stack([right] * 2)
+        )
+        for left, lower, turned, ones in itertools.product([True, False], repeat=4):
+            options = {"left_side": left, "lower": lower, "transpose_a": turned}
+            rows = jnp.outer(right, jnp.arange(1.0, 4.0))
+            found[f"{options} {ones}"] = lax.linalg.triangular_solve(
+                matrix, rows if left else rows.T, unit_diagonal=ones, **options
+            )
+        return found
+
+    found, expected = NativeFunction(solutions)(*given), jax.jit(solutions)(*given)
+    for name, values in expected.items():
+        scale = 1e-12 * np.abs(values).max()
+        np.testing.assert_allclose(found[name], values, rtol=1e-10, atol=scale, err_msg=name)
+
+
+PRODUCTS = {
+    "ij,jk->ik": ((20, 9), (9, 30)),
+    "bij,bkj->bik": ((3, 20, 4), (3, 2, 4)),
+    "ij,j->i": ((20, 9), (9,)),
+    "i,i->": ((90,), (90,)),
+    "i,j->ij": ((90,), (3,)),
+    "abc,cbd->ad": ((3, 9, 4), (4, 9, 2)),
+}
+
+
+def test_large_products():
+    def products(pairs):
+        return {name: jnp.einsum(name, *pair) for name, pair in pairs.items()}
+
+    pairs = {name: tuple(map(RANDOM.random, shapes)) for name, shapes in PRODUCTS.items()}
+    expected = {name: np.einsum(name, *pair) for name, pair in pairs.items()}
+    assert_same(NativeFunction(products)(pairs), expected, ulp=64)
+
+
 def test_large_constants_may_be_literals_of_a_program():
     table, flag = jnp.arange(100.0), "jax_use_simplified_jaxpr_constants"
     before = getattr(jax.config, flag, None)
@@ -545,6 +620,10 @@ def test_unknown_primitives_are_named():
         NativeFunction(lambda a: jnp.linalg.inv(a))(np.eye(3))
     with pytest.raises(UnsupportedPrimitiveError, match="no elements"):
         NativeFunction(lambda a: jnp.prod(a))(np.zeros(0))
+    with pytest.raises(UnsupportedPrimitiveError, match="a loop whose condition is an array"):
+        NativeFunction(jax.vmap(lambda a: lax.while_loop(lambda x: x < 9.0, jnp.exp, a)))(
+            np.ones(3)
+        )
     with pytest.raises(UnsupportedPrimitiveError, match="dot_general of no elements"):
         NativeFunction(lambda a: a @ a)(np.zeros(0))
     with pytest.raises(UnsupportedPrimitiveError, match="cumsum of large arrays in reverse order"):

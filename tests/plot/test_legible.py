@@ -1,12 +1,14 @@
 """Legibility of figures: smooth paths, suitable scales, no hidden curves."""
 
 import dataclasses
+from itertools import product
 
 import equinox as eqx
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.text import Annotation
 from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
@@ -148,15 +150,19 @@ def test_steady_contact_after_a_large_impact_is_visible():
     assert plot.contact_forces(seen, "pin").get_yscale() == "log"
 
 
-def test_equal_impacts_of_both_bases_share_a_row():
+def test_simultaneous_impacts_of_both_bases_share_a_row():
     row = (0.01, 0.0101, 1e-4, 0.1, 0.09, 100.0, 0.0, 1e-6)
-    later = (0.02, 0.0201, 1e-4, 0.1, 0.09, 90.0, 0.0, 1e-6)
-    stronger = (0.02, 0.0201, 1e-4, 0.1, 0.09, 95.0, 0.0, 1e-6)
-    rows = [("pin", "W", *row), ("pin", "V", *row), ("pin", "V", *later), ("pin", "W", *stronger)]
-    found = impact_rows(cj.results.Impacts.of_rows([*rows, ("other", "V", *row)]), 8)
-    assert sorted(cells[:2] for cells in found) == [
-        ["other", "V"], ["pin", "V"], ["pin", "V and W"], ["pin", "W"]
-    ]  # fmt: skip
+    first = (0.02, 0.0201, 1e-4, 0.1, 0.09, 90.0, 0.0, 1e-6)
+    harder = (0.02003, 0.0201, 0.7e-4, 0.1, 0.09, 95.0, 0.0, 1e-6)
+    later = (0.02012, 0.0203, 1.8e-4, 0.1, 0.09, 80.0, 0.0, 1e-6)
+    rows = [("pin", "W", *row), ("pin", "V", *row), ("pin", "V", *first), ("pin", "W", *harder)]
+    rows += [("other", "V", *row), ("pin", "V", *later)]
+    found = impact_rows(cj.results.Impacts.of_rows(rows), 8)
+    assert sorted(found[0][:2] + found[1][:2]) == ["V", "V and W", "other", "pin"]
+    assert [(*cells[:2], cells[6]) for cells in found[2:]] == [
+        ("pin", "V and W", "95.0"),
+        ("pin", "V", "80.0"),
+    ]
 
 
 def crossed() -> tuple[cj.results.Crossings, cj.Section]:
@@ -217,3 +223,85 @@ def test_geometric_axes_of_sweeps_are_logarithmic(values, scale):
     assert len(shown) >= 3
     wide = xr.concat([data, data], dim="e").assign_coords(e=[0.1, 0.2])
     assert plot.parameter_map(wide, "force", "clearance", "e").get_xscale() == scale
+
+
+def boxes_of_texts(page):
+    """The boxes of all visible texts of a page, in pixels."""
+    page.draw_without_rendering()
+    texts = [text for text in page.findobj(plt.Text) if text.get_visible() and text.get_text()]
+    return {text: text.get_window_extent() for text in texts if text.figure is not None}
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_no_text_of_a_report_is_cut_off_or_on_another(seed):
+    """Many joints with long names and laws, in a random order."""
+    random = np.random.default_rng(seed)
+    law = cj.laws.Hertz(1e9)
+    rubbing = cj.frictions.RegularisedCoulomb(0.2)
+    places = product(("pin", "foot"), ("left", "upper right"), range(3))
+    names = [f"{kind} of the {side} rocker {k}" for kind, side, k in places]
+    random.shuffle(names)
+    bodies = {f"link {name}": cj.Body(1.0, (1e-3, 1e-3, 1e-3)) for name in names}
+    joints = {}
+    for k, (name, body) in enumerate(zip(names, bodies, strict=True)):
+        sizes = {"bearing_radius": 10e-3, "clearance": 1e-4, "journal_length": 20e-3}
+        played = cj.ClearanceJoint("ground", body, **sizes, law=law, friction=rubbing)
+        joints[name] = played if k < 4 else cj.FixedJoint("ground", body, (0, 0, 0), (0, 0, 0))
+    scene = cj.Scene(bodies, joints)
+    times = np.linspace(0.0, 0.05, 30)
+    swing = 5e-5 * np.stack([np.sin(300 * times), np.cos(200 * times), 0 * times], 1)
+    still, turn = np.zeros_like(swing), np.tile((1.0, 0.0, 0.0, 0.0), (len(times), 1))
+    states = cj.State({body: cj.BodyState(swing, turn, still, still) for body in bodies})
+    impact = 0.01, 0.0101, 1e-4, 0.1, 0.09, 1234.5, 0.0, 1e-6
+    rows = [(name, "V", *impact) for name in names[:4]]
+    motion = cj.results.Trajectory(times, states)
+    page = plot.report(scene, solution_of(motion, cj.results.Impacts.of_rows(rows)))
+    boxes = boxes_of_texts(page)
+    written = " ".join(text.get_text().replace("\n", " ") for text in boxes)
+    # Each word of the table is there; long names are broken into lines.
+    assert all(word in written for name in names for word in (name, *name.split()))
+    labels = {
+        axis.label: boxes[axis.label]
+        for axes in page.findobj(plt.Axes)
+        for axis in (axes.xaxis, axes.yaxis)
+        if axis.label in boxes
+    }
+    cells = {text: box for text, box in boxes.items() if isinstance(text, Annotation)}
+    for family in (labels, cells):
+        drawn = list(family.items())
+        for k, (text, box) in enumerate(drawn):
+            assert box.x0 >= 0.0 and box.x1 <= page.bbox.width, text
+            clash = [str(other) for other, its in drawn[:k] if box.shrunk(0.98, 0.9).overlaps(its)]
+            assert clash == [], (str(text), clash)
+
+
+@pytest.mark.parametrize("draw", [plot.journal_orbit, plot.eccentricities, plot.contact_forces])
+def test_a_title_is_above_the_legend(draw):
+    axes = draw(seen_contact(DEPTHS, np.zeros(5), 1e6 * DEPTHS), "pin")
+    axes.set_title("title")
+    axes.figure.draw_without_rendering()
+    title, legend = axes.title.get_window_extent(), axes.get_legend().get_window_extent()
+    assert legend.y1 <= title.y0 + 1.0 and title.y1 <= axes.figure.bbox.height
+
+
+def test_a_steady_force_after_a_first_peak_ten_times_as_large_is_visible():
+    force = np.r_[0.0, 1000.0, np.full(20, 100.0)]
+    seen = seen_contact(1e-8 * force, np.zeros(22), force)
+    assert plot.contact_forces(seen, "pin").get_yscale() == "log"
+
+
+def test_the_drift_between_steps_is_that_at_their_ends():
+    """A step of 0.1 s in which the work of a drive grows by a square, but the ledger by a line."""
+    times = np.linspace(0.0, 0.2, 21)
+    energies = {"kinetic": times**2, "mechanical": times**2, "supplied": 0.2 * times}
+    inside = ~np.isin(np.arange(21), (0, 20))
+    seen = cj.results.Observation(
+        times, *([{}] * 6), energies=energies, reactions_unique=True, interpolated=inside
+    )
+    assert np.abs(seen.ledger_residual()).max() < 1e-15
+
+
+def test_states_inside_steps_are_marked_as_interpolated():
+    ends = np.array([0.0, 0.02, 0.04])
+    dense = cj.results.Trajectory(ends, flight(ends)).between()
+    np.testing.assert_array_equal(dense.interpolated, ~np.isin(dense.times, ends))

@@ -363,7 +363,8 @@ def test_a_report_has_all_panels_and_tables(tumbling, tmp_path):
         "500 µm",
         "Hertz",
         "bearing – journal",
-        "Steps: 60 steps accepted of 70 tried; 10 finished impacts, the largest of 100 N at one contact",
+        "Steps: 60 steps accepted of 70 tried; 10 finished impacts, "
+        "the largest of 100 N at one contact",
         "Equations: Tsit5, rtol 1e-07, AbsoluteCoordinates, Baumgarte, without energy ledger",
         "Scene: 2 bodies of 2 kg, 1 joint, 0 forces, no gravity",
         "pin: orbit",

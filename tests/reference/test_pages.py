@@ -19,3 +19,7 @@ def test_one_command_writes_every_public_name(tmp_path):
     for public in public_names():
         page = (tmp_path / f"{public.source}.html").read_text(encoding="utf-8")
         assert f'id="{public.name}"' in page, public
+    # The package's page begins with what is learned first.
+    page = (tmp_path / "clearjoint.html").read_text(encoding="utf-8")
+    order = [page.index(f'<section id="{name}"') for name in ("Scene", "simulate", "sweep", "wear")]
+    assert order == sorted(order) and order[0] < page.index('<section id="Accelerometer"')

@@ -178,3 +178,31 @@ def test_stores_of_other_formats_are_refused(path):
     (path / "zarr.json").write_text(json.dumps(root))
     with pytest.raises(ValueError, match="format 3, not 2 .*xarray.open_zarr"):
         open_sweep(path)
+
+
+GRID_FILES = {
+    "position": "position/c/0/0/0/0",
+    "codes": "result/c/0/0",
+    "axis": "clearance/c/0",
+    "metadata": "zarr.json",
+    "metadata of an array": "steps/zarr.json",
+}
+
+
+@pytest.mark.parametrize("name", GRID_FILES)
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_grid_is_written_again(path, name, damage):
+    """By the next sweep with the same arguments, although no lane is missing."""
+    opened(path, layout()).write_grid()
+    files = {file: file.read_bytes() for file in path.rglob("*") if file.is_file()}
+    (file,) = path.glob(GRID_FILES[name])
+    DAMAGES[damage](file)
+    opened(path, layout()).write_grid()
+    assert {file: file.read_bytes() for file in path.rglob("*") if file.is_file()} == files
+
+
+def test_an_intact_grid_is_not_written_again(path):
+    opened(path, layout()).write_grid()
+    files = {file: file.stat().st_mtime_ns for file in path.rglob("*/c/*") if file.is_file()}
+    opened(path, layout()).write_grid()
+    assert all(file.stat().st_mtime_ns == time for file, time in files.items())

@@ -185,6 +185,36 @@ def test_script_without_a_main_guard_gets_the_remedy(tmp_path):
     assert 'below `if __name__ == "__main__":`' in done.stdout
 
 
+FORKED = """
+import multiprocessing, sys
+sys.path.insert(0, ".")
+import clearjoint
+from tests.support.rotor import swept
+
+clearjoint.configure()
+
+def child():
+    try:
+        swept([1.0, 2.0], path=sys.argv[1])
+    except ValueError as error:
+        print(error)
+
+process = multiprocessing.get_context("fork").Process(target=child)
+process.start()
+process.join()
+"""
+
+
+def test_a_stored_sweep_in_a_forked_process_is_refused(tmp_path):
+    """It would wait forever for threads of its parent."""
+    path = tmp_path / "sweep.zarr"
+    command = [sys.executable, "-W", "ignore", "-c", FORKED, path]
+    root = Path(__file__).parents[2]
+    done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=True)
+    assert "`path` must be None in a process that was forked" in done.stdout
+    assert "multiprocessing.get_context('spawn')" in done.stdout and not path.exists()
+
+
 KILLED = """
 import os, sys, threading, time
 from concurrent.futures import ProcessPoolExecutor

@@ -1,11 +1,14 @@
 """Lanes of a sweep do not see each other: order, company, threads, refills; their closed form."""
 
+import time
+
 import numpy as np
 import pytest
 import xarray as xr
 
 import clearjoint as cj
-from clearjoint.simulation.lanes import xla_lanes
+from clearjoint.simulation.lanes import scheduler, xla_lanes
+from clearjoint.sweeps.work import Work
 from tests.support.rotor import AFTER, END, INERTIA, OUTPUTS, SPEED, TIMES, swept
 
 STIFFNESS = np.geomspace(1.0, 1000.0, 9)
@@ -121,6 +124,24 @@ def test_end_and_saved_times_follow_the_scene():
 
 
 SMALL_WIDTH = 4
+
+
+def test_no_lanes_begin_while_ended_ones_wait_for_long(monkeypatch):
+    """To be stored, for instance: a killed process loses few lanes that had ended."""
+    numbers = []
+
+    def slowly(work, lanes, on_ended, *, run=Work.run, **options):
+        def ended(lanes, results):
+            numbers.append(len(lanes))
+            time.sleep(0.3)
+            on_ended(lanes, results)
+
+        return run(work, lanes, ended, **options)
+
+    monkeypatch.setattr(Work, "run", slowly)
+    monkeypatch.setattr(scheduler, "LONGEST_WAIT", 0.0)
+    swept(np.linspace(1.0, 2.0, 40), outputs={})
+    assert sum(numbers) == 40 and max(numbers) <= 16  # of a thread, with eight columns
 
 
 @pytest.fixture

@@ -1,5 +1,7 @@
 """The store of a sweep: labels, resuming, refusals, and kill -9 at any moment."""
 
+import errno
+import fcntl
 import os
 import signal
 import subprocess
@@ -371,6 +373,61 @@ def test_a_store_that_cannot_be_made_leaves_nothing(path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         opened(path, layout())
     assert list(path.parent.iterdir()) == []
+
+
+def test_what_is_still_written_after_an_error_is_removed_too(path):
+    """As by Zarr's threads on a full disk."""
+
+    def late(folder):
+        time.sleep(0.2)
+        (folder / "c").mkdir(parents=True)
+
+    thread = ThreadPoolExecutor(1)
+    with pytest.raises(OSError, match="No space"), metadata.unfinished(path) as folder:
+        thread.submit(late, folder)
+        raise OSError(errno.ENOSPC, "No space left on device")
+    thread.shutdown()
+    assert list(path.parent.iterdir()) == []
+
+
+def test_a_full_disk_leaves_the_earlier_chunk_and_no_part_of_another(path, monkeypatch):
+    store = opened(path, layout())
+    compute(store, (0,))
+    before = {file: file.read_bytes() for file in path.rglob("*") if file.is_file()}
+
+    def full(file, content):
+        file.touch()
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(OSError, match="No space"):
+        store.write(0, range(5), results(layout(), range(5)))
+    assert {file: file.read_bytes() for file in path.rglob("*") if file.is_file()} == before
+
+
+def test_the_error_of_a_time_limit_is_not_taken_for_an_existing_folder(tmp_path, monkeypatch):
+    mkdir = os.mkdir
+
+    def expired(folder, *options):
+        mkdir(folder, *options)
+        raise TimeoutError("the time is over")
+
+    monkeypatch.setattr(os, "mkdir", expired)
+    with pytest.raises(TimeoutError, match="is over"):
+        chunks.make_folder(tmp_path / "a" / "b")
+
+
+def test_the_error_of_a_time_limit_is_not_taken_for_that_of_a_file_system(path, monkeypatch):
+    """A signal handler may raise a `TimeoutError`, which is an `OSError`, while the process waits
+    for a lock."""
+
+    def expired(*_):
+        raise TimeoutError("the time is over")
+
+    store = opened(path, layout())
+    monkeypatch.setattr(fcntl, "flock", expired)
+    with pytest.raises(TimeoutError, match="is over"):
+        compute(store)
 
 
 def test_of_two_that_create_a_store_the_first_wins(partial, path):

@@ -15,11 +15,11 @@ from PIL import Image
 import clearjoint as cj
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.views.arrows import LONGEST
-from clearjoint.views.filming import _time_text
+from clearjoint.views.filming import _covered, _time_text
 from clearjoint.views.meshes import FORCE, LOAD, METAL, MODES, corners, outline
 from clearjoint.views.poses import initial_state
 from clearjoint.views.proportions import equivalent_solid
-from clearjoint.views.sketching import WALL
+from clearjoint.views.sketching import WALL, colours
 from tests.support import recorded_journal as recorded
 from tests.support.tumbling_bearing import solution_of
 
@@ -579,3 +579,26 @@ def test_a_solution_is_observed_and_shown():
     without = cj.simulate(scene, state, 0.01, cj.presets.preview)
     with pytest.raises(ValueError, match="save=Saving"):
         cj.view(scene, without)
+
+
+def test_sixty_bodies_have_different_colours():
+    given = colours([f"body {k}" for k in range(60)])
+    assert len(set(given.values())) == 61  # with the ground
+
+
+def test_the_nearest_of_crossing_triangles_is_seen_at_each_point():
+    """Random triangles, against the depths of all of them at all points."""
+    random = np.random.default_rng(7)
+    corners, closeness = random.uniform(-5.0, 45.0, (30, 3, 2)), random.uniform(0.1, 1.0, (30, 3))
+    seen = np.zeros(40 * 40)
+    for point, _, near in _covered(corners, closeness, 40, 40):
+        np.maximum.at(seen, point, near)
+    y, x = np.divmod(np.arange(1600), 40)
+    exact = np.zeros(1600)
+    for (a, b, c), values in zip(corners, closeness, strict=True):
+        weights = np.linalg.solve(
+            np.array([[*a, 1.0], [*b, 1.0], [*c, 1.0]]).T, np.array([x + 0.5, y + 0.5, 1.0 + 0 * x])
+        )
+        inside = (weights >= 0.0).all(axis=0)
+        exact[inside] = np.maximum(exact, values @ weights)[inside]
+    np.testing.assert_allclose(seen, exact, atol=1e-9)

@@ -35,7 +35,7 @@ from its root to its leaves, then those of the second, and so on. Rates, changes
 displacements of this type have the form of r.
 """
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from functools import cached_property, reduce
 from itertools import pairwise
 from typing import TypeAlias
@@ -443,6 +443,29 @@ class JointCoordinates(AbstractCoordinates):
             branch.body: branch.with_speeds(variables[branch.body], others[branch.body])
             for branch in _branches(scene)
         }
+
+    def rotation_rates(self, scene: Scene, variables: TreeVariables) -> dict[str, Scalar]:
+        """Return how fast bodies rotate in the joints that carry them, rad/s, by name; those in
+        spherical joints, whose Euler parameters have integration errors, are left out."""
+        rates = {
+            branch.body: branch.motion_subspace.rotation_rate(variables[branch.body])
+            for branch in _branches(scene)
+            if isinstance(branch, JointedBranch)
+        }
+        return {body: rate for body, rate in rates.items() if rate is not None}
+
+    def carriers(self, scene: Scene, bodies: Collection[str]) -> frozenset[str]:
+        """Return the names of those bodies on the paths that connect `bodies` in the trees whose
+        joints change the poses of `bodies` relative to each other."""
+        parents = {branch.body: branch.parent for branch in _branches(scene)}
+
+        def path(body: str) -> frozenset[str]:
+            """Return a body and all bodies that carry it, without the ground."""
+            return frozenset() if body == GROUND else path(parents[body]) | {body}
+
+        # A joint that carries all of the bodies moves them together.
+        paths = [path(body) for body in bodies]
+        return frozenset.union(*paths) - frozenset.intersection(*paths)
 
 
 def _branches(scene: Scene) -> list[TreeBranch]:

@@ -16,7 +16,7 @@ from ..joints.base import AbstractConstraint, Attachment, Contact, Motions
 from ..joints.ideal import SphericalJoint
 from ..pen import AbstractPen, Marker
 from .clearance import LARGEST_BEARING
-from .common import AbstractCentredJoint, require_smaller_clearance, slip_at
+from .common import AbstractCentredJoint, require_smaller_clearance, resting_depth, slip_at
 
 CONTACT = "ball"
 
@@ -122,7 +122,8 @@ class BallInSocket(AbstractCentredJoint):
         return SphericalJoint(*self.pair(), self.socket_point, self.ball_point)
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """Return the spherical joint that holds the ball where a load presses it to the socket.
+        """Return the spherical joint that holds the ball where a load presses it to the socket, at
+        the penetration at which the elastic force is the load.
 
         `assemble`, which corrects initial states, uses it for the joints in its argument `resting`.
         For a zero load the result is ``None``.
@@ -132,7 +133,10 @@ class BallInSocket(AbstractCentredJoint):
         size = np.linalg.norm(load)
         if not size > 0.0:
             return None
-        centre = self.socket_point + self.clearance / size * load
+        (deepest,) = self.deepest().values()
+        radii = self.socket_radius, self.clearance
+        depth = resting_depth([self.law], float(size), deepest, *radii)
+        centre = self.socket_point + (self.clearance + depth) / size * load
         return SphericalJoint(*self.pair(), centre, self.ball_point)
 
     def draw(self, pen: AbstractPen) -> None:

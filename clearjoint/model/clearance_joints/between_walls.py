@@ -146,14 +146,16 @@ class PinInSlot(AbstractFrictionJoint):
         return self._ideal(self.slot_point)
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """Return the ideal joint that holds the pin's centre where a load presses it to a wall.
+        """Return the ideal joint that holds the pin's centre where a load presses it to a wall, at
+        the penetration at which the wall's elastic force is the load's normal component.
 
         `assemble`, which corrects initial states, uses it for the joints in its argument `resting`.
         The result is ``None`` if the load is along the walls, apart from rounding errors.
 
         **Arguments:** `load`: of the pin on the slot, (3,) N in the axes of the slot's body.
         """
-        offset = offset_at_flat_wall(self.slot_normal, 0.5 * self.play, load)
+        room, wall = 0.5 * self.play, [self.law]
+        offset = offset_at_flat_wall(self.slot_normal, room, load, wall, self.pin_radius)
         return None if offset is None else self._ideal(self.slot_point + offset)
 
     def _ideal(self, point: Triple) -> AbstractConstraint:
@@ -295,14 +297,16 @@ class SliderInGuide(AbstractFrictionJoint):
         return self._ideal(self.guide_point)
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """Return the ideal joint that holds the slider where a load presses it to a wall.
+        """Return the ideal joint that holds the slider where a load presses it to a wall, at the
+        penetration at which two corners together carry the load's normal component.
 
         `assemble`, which corrects initial states, uses it for the joints in its argument `resting`.
         The result is ``None`` if the load is along the walls, apart from rounding errors.
 
         **Arguments:** `load`: of the slider on the guide, (3,) N in the axes of the guide's body.
         """
-        offset = offset_at_flat_wall(self.guide_normal, self.clearance, load)
+        room, corners = self.clearance, [self.law, self.law]
+        offset = offset_at_flat_wall(self.guide_normal, room, load, corners, self.half_height)
         return None if offset is None else self._ideal(self.guide_point + offset)
 
     def _ideal(self, point: Triple) -> AbstractConstraint:

@@ -57,7 +57,13 @@ from ..profiles import (
     closest_approach,
     require_room,
 )
-from .common import LEAST_TRANSVERSE_LOAD, AbstractCentredJoint, require_smaller_clearance, slip_at
+from .common import (
+    LEAST_TRANSVERSE_LOAD,
+    AbstractCentredJoint,
+    require_smaller_clearance,
+    resting_depth,
+    slip_at,
+)
 from .journal_bases import BASES, SIDES, AxialPoint, JournalBase, axial_points
 
 
@@ -656,7 +662,8 @@ class ClearanceJoint(AbstractCentredJoint):
         return self._ideal(self.bearing_point)
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """Return the ideal joint that holds the journal where a load presses it to the wall.
+        """Return the ideal joint that holds the journal where a load presses it to the wall, at the
+        penetration at which its contacts together carry the load across the axis.
 
         `assemble`, which corrects initial states, uses it for the joints in its argument `resting`.
         The result is ``None`` if the load doesn't press the journal to the wall, because its
@@ -671,8 +678,12 @@ class ClearanceJoint(AbstractCentredJoint):
         size = np.linalg.norm(across)
         if not size > LEAST_TRANSVERSE_LOAD * np.linalg.norm(load):
             return None
+        # The contacts share the load: the axes are parallel, so that all are equally deep.
+        laws, radii = self.laws(), (self.bearing_radius, self.clearance)
+        sharing = [laws[label] for label in self.contact_labels()]
+        distance = self.clearance + resting_depth(sharing, float(size), self.journal_radius, *radii)
         if self.bearing_profile is None:
-            return self._ideal(self.bearing_point + self.clearance / size * across)
+            return self._ideal(self.bearing_point + distance / size * across)
         # The journal rests where the wall's normal is along the load. A profile is a deviation of
         # the support function: for each direction of the wall's normal, the amount by which the
         # wall is farther from the centre along this normal than the circle. Its derivative by the
@@ -682,7 +693,7 @@ class ClearanceJoint(AbstractCentredJoint):
         first, second = (np.array([*direction], float) for direction in frame)
         wall = self.bearing_profile.at(math.atan2(across @ second, across @ first))
         beside = np.cross(along, across / size)
-        offset = (self.clearance + wall.value) / size * across + wall.slope * beside
+        offset = (distance + wall.value) / size * across + wall.slope * beside
         return self._ideal(self.bearing_point + np.asarray(offset))
 
     def _ideal(self, centre: Triple) -> AbstractConstraint:

@@ -2,6 +2,7 @@
 
 import abc
 import operator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -37,6 +38,10 @@ RIGHT_ANGLE = 1e-9
 """An angle counts as a right angle if the absolute value of its cosine is below this bound, which
 allows for the rounding of given numbers."""
 
+LEAST_DEPTH = 1e-18
+"""Smallest depth in `resting_depth`, m, from the onset of the force; it is far below rounding."""
+LEAST_FORCE = 1e-300
+"""Force, N, that takes the place of a smaller one in `resting_depth`, whose logarithm it takes."""
 LEAST_TRANSVERSE_LOAD = 1e-6
 """The component of a load that presses a part to a wall counts as rounding error if it is at most
 this fraction of the load. For a bearing it is the component across the axis, for flat walls the
@@ -215,22 +220,66 @@ class AbstractCentredJoint(AbstractFrictionJoint):
 
 
 def offset_at_flat_wall(
-    normal: Triple, clearance: Single, load: Float[np.ndarray, "3"]
+    normal: Triple,
+    clearance: Single,
+    load: Float[np.ndarray, "3"],
+    laws: Iterable[AbstractContactLaw],
+    deepest: Scalar,
 ) -> Float[np.ndarray, "3"] | None:
     """Return the displacement by which a load presses a part against one of two parallel walls.
 
-    The displacement, (3,) m, begins at the centred position. It is ``None`` if the load presses the
+    The displacement, (3,) m, begins at the centred position, and includes the penetration at which
+    the contacts carry the load. It is ``None`` if the load presses the
     part to neither wall, because its component along their normal is at most
     `LEAST_TRANSVERSE_LOAD` times the load. All vectors are in the axes of the walls' body.
 
     **Arguments:** `normal`: of the walls, (3,), any length. `clearance`: of the centred part on
-    either side, m. `load`: force of the part on the walls' body, (3,) N.
+    either side, m. `load`: force of the part on the walls' body, (3,) N. `laws`: those of the
+    contacts that share the load; `deepest`: their largest penetration, m.
     """
     upward = np.asarray(normal) / np.linalg.norm(normal)
     component = load @ upward
     if not abs(component) > LEAST_TRANSVERSE_LOAD * np.linalg.norm(load):
         return None
-    return clearance * np.sign(component) * upward
+    distance = clearance + resting_depth(laws, float(abs(component)), deepest)
+    return distance * np.sign(component) * upward
+
+
+def resting_depth(
+    laws: Iterable[AbstractContactLaw],
+    load: Scalar,
+    deepest: Scalar,
+    bearing_radius: Scalar | None = None,
+    clearance: Scalar | None = None,
+) -> float:
+    """Return the penetration, m, at which contacts side by side carry a load at rest.
+
+    The contacts have the same penetration, at which the sum of their elastic forces is the load. If
+    it would be larger than `deepest`, m, the result is `deepest`.
+
+    **Arguments:** `laws`: the laws of the contacts; `load`: N, positive; `bearing_radius`,
+    `clearance`: m, for stiffnesses that depend on them.
+    """
+    # Importing it takes long, and few programs need it.
+    from scipy.optimize import root_scalar
+
+    laws = list(laws)
+    # The surfaces' distance at which the first force begins. Depths are counted from there.
+    ahead = max(float(law.onset_offset()) for law in laws)
+
+    def excess(logarithm: float) -> float:
+        """Return the logarithm of force over load, which is nearly linear for a power law."""
+        gap = Gap(np.exp(logarithm) - ahead, 0.0, bearing_radius, clearance)
+        force = sum(float(law.elastic_force(gap)) for law in laws)
+        return float(np.log(max(force, LEAST_FORCE) / load))
+
+    low, high = np.log(LEAST_DEPTH), np.log(float(deepest) + ahead)
+    if excess(high) <= 0.0:
+        return float(deepest)
+    if excess(low) >= 0.0:
+        return LEAST_DEPTH - ahead
+    root = root_scalar(excess, bracket=(low, high), xtol=1e-14).root
+    return float(np.exp(root) - ahead)
 
 
 def slip_at(

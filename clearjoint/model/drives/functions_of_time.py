@@ -194,6 +194,13 @@ class Spline(AbstractTable):
         return ()
 
 
+class Increasing(eqx.Module):
+    """Breakpoints of a table, (N,) s, known to be increasing, so that the next one is found without
+    looking at all of them."""
+
+    times: ArrayLike
+
+
 FunctionOfTime: TypeAlias = AbstractFunctionOfTime | Callable[[jax.Array], Scalar] | float
 """Types that users may pass as a function of time."""
 
@@ -441,10 +448,18 @@ def breakpoints_of(*given: PyTree) -> PyTree:
 
     Breakpoints are the times of jumps and kinks. The result is a tuple with one entry for each
     function of time, as its method `breakpoints` returns it. Constants have no entry, and the entry
-    of a Python function is empty, because its breakpoints are unknown.
+    of a Python function is empty, because its breakpoints are unknown. Those of the tables of this
+    module are `Increasing`.
     """
     parts = [p for field in given for p in (field if isinstance(field, tuple) else (field,))]
-    return tuple(p.breakpoints() for p in parts if isinstance(p, AbstractFunctionOfTime))
+    return tuple(_breakpoints(p) for p in parts if isinstance(p, AbstractFunctionOfTime))
+
+
+def _breakpoints(function: AbstractFunctionOfTime) -> PyTree:
+    times = function.breakpoints()
+    # A subclass of a table may declare times in any order.
+    of_table = (PiecewiseConstant.breakpoints, PiecewiseLinear.breakpoints)
+    return Increasing(times) if type(function).breakpoints in of_table else times
 
 
 def _require_single(unit: str, argument: str, value: PyTree) -> None:

@@ -14,7 +14,7 @@ from .base import AbstractContactJoint, AbstractPair, Contact, Motions
 
 LABEL = "surface"
 """Label of the only contact of a `JointFriction`."""
-PRESSED = 1e-6
+PRESSED = 1e-9
 """Depth of the contact, m, which is closed for ever. Its value has no effect, since the load does
 not depend on it."""
 

@@ -24,7 +24,7 @@ from ...math.rotations import (
     within_two_turns,
 )
 from ...math.smoothing import cosine as cosine_of
-from ...math.smoothing import polar_angle, where
+from ...math.smoothing import norm_and_direction, polar_angle, where
 from ...math.smoothing import sine as sine_of
 from ...math.vectors import (
     UNIT_X,
@@ -36,6 +36,7 @@ from ...math.vectors import (
     Scalar,
     Vector,
     add,
+    is_zero,
 )
 
 
@@ -187,6 +188,17 @@ class AbstractMotionSubspace(eqx.Module):
         parts = zip(self.columns(state.position), state.speeds, strict=True)
         return sum((column * speed for column, speed in parts), REST)
 
+    def rotation_rate(self, state: JointState) -> Scalar | None:
+        """Return how fast the child rotates relative to its parent, rad/s, a positive number;
+        ``None`` if runs need not limit this rotation in a step.
+
+        An angle that grows evenly is integrated exactly, so that errors limit no step. Runs
+        therefore limit the rotation in a step where they search steps for contacts and other
+        events. The default is the magnitude of the relative spin, or ``None`` without rotation.
+        """
+        spin = self.twist(state).angular
+        return None if all(map(is_zero, spin)) else norm_and_direction(spin)[0]
+
 
 class AbstractMotionAtPoints(AbstractMotionSubspace):
     """Base class of motion subspaces with the joint's points on parent and child as fields.
@@ -325,6 +337,10 @@ class Ball(AbstractMotionAtPoints):
     def without_drift(self, position: EulerParameters) -> EulerParameters:
         """Return the Euler parameters with their norm corrected to 1 if it has drifted."""
         return kept_unit(position)
+
+    def rotation_rate(self, state: JointState) -> None:
+        """Return ``None``: the integration error of Euler parameters limits the rotation in a
+        step."""
 
 
 class Slider(AbstractMotionAtPoints):

@@ -38,7 +38,7 @@ from ..run.recorders import ROWS, LatestDenseStep, ReductionRecorder, RowBuffer
 from ..run.run_checks import assembled
 from ..run.run_loop import Progress, Recorders, RunLoop, begin_run, final_result, final_state
 from ..run.sections import SectionRecorder
-from ..step.dense_output import Snapshot, on_constraints
+from ..step.dense_output import Snapshot
 from ..step.method import Scheme
 from ..step.stepping import running
 from ..step.types import Integers, Numbers
@@ -216,10 +216,8 @@ def step_lane(plan: Plan, scene: Scene, lane: Lane, request: LaneRequest) -> Lan
         return Lane(run, None)
     saved, lane = lane.saved, Lane(run, lane.saved)
     # The dense output is evaluated in every turn, because lanes side by side cannot branch. If no
-    # state is due, the row is not written. The interpolated state is corrected in the same way as
-    # the end of a step, so that constraints hold in it as well as there.
-    row = run.records[LATEST].at(plan.scheme.method, _next_save(lane, request))
-    row = Snapshot(row.t, on_constraints(system, row.y, row.t), row.entry_speeds)
+    # state is due, the row is not written.
+    row = run.records[LATEST].at(plan.scheme.method, system, _next_save(lane, request))
     return Lane(run, saved.with_row(row, _saves(lane, request)))
 
 

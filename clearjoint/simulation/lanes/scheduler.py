@@ -12,8 +12,8 @@ each lane tries one step.
 
 import threading
 import time
-from collections import OrderedDict, defaultdict, deque
-from collections.abc import Callable, Hashable, Sequence
+from collections import defaultdict, deque
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -30,9 +30,9 @@ from ...math.vectors import Scalar, pack
 from ...native import Native, UnsupportedPrimitiveError, is_native
 from ...native.cells import Cells
 from ...native.compiled import report_fallback
-from ...native.functions import BoundFunction
+from ...native.functions import BoundFunction, FlatArguments
 from ...native.lanes import LaneLoop
-from ...native.machine_code import load_or_make
+from ...native.machine_code import RecentPrograms, load_or_make
 from ...runtime import threads_of_sweeps
 from ..run.impact_recorder import ImpactRow
 from ..run.terminal import interruptions_deferred
@@ -55,6 +55,10 @@ from .xla_lanes import XlaFunction, XlaLaneLoop, zeros_like
 PERIOD = 0.2
 """Longest time, s, for which a batch waits before it reports its progress, and the lanes that have
 ended since the last report. It is short enough for a progress bar that moves evenly."""
+LONGEST_WAIT = 0.25
+"""Time, s, for which lanes that have ended may wait to be handed over while other lanes begin. It
+limits what is lost if the process is killed while the caller stores results more slowly than they
+are computed."""
 KNOWN_SHARE = 0.01
 """Share of all work that must be done before the time left is estimated, since an estimate from
 less would not be reliable."""
@@ -186,7 +190,10 @@ class Batch:
             finally:
                 shared.stops = True
                 for thread in threads:
-                    thread.join()
+                    # An error of a signal handler, such as a time limit, may come before a thread
+                    # is started, or before that is noted. A thread that starts late ends at once.
+                    with suppress(RuntimeError):
+                        thread.join()
                 self.turns += sum(group.turns for group in groups)
             if stopped():
                 raise KeyboardInterrupt
@@ -308,6 +315,7 @@ class _Shared:
     - `own`: (L, cells), data of each lane: the cells of its task, then those of its request.
     - `times[number]`: s, simulated time that each running lane has reached.
     - `finished`: set when a group has ended.
+    - `handed_over`: value of `time.monotonic` at which all records until then had been handed over.
     - `stops`: whether all groups are to stop.
     """
 
@@ -317,6 +325,7 @@ class _Shared:
     records: deque[_Record] = field(default_factory=deque)
     times: dict[int, float] = field(default_factory=dict)
     finished: threading.Event = field(default_factory=threading.Event)
+    handed_over: float = field(default_factory=time.monotonic)
     stops: bool = False
 
     def __post_init__(self) -> None:
@@ -332,6 +341,13 @@ class _Shared:
             while len(found) < count:
                 found.append(self.waiting.popleft())
         return found
+
+    def wait_for_caller(self) -> None:
+        """Wait while lanes that have ended have not been handed over for `LONGEST_WAIT`."""
+        while (
+            self.records and time.monotonic() - self.handed_over > LONGEST_WAIT and not self.stops
+        ):
+            time.sleep(0.01)
 
     def running(self) -> Running:
         """Return the progress of the batch, with the estimated time left."""
@@ -370,6 +386,8 @@ class _Group:
     def run(self) -> None:
         """Run lanes until none is left or the groups are to stop; keep an exception in `error`."""
         try:
+            if self._shared.stops:
+                return
             with _on_device(self._number):
                 programs = self._programs
                 # The functions are made here, because two threads must not call the same one.
@@ -379,12 +397,14 @@ class _Group:
                 while not self._shared.stops and self._filled():
                     self.turns += self._loop.width * self._loop.run(self._columns)
                     self._serve()
+                    self._shared.wait_for_caller()
         except BaseException as error:
             # Raised here, it would end the thread unnoticed. `_deliver` raises it in the thread of
             # the caller.
             self.error = error
-        self.ended = True
-        self._shared.finished.set()
+        finally:
+            self.ended = True
+            self._shared.finished.set()
 
     def _filled(self) -> bool:
         """Begin waiting lanes in the empty columns, and return whether any column has a lane."""
@@ -506,6 +526,7 @@ def _deliver(
         records = [shared.records.popleft() for _ in range(len(shared.records))]
         if records:
             on_ended(_ended(shared, records))
+        shared.handed_over = time.monotonic()
         for group in groups:
             if group.error is not None:
                 raise group.error
@@ -582,7 +603,7 @@ def _columns(
     return jax.lax.map(columns_of_row, rows)
 
 
-_LOOPS: OrderedDict[Hashable, LaneLoop] = OrderedDict()
+_LOOPS: RecentPrograms[LaneLoop] = RecentPrograms()
 """Native loops that this process has made, by structure, shapes, types and static values of the
 data of their lanes. Batches whose data agree in these share a loop. (An entry in a plain `dict`
 would count as a change of the package's code, see `clearjoint.compilation.package_code`.)"""
@@ -597,18 +618,17 @@ def _native_loop(common: Common, own: tuple[Task, LaneRequest], lane: Lane) -> L
     state of one lane.
     """
     trees = common, own, lane
-    leaves, structure = jax.tree.flatten(trees)
-    # A loop is compiled for shapes and types of arrays, but for values of static leaves.
-    forms = [(leaf.shape, leaf.dtype) if eqx.is_array(leaf) else leaf for leaf in leaves]
-    key = structure, tuple(forms)
+    key = FlatArguments.of(trees).key
     # The lock makes other threads wait for a loop that is being compiled.
     with _LOOPS_LOCK:
-        if key not in _LOOPS:
+        loop = _LOOPS.recent(key)
+        if loop is None:
             traced = begins_a_program(_lane_after_turn)
-            _LOOPS[key] = load_or_make(
+            loop = load_or_make(
                 _lane_after_turn, trees, lambda: LaneLoop(traced, _lane_status, *trees)
             )
-        return _LOOPS[key]
+            _LOOPS.add(key, loop)
+        return loop
 
 
 def _lane_after_turn(common: Common, own: tuple[Task, LaneRequest], lane: Lane) -> Lane:

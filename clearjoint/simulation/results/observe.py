@@ -40,7 +40,7 @@ from ...model.clearance_joints.journal_bases import BASES, HasJournal, axial_pos
 from ...model.scene import Scene
 from ...native import Native, over_rows
 from ...quantities.base import Instant, Quantity, check_quantity
-from ..step.types import Integers, Numbers, Vectors
+from ..step.types import Flags, Integers, Numbers, Vectors
 from .nonsmooth_solution import NonsmoothSolution
 from .solution import CONTACTS, Solution, Trajectory, by_contact
 
@@ -160,6 +160,8 @@ class Observation(eqx.Module, AbstractTabular):
     - `reactions[joint][body]`: the `Load` that the constraints of a joint exert on each of its
       bodies except the ground (Flores et al. 2006, eq. 31). Ideal joints, drivers, and clearance
       joints that hold their journal axially have constraints.
+    - `interpolated`: (N,), that of the observed `Trajectory`, see there; ``None`` for states that
+      were computed.
     - `reactions_unique`: whether the reactions are unique. They are not if some constraints are
       redundant; those of least norm are then given.
     - `accelerations[body]`: an `AccelerationSeries`.
@@ -193,6 +195,7 @@ class Observation(eqx.Module, AbstractTabular):
     drift_rate: dict[str, Numbers]
     energies: dict[str, Numbers]
     reactions_unique: bool = eqx.field(static=True)
+    interpolated: Flags | None = None
 
     def __repr__(self) -> str:
         """Return text with the number of times, the first and the last time, and the names of
@@ -288,10 +291,18 @@ class Observation(eqx.Module, AbstractTabular):
         The balance is the mechanical plus the dissipated energy less the supplied one. The result
         is the change of the balance since the first time. It is zero for an exact solution of a run
         with the ledger. Without the ledger, it is the change of the mechanical energy.
+
+        At the `interpolated` times it is interpolated too, between those at the ends of steps,
+        since the energies of interpolated states do not fit the integrals of the ledger. If all
+        times are `interpolated`, it includes the error of the interpolation.
         """
         losses = ("normal damping", "friction", "film", "stabilisation")
         dissipated = sum(self.energies.get(name, 0.0) for name in losses)
         balance = self.energies["mechanical"] + dissipated - self.energies.get("supplied", 0.0)
+        if self.interpolated is not None and not np.all(self.interpolated):
+            # The balance of interpolated states would be off by far more than the run's error.
+            ends = ~np.asarray(self.interpolated)
+            balance = np.interp(self.times, self.times[ends], np.asarray(balance)[ends])
         return balance - balance[:1]
 
 
@@ -379,7 +390,8 @@ def observe(
         # release it. The observation has it as "bristles", so it is not counted a second time.
         elastic = observation.energies.get("bristles", 0.0)
         integrals["friction"] = integrals["friction"] - elastic
-    return replace(observation, energies={**observation.energies, **integrals})
+    energies = {**observation.energies, **integrals}
+    return replace(observation, energies=energies, interpolated=trajectory.interpolated)
 
 
 def absolute_formulation(solution: Solution | NonsmoothSolution) -> Formulation:

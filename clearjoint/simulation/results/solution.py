@@ -1,7 +1,7 @@
 """Results of runs: trajectory, crossings of sections, solution, and the error of a run that
 failed."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import equinox as eqx
@@ -31,7 +31,7 @@ from ...math.vectors import Scalar
 from ...model.bodies import BodyState, State
 from ...result_codes import RESULTS, result_number
 from ..step.settings import checked_times
-from ..step.types import Numbers
+from ..step.types import Flags, Numbers
 from .impact_table import Impacts
 
 T = TypeVar("T")
@@ -271,6 +271,8 @@ class Trajectory(AbstractReadable, AbstractTabular):
     - `times`: (N,) s, not decreasing.
     - `states`: a `State` whose arrays have an additional first axis of length N. For example,
       `states.bodies["arm"].position` has the shape (N, 3), in m.
+    - `interpolated`: (N,), true at the times inside steps, where `between` has interpolated the
+      states; ``None`` for a trajectory of computed states.
 
     >>> states = cj.State({"arm": cj.body_state((0, 0, 0))})
     >>> cj.results.Trajectory(np.zeros(1), states).times.shape
@@ -279,6 +281,7 @@ class Trajectory(AbstractReadable, AbstractTabular):
 
     times: Numbers
     states: State
+    interpolated: Flags | None = None
 
     def __len__(self) -> int:
         return self.times.shape[0]
@@ -312,7 +315,7 @@ class Trajectory(AbstractReadable, AbstractTabular):
         require(len(ends) >= 2, "times", len(ends), "two states of the trajectory or more", remedy)
         states = jax.tree.map(np.asarray, self.states)
         wanted = instants_of_smooth_curves(ends, states) if times is None else np.asarray(times)
-        return Trajectory(wanted, states_between(ends, states, wanted))
+        return Trajectory(wanted, states_between(ends, states, wanted), ~np.isin(wanted, ends))
 
     def __str__(self) -> str:
         """Return one line with the number of states, the bodies, and the first and last time; the
@@ -576,15 +579,16 @@ class SimulationError(RuntimeError):
         self.solution = solution
 
 
-def raise_failure(solution: FinishedRun, cause: str | None = None) -> None:
+def raise_failure(
+    solution: FinishedRun, message: str | None = None, causes: Iterable[str] = ()
+) -> None:
     """Raise a `SimulationError` unless a run ended with the result code `RESULTS.successful`.
 
     **Arguments:** `solution`: the result of the run; it becomes the attribute `solution` of the
-    error; `cause`: text in place of the result code's message, if it is known better.
+    error; `message`: text in place of the result code's message, if it is known better; `causes`:
+    sentences on the cause, which follow the message.
     """
     if result_number(solution.result) != SUCCESSFUL:
-        raise SimulationError(
-            f"The run ended at t = {float(solution.time):.9g} s: "
-            f"{RESULTS[solution.result] if cause is None else cause}",
-            solution,
-        )
+        start = f"The run ended at t = {float(solution.time):.9g} s:"
+        message = RESULTS[solution.result] if message is None else message
+        raise SimulationError(" ".join([start, message, *causes]), solution)

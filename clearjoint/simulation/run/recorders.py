@@ -17,6 +17,7 @@ from jaxtyping import PyTree
 from ...dynamics.system import System
 from ...math.vectors import Condition, Scalar
 from ...model.bodies import State
+from ...quantities.base import Instant
 from ..reductions.base import AbstractReduction
 from ..step.dense_output import DenseStep
 from ..step.step_state import Attempt, Step, choose
@@ -167,6 +168,10 @@ class ReductionRecorder(AbstractRecorder[PyTree]):
     def after(self, record: PyTree, step_outcome: StepOutcome) -> PyTree:
         """Return the tally after the step if the step was accepted, otherwise the recorded one."""
         return choose(step_outcome.kept, self.reduction.update(record, step_outcome.now), record)
+
+    def searched(self, now: Instant) -> PyTree[Scalar]:
+        """Return what the reduction computes from an instant."""
+        return self.reduction.update(self.reduction.start(now), now)
 
 
 def _row(system: System, step: Step) -> TimedState:

@@ -32,14 +32,22 @@ from ...dynamics.assembly import (
     round_trip,
 )
 from ...dynamics.constraint_report import (
+    RowName,
     StartRows,
     dependent,
+    scene_order,
     start_rows,
     start_rows_by_numpy,
 )
 from ...dynamics.coordinates import AbstractCoordinates, MotionVariables
 from ...dynamics.formulation import Formulation
-from ...dynamics.journals import FAR_OUTSIDE, contact_depths, require_in_bearings
+from ...dynamics.journals import (
+    FAR_OUTSIDE,
+    FAST_APPROACH,
+    contact_depths,
+    require_in_bearings,
+    unknown_approaches,
+)
 from ...fields.caching import cached_by_numbers
 from ...fields.checks import conditions_of, conditions_of_changes, recheck, require
 from ...fields.objects import is_float_array, on_device, with_arrays
@@ -142,15 +150,15 @@ def check_structure(
     have no variable.
 
     **Warns:** `UnusualValueWarning` for a contact that is deeper than the fraction `FAR_OUTSIDE` of
-    the depth that its joint allows.
+    the depth that its joint allows, and for one that approaches further without an entry speed.
     """
     if not scene.joints:
         return ()
     require_in_bearings(scene, state)
-    rows = start_rows_by_numpy(scene, coordinates, state, on_device(t))
-    require_assembled(rows.all_names, np.asarray(rows.values), np.asarray(rows.rates))
+    rows = start_rows_by_numpy(scene, coordinates, state, on_device(t)).in_order_of(scene)
+    require_assembled(tuple(map(": ".join, rows.all_names)), rows.values, rows.rates)
     require_oriented(scene, state)
-    redundant, uncertain = dependent(rows.names, np.asarray(rows.left), {})
+    redundant, uncertain = dependent(rows.names, rows.left, {})
     require_certain(uncertain)
     require_representable(scene, state, coordinates)
     return redundant
@@ -194,7 +202,7 @@ passed the check recently."""
 
 def _passes(
     scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
-) -> tuple[Condition, tuple[tuple[str, ...], np.ndarray], bool]:
+) -> tuple[Condition, tuple[tuple[RowName, ...], np.ndarray], bool]:
     """Evaluate the checks of `check_start` as conditions on arrays, so that they can be compiled.
 
     **Returns:**
@@ -221,6 +229,9 @@ def _passes(
         for name, joint in scene.contact_joints().items()
         for label, limit in joint.deepest().items()
     ]
+    approaches = unknown_approaches.__wrapped__(scene, state.bodies, state.entry_speeds)
+    rates = [jnp.asarray(rate) for family in approaches.values() for rate in family.values()]
+    holds += [rate <= FAST_APPROACH for rate in rates]
     fits, rows, variables = assembled(scene, state, t, coordinates)
     # A scene without variables is invalid, because nothing could move.
     holds += [fits, jnp.asarray(bool(jax.tree.leaves(variables)))]
@@ -316,6 +327,8 @@ class _Starts:
         known = self._distances.setdefault(given.key, {})
         if len(known) >= KEPT:
             known.clear()
+        order = scene_order(names, scene)
+        names, left = tuple(names[k] for k in order), left[order]
         redundant, uncertain = dependent(names, left, known)
         return None if uncertain else redundant
 

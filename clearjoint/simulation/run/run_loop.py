@@ -12,7 +12,7 @@ without an origin it shows the scene's time.
 
 import abc
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Generic, TypeAlias, TypeVar
 
@@ -21,6 +21,7 @@ import jax
 from jaxtyping import PyTree
 
 from ...dynamics.contact_forces import EntrySpeeds
+from ...dynamics.coordinates import MotionVariables
 from ...dynamics.system import System
 from ...math.vectors import Condition, Scalar, unpack
 from ...model.bodies import State
@@ -29,6 +30,7 @@ from ...result_codes import RESULTS
 from ..step.dense_output import DenseStep, Snapshot
 from ..step.loops import PLAIN, Loops
 from ..step.method import SystemFamily
+from ..step.rotation_limit import rotating_bodies
 from ..step.step_state import Attempt, Method, Step, Variables, choose
 from ..step.stepping import attempt, blank_attempt, running, start
 
@@ -117,6 +119,12 @@ class AbstractRecorder(eqx.Module, Generic[R]):
     def after(self, record: R, step_outcome: StepOutcome) -> R:
         """Return the record after an attempt; it must be unchanged if the step was not accepted."""
 
+    def searched(self, now: Instant) -> PyTree[Scalar]:
+        """Return the numbers at an instant that the recorder evaluates at few instants of a step,
+        so that a step must not pass many of their oscillations. The default is none."""
+        del now
+        return ()
+
 
 Recorders: TypeAlias = PyTree[AbstractRecorder]
 """The recorders of a run, in nested dictionaries."""
@@ -168,7 +176,8 @@ class RunLoop:
         it is false, as in a lane that waits, the run stays unchanged. By default it is made.
         """
         family_if_any = () if self.family is None else (self.family,)
-        tried = self.attempt(self.method, self.system, now.step, self.t_end, *family_if_any)
+        method = self._method(now.step)
+        tried = self.attempt(method, self.system, now.step, self.t_end, *family_if_any)
         after, kept = tried.step, tried.kept
         if goes is not None:
             # In compiled code all lanes compute the attempt; a lane that waits discards its own.
@@ -178,6 +187,24 @@ class RunLoop:
             lambda recorder, record: recorder.after(record, outcome), self.recorders, now.records
         )
         return Progress(after, records)
+
+    def _method(self, step: Step) -> Method:
+        """Return the method with the bodies whose rotations its steps limit (see
+        `..step.rotation_limit`), for steps of the structure of `step`."""
+
+        def searched(motion: MotionVariables) -> PyTree:
+            y = replace(step.y, motion=motion)
+
+            def inside(_: Scalar) -> Instant:
+                return instant()
+
+            def instant() -> Instant:
+                return Snapshot(step.t, y, step.entry_speeds).instant(self.system, inside)
+
+            return _map_recorders(lambda recorder: recorder.searched(instant()), self.recorders)
+
+        rotating = rotating_bodies(self.system, step.y.motion, searched)
+        return replace(self.method, rotating=rotating)
 
     def until(
         self,

@@ -20,6 +20,7 @@ from jaxtyping import PyTree
 
 from ...compilation import traced_once
 from ...dynamics.bristles import initial_bristles
+from ...dynamics.contact_events import initial_entry_speeds
 from ...dynamics.contact_forces import EntrySpeeds
 from ...dynamics.system import System
 from ...math.vectors import Condition, Scalar
@@ -133,13 +134,20 @@ def start_with_tangents(
     ) -> tuple[SolverState, None]:
         return method.solver.init(term_of(method), t0, t_end, y, (system, entry_speeds)), None
 
-    # The energy ledger, and entry speeds that the state does not contain, do not depend on the
-    # parameters at the start.
+    # The energy ledger does not depend on the parameters at the start.
     none = jnp.zeros(count)
     y_along = replace(y_along, work=dict.fromkeys(step.y.work, none))
-    given = entry_speeds_along
-    entry_speeds_along = each_label(
-        lambda name, label: given.get(name, {}).get(label, none), step.entry_speeds
+
+    # The entry speed of a contact that begins at the start is its penetration rate there, which
+    # depends on the parameters like that of a later onset.
+    def completed(
+        system: System, y: Variables, entry_speeds: EntrySpeeds
+    ) -> tuple[EntrySpeeds, None]:
+        gaps = system.contact_gaps(y.motion)
+        return initial_entry_speeds(system.scene, gaps, entry_speeds, step.second_rates), None
+
+    _, _, entry_speeds_along = family.with_derivatives(
+        completed, (step.y, entry_speeds), (y_along, entry_speeds_along)
     )
     _, _, state_along = family.with_derivatives(
         solver_state, (step.y, step.entry_speeds), (y_along, entry_speeds_along)
@@ -147,19 +155,31 @@ def start_with_tangents(
     return replace(step, tangents=Tangents(y_along, entry_speeds_along, state_along))
 
 
-def look_at_tangents(method: Method, attempt: Attempt, t: Scalar) -> tuple[Variables, EntrySpeeds]:
+def look_at_tangents(
+    method: Method, attempt: Attempt, t: Scalar, entry_speeds: EntrySpeeds
+) -> tuple[Variables, EntrySpeeds]:
     """Return the derivatives of variables and entry speeds with respect to p parameters, at a time
     t, s since the start of the run, in the accepted step of an `attempt`.
 
     Inside the step they are derivatives of dense output, and at its end those of the stored state.
     `look_inside` also corrects the variables so that they satisfy the constraints; this correction
     is not differentiated here. Each leaf has an additional first axis of length p.
+
+    **Arguments:** `entry_speeds`: the entry speeds at t from `look_inside`.
     """
     end, inside, last = attempt.step.t, attempt.tangents, attempt.step.tangents
     assert inside is not None and last is not None
     dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=end, **inside.information)
     y = choose(t >= end, last.y, dense.evaluate(dense_time(attempt, t)))
-    return y, choose(t >= end, last.entry_speeds, inside.entry_speeds_start)
+
+    def speed_along(name: str, label: str) -> Gradients:
+        # A contact that began in this step has its entry speed from the end of the step.
+        before = attempt.entry_speeds_start[name][label]
+        began = (before == 0.0) & (entry_speeds[name][label] > 0.0)
+        kept = inside.entry_speeds_start[name][label]
+        return jnp.where((t >= end) | began, last.entry_speeds[name][label], kept)
+
+    return y, each_label(speed_along, entry_speeds)
 
 
 def run_with_tangents(
@@ -240,7 +260,7 @@ def run_with_tangents(
         def quantities() -> tuple[dict[str, Scalar], dict[str, Gradients]]:
             """Return the quantities and their derivatives at the time."""
             dense = look_inside(method, systems.system(), latest, time)
-            along = look_at_tangents(method, latest, time)
+            along = look_at_tangents(method, latest, time, dense[1])
             values, _, derivatives = systems.with_derivatives(observed, dense, along)
             return values, derivatives
 

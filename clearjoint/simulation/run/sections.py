@@ -13,6 +13,7 @@ during the run, every lane would have to compute them in every step.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -20,12 +21,14 @@ import jax.numpy as jnp
 
 from ...fields.checks import require, require_array_names, require_count, require_finite
 from ...fields.objects import on_device
-from ...math.interpolation import secant_root
+from ...math.interpolation import Parabola, Point, secant_root
 from ...math.vectors import Scalar
 from ...model.scene import Scene
 from ...quantities.base import Instant, Quantity, check_quantity, require_quantity
 from ..results.solution import TIME, Crossings
-from ..step.dense_output import Snapshot, on_constraints
+from ..step.dense_output import Snapshot
+from ..step.landing import LATEST
+from ..step.step_state import choose
 from .recorders import ROWS, RowBuffer
 from .run_loop import AbstractRecorder, RunStart, StepOutcome
 
@@ -63,6 +66,14 @@ def check_quantities(channels: Channels, scene: Scene) -> None:
         check_quantity(f"channel {name!r}", quantity, scene)
 
 
+class Bracket(NamedTuple):
+    """Two points of a function in a step, between which it rises through zero. Positions are parts
+    of the step's time, 0 to 1."""
+
+    start: Point
+    end: Point
+
+
 class SectionRecord(eqx.Module):
     """The crossings of a section in a run so far.
 
@@ -79,8 +90,9 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
     """Recorder of the crossings of a section.
 
     - `quantity`: function of an `Instant`; its value is called the level. A step contains a
-      crossing if the level is negative at its start, and positive or zero at its end. If the level
-      passes through zero several times in a step, at most one crossing is found.
+      crossing if the level is negative at its start, and positive or zero at its end; also if the
+      level has the same sign at both ends, and the other one where it turns in between. If the
+      level passes through zero more often in a step, at most one crossing is found.
     - `earliest`: s, time of the scene before which crossings are ignored.
     - `channels`: pairs of a name and a quantity. A row of the record contains the time and the
       values of all quantities, by name. If `channels` is ``None``, as in lanes, a row is a
@@ -110,17 +122,18 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
         before `earliest`, and more rows are wanted.
         """
         kept, before, after = step_outcome.kept, record.level, self._level(step_outcome.now)
-        rises = kept & (before < 0.0) & (after >= 0.0)
+        bracket = self._bracket(step_outcome, before, after)
+        rises = kept & (bracket.start.value < 0.0) & (bracket.end.value >= 0.0)
         if self.channels is None:
             # In lanes, which cannot branch one by one, the root is searched for in every step.
-            row = self._crossing(step_outcome, before, after)
+            row = self._crossing(step_outcome, bracket)
             time = step_outcome.system.clock(row.t)
         else:
             # Most steps have no crossing: other runs search for the root only in steps with one.
             system, channels = step_outcome.system, dict(self.channels)
 
             def columns() -> dict[str, Scalar]:
-                values = self._crossing(step_outcome, before, after).columns(system, channels)
+                values = self._crossing(step_outcome, bracket).columns(system, channels)
                 return {name: jnp.asarray(value, dtype=float) for name, value in values.items()}
 
             row = jax.lax.cond(rises, columns, lambda: self._none())
@@ -129,25 +142,68 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
         is_recorded = rises & (time >= self.earliest) & (limit > record.rows.count)
         return SectionRecord(jnp.where(kept, after, before), record.rows.with_row(row, is_recorded))
 
+    def searched(self, now: Instant) -> Scalar:
+        """Return the level, whose changes of sign are searched for."""
+        return self._level(now)
+
     def _level(self, now: Instant) -> Scalar:
         """Return the value of the quantity that rises through zero at a crossing."""
         return jnp.asarray(self.quantity(now), dtype=float)
 
-    def _crossing(self, step_outcome: StepOutcome, before: Scalar, after: Scalar) -> Snapshot:
-        """Return time and state at the crossing in an accepted step. Without a crossing in the step
-        the result is meaningless.
+    def _level_inside(self, step_outcome: StepOutcome, x: Scalar) -> Scalar:
+        """Return the level after a part x, 0 to 1, of the time of an accepted step."""
+        dense = step_outcome.dense_step
+        return self._level(dense.within(step_outcome.method, x).instant(step_outcome.system))
+
+    def _bracket(self, step_outcome: StepOutcome, before: Scalar, after: Scalar) -> Bracket:
+        """Return the part of an accepted step in which the level rises through zero, if it does so
+        in the step.
+
+        It is the whole step unless the level has the same sign at both ends. Then it ends or begins
+        at the turning point of the level. A ball that is thrown up, for example, flies without
+        integration errors: in a single step it passes a height twice.
 
         **Arguments:** `before`, `after`: the levels at the start and the end of the step.
         """
+        parabola = Parabola.through(before, self._level_inside(step_outcome, 0.5), after)
+        below, first, last = before < 0.0, Point(0.0, before), Point(1.0, after)
+        # The turning point, inside of the step, on the other side of zero than both ends.
+        x = -0.5 * parabola.slope / jnp.where(parabola.bend == 0.0, 1.0, parabola.bend)
+        turns = (below == (after < 0.0)) & (x > 0.0) & (x < 1.0)
+        turns = turns & ((parabola.at(x) < 0.0) != below)
+
+        def level() -> Scalar:
+            return self._level_inside(step_outcome, x)
+
+        # In lanes, both branches of a condition would be computed.
+        value = level() if self.channels is None else jax.lax.cond(turns, level, lambda: before)
+        inner = Point(x, value)
+        return Bracket(
+            choose(turns & jnp.logical_not(below), inner, first),
+            choose(turns & below, inner, last),
+        )
+
+    def _crossing(self, step_outcome: StepOutcome, bracket: Bracket) -> Snapshot:
+        """Return time and state at the crossing in an accepted step. Without a crossing in the step
+        the result is meaningless."""
         system, method, dense = step_outcome.system, step_outcome.method, step_outcome.dense_step
 
         # x is the elapsed part of the step's time, 0 to 1.
-        x = secant_root(
-            lambda x: self._level(dense.within(method, x).instant(system)), before, after
+        x = secant_root(lambda x: self._level_inside(step_outcome, x), *bracket)
+        # A step that ends at an event ends just after it. A crossing there is the event itself, at
+        # which forces may jump, and gets the state after it. Computed inside the step, rounding
+        # errors would decide on which side of the jump it is.
+        length = dense.end.t - dense.start.t
+        ends = (1.0 - x) * length <= LATEST
+        t = jnp.where(ends, dense.end.t, dense.start.t + x * length)
+        row = dense.at(method, system, t)
+        # The entry speed of a contact that ends is known only before the event.
+        speeds = jax.tree.map(
+            lambda before, now: jnp.where(ends & (before > 0.0), before, now),
+            dense.start.entry_speeds,
+            row.entry_speeds,
         )
-        # Dense output satisfies the constraints only approximately, so its result is corrected.
-        row = dense.at(method, dense.start.t + x * (dense.end.t - dense.start.t))
-        return Snapshot(row.t, on_constraints(system, row.y, row.t), row.entry_speeds)
+        return Snapshot(row.t, row.y, speeds)
 
     def _none(self) -> dict[str, Scalar]:
         """Return zero as time and channels, for a step without a crossing."""
@@ -176,7 +232,8 @@ class Section:
 
     - `crossing`: the quantity whose rise through zero is a crossing, a function of an `Instant`.
     - `channels`: the quantities to evaluate at each crossing, as pairs (quantity, unit) by name.
-      The names become those of arrays in results and files.
+      The names become those of arrays in results and files. At the onset or end of a contact,
+      forces are those just after it, and the entry speed is that of the contact.
     - `count`: largest number of crossings; later ones are not kept.
     - `after`: s, time of the scene (not since the start of the run) before which crossings are
       ignored, to leave out a transient; by default none are.

@@ -150,9 +150,9 @@ def sensitivities(
     flight. At zero slip velocity they are those of one side of the friction law. At zero entry
     speed they use the damping at the law's `entry_speed_floor`, which replaces lower speeds.
 
-    Derivatives with respect to the initial position of a journal that touches the wall at the start
-    are meaningless: such a contact counts as elastic, so that the motion is a discontinuous
-    function of this position.
+    Derivatives with respect to the initial position of a journal that starts deeper than 1e-12 m in
+    the wall, without an entry speed in the state, are meaningless: such a contact counts as
+    elastic, so that the motion is a discontinuous function of this position.
 
     **Arguments:**
 

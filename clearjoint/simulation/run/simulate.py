@@ -6,7 +6,7 @@ import diffrax
 import equinox as eqx
 import numpy as np
 
-from ...dynamics.journals import warn_of_journals_outside
+from ...dynamics.journals import overdamped_contacts, warn_of_journals_outside
 from ...export.datasets import setting_notes
 from ...fields.cautions import LawRangeWarning, caution
 from ...fields.checks import require
@@ -15,7 +15,7 @@ from ...math.vectors import Scalar, fold_constants
 from ...model.bodies import State
 from ...model.scene import Scene
 from ...native import Native
-from ...result_codes import RESULTS
+from ...result_codes import RESULTS, result_number
 from ..results.impact_table import beyond_law_ranges
 from ..results.solution import Solution, raise_failure
 from ..step import presets
@@ -29,6 +29,8 @@ from .run_checks import check_numbers, check_precision, check_start, in_domain, 
 from .saving import EXCEPT_TIMES, Saving, saving_or_nothing
 from .terminal import RunInterrupted
 
+SHORT_STEPS = RESULTS.max_steps_reached, RESULTS.step_too_small
+"""Result codes of runs whose steps were too short."""
 LEAVE_OUT = "leave it out, or call simulate() outside of the transformation"
 """Remedy in the error message for results that a traced run cannot keep."""
 
@@ -161,11 +163,18 @@ def simulate(
     if interrupted:
         raise RunInterrupted(solution)
     if throw:
-        raise_failure(solution)
+        raise_failure(solution, causes=_causes(scene, solution))
     return solution
 
 
 begin_compiled = Native(begin)
+
+
+def _causes(scene: Scene, solution: Solution) -> list[str]:
+    """Return sentences on contacts that made the steps of a failed run short."""
+    if result_number(solution.result) not in map(result_number, SHORT_STEPS):
+        return []
+    return overdamped_contacts(scene, solution.final, solution.time)
 
 
 def _warn(scene: Scene, solution: Solution, left_bearing: bool) -> None:

@@ -22,10 +22,12 @@ from ...fields.types import Single
 from ...math.vectors import Condition, Scalar
 from ...result_codes import RESULTS
 from .discontinuities import has_undeclared_jump, may_have_undeclared_jump
+from .rotation_limit import LARGEST, TARGET, rotation_in
 from .step_length import (
     length_after_breakpoints,
     lengths_after_contacts,
     magnitudes,
+    tangent_sizes,
     with_relative_bristles,
 )
 from .step_state import ControllerState, Method, Proposal, Step, Variables, choose
@@ -88,7 +90,17 @@ def decide_step(
         # history of errors would contain a step that was never made.
         controller_state = choose(repeats, last.controller_state, controller_state)
 
-    # 2. Length of the next step. The controller's proposal assumes that the next step has the same
+    # 2. Rotations. The rates at the start, which have limited the length of the trial, may have
+    # grown in it.
+    if method.rotating:
+        rotation = rotation_in(method, system, step, trial)
+        repeats = keep & (rotation > LARGEST)
+        keep = keep & ~repeats
+        shorter = step.t + jnp.clip(TARGET / rotation, SHORTER, 1.0) * (t1 - step.t)
+        t_next = jnp.where(repeats, jax.lax.stop_gradient(shorter), t_next)
+        controller_state = choose(repeats, last.controller_state, controller_state)
+
+    # 3. Length of the next step. The controller's proposal assumes that the next step has the same
     # time map as this one. The map corrects the proposal, because the next step may have another.
     # The next step begins where this one ends, or where it began if it is rejected. `full_length`
     # is the length that it would have if no event cut it short.
@@ -96,11 +108,11 @@ def decide_step(
     if trial.time_map is not None:
         full_length = trial.time_map.next_length(full_length, keep)
 
-    # 3. Contact events. A step past an event was computed with the wrong set of closed contacts; it
+    # 4. Contact events. A step past an event was computed with the wrong set of closed contacts; it
     # is repeated up to the event. `lands` is true for a trial that is rejected for this reason
     # only. The first step after an onset is limited to twice `entry_length`, the length of the
-    # latest such step that no event cut short. Without contacts only breakpoints can have cut the
-    # step short.
+    # latest such step that no event cut short. Without contacts only breakpoints and rotations can
+    # have cut the step short.
     begins_contact, entry_length = last.begins_contact, last.entry_length
     if method.landing is not None and after:
         passes, landing_time = method.landing.retry(step.contact_gaps, after, step.t, t1)
@@ -111,11 +123,11 @@ def decide_step(
             step, after, t1, keep, lands, full_length
         )
         t_next = jnp.where(lands, landing_time, jnp.where(keep, t1, step.t) + full_length)
-    elif breakpoints(system.scene):
+    elif breakpoints(system.scene) or method.rotating:
         full_length = length_after_breakpoints(step, t1, keep, full_length)
         t_next = jnp.where(keep, t1, step.t) + full_length
 
-    # 4. Whether the next step must compute the rates at its start anew (`made_jump`), or can reuse
+    # 5. Whether the next step must compute the rates at its start anew (`made_jump`), or can reuse
     # those at the end of this one. After a rejection the start of the step is the same, so the flag
     # stays.
     jumps = may_jump(method, system.scene)
@@ -130,7 +142,7 @@ def decide_step(
         # Across an undeclared jump the states stay correct, but the derivatives do not.
         jumps = keep & has_undeclared_jump(method, system, step, trial)
         result = RESULTS.where(jumps, RESULTS.force_jumped, result)
-    # 5. Time since the latest onset, which runs with tangents need for the next step's time map.
+    # 6. Time since the latest onset, which runs with tangents need for the next step's time map.
     since = last.time_since_onset
     if since is not None:
         latest = jnp.minimum(since + (t1 - step.t), time_since_onset(step.contact_gaps, after))
@@ -182,8 +194,11 @@ def _controller_decision(
     if trial.tangents is not None:
         assert step.tangents is not None and method.derivative_tolerance is not None
         tolerance = method.derivative_tolerance
-        before = before, magnitudes(scaled(step.tangents.y))
-        after = after, magnitudes(scaled(trial.tangents.y))
+        along_before, along_after = (
+            magnitudes(scaled(t)) for t in (step.tangents.y, trial.tangents.y)
+        )
+        before = before, tangent_sizes(system, before, along_before)
+        after = after, tangent_sizes(system, after, along_after)
         error = error, jax.tree.map(lambda e: e / tolerance, scaled(trial.tangents.error))
     # `wrap(1)` tells diffrax's controller that time runs forward. Its second result, the start of
     # the next step, is not used: each step begins where the last accepted one has ended.

@@ -16,6 +16,7 @@ import diffrax
 import equinox as eqx
 import jax.numpy as jnp
 
+from ...dynamics.contact_events import ContactGaps, entry_speeds_inside
 from ...dynamics.contact_forces import EntrySpeeds
 from ...dynamics.coordinates import MotionVariables
 from ...dynamics.system import System
@@ -33,14 +34,15 @@ def look_inside(
     """Return the variables, corrected by the stabilisation, and the entry speeds, m/s, at a time t,
     s, of the accepted step of an `attempt`.
 
-    Before the end of the step, entry speeds are those of its start. At the end, the stored
-    variables and entry speeds are taken, which contain the corrections for events there.
+    Before the end of the step, entry speeds are those of `entry_speeds_inside`. At the end, the
+    stored variables and entry speeds are taken, which contain the corrections for events there.
     """
-    end = attempt.step.t
+    step, end = attempt.step, attempt.step.t
     dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=end, **attempt.information)
-    y = choose(t >= end, attempt.step.y, dense.evaluate(dense_time(attempt, t)))
-    entry_speeds = choose(t >= end, attempt.step.entry_speeds, attempt.entry_speeds_start)
-    return on_constraints(system, y, t), entry_speeds
+    y = choose(t >= end, step.y, dense.evaluate(dense_time(attempt, t)))
+    ends = attempt.entry_speeds_start, step.entry_speeds
+    inside = entry_speeds_inside(system.scene, step.contact_gaps, end - t, *ends)
+    return on_constraints(system, y, t), choose(t >= end, step.entry_speeds, inside)
 
 
 def dense_time(attempt: Attempt, t: Scalar) -> Scalar:
@@ -131,7 +133,7 @@ class Snapshot(eqx.Module):
 class DenseStep(eqx.Module):
     """The latest accepted step of a run, with the data for dense output.
 
-    - `start`, `end`: the states at its ends.
+    - `start`, `end`: the states at its ends; `gaps`: the contact gaps at its end.
     - `stages`: for each stage of the solver, the time derivatives of the variables, per s,
       multiplied by the slope of the time map if there is one.
     - `time_map`: function of the fraction x at which the solver's tableau places a stage, 0 to 1.
@@ -141,6 +143,7 @@ class DenseStep(eqx.Module):
 
     start: Snapshot
     end: Snapshot
+    gaps: ContactGaps
     stages: tuple[Variables, ...]
     time_map: AbstractTimeMap | None
 
@@ -152,6 +155,7 @@ class DenseStep(eqx.Module):
         return DenseStep(
             Snapshot(tried.t_start, inside["y0"], tried.entry_speeds_start),
             Snapshot(step.t, step.y, step.entry_speeds),
+            step.contact_gaps,
             inside["stages"],
             tried.time_map,
         )
@@ -174,12 +178,14 @@ class DenseStep(eqx.Module):
         t = self.start.t + elapsed * (self.end.t - self.start.t)
         return Snapshot(t, self.inside(method, elapsed), self.start.entry_speeds)
 
-    def at(self, method: Method, t: Scalar) -> Snapshot:
+    def at(self, method: Method, system: System, t: Scalar) -> Snapshot:
         """Return the snapshot at a time t, s, of the step, on the clock of the run's system,
-        without correction by the stabilisation. At the end of the step it is the stored `end`;
-        before, it has the entry speeds of the step's start."""
-        length = self.end.t - self.start.t
-        elapsed = (t - self.start.t) / jnp.where(length > 0.0, length, 1.0)
-        ends = t >= self.end.t
-        y = choose(ends, self.end.y, self.inside(method, elapsed))
-        return Snapshot(t, y, choose(ends, self.end.entry_speeds, self.start.entry_speeds))
+        corrected by the stabilisation in the same way as the end of a step. At the end of the step
+        it is the stored `end`; before, it has the entry speeds of `entry_speeds_inside`."""
+        start, end = self.start, self.end
+        length = end.t - start.t
+        elapsed = (t - start.t) / jnp.where(length > 0.0, length, 1.0)
+        y = on_constraints(system, choose(t >= end.t, end.y, self.inside(method, elapsed)), t)
+        ends = start.entry_speeds, end.entry_speeds
+        speeds = entry_speeds_inside(system.scene, self.gaps, end.t - t, *ends)
+        return Snapshot(t, y, choose(t >= end.t, end.entry_speeds, speeds))

@@ -43,12 +43,14 @@ class Method(eqx.Module):
       steps go across these events.
     - `derivative_tolerance`: factor by which the tolerances of tangents are larger than those of
       the variables; ``None`` in runs without tangents.
+    - `rotating`: names of the bodies whose rotations a step limits (see `.rotation_limit`).
     """
 
     solver: diffrax.AbstractSolver
     controller: diffrax.AbstractStepSizeController
     landing: Landing | None
     derivative_tolerance: Scalar | None = None
+    rotating: frozenset[str] = eqx.field(default=frozenset(), static=True)
 
 
 class Variables(eqx.Module):

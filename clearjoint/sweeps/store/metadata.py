@@ -17,6 +17,7 @@ import time
 import uuid
 import warnings
 from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -25,7 +26,16 @@ import numpy as np
 
 from ...fields.checks import require
 from ..outputs import BY_LANE, LANE, RESULT, Coordinate, Layout, Variable, dataset
-from .chunks import checked_files, chunk_file, opened, opened_group, read
+from .chunks import (
+    checked_files,
+    chunk_file,
+    compressors,
+    make_folder,
+    opened,
+    opened_group,
+    read,
+    require_of_system,
+)
 from .program import Identity, digest
 
 if TYPE_CHECKING:
@@ -46,14 +56,33 @@ def unfinished(path: Path) -> Iterator[Path]:
     new = path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
     try:
         yield new
+    except BaseException:
+        # Zarr writes several files at the same time. After the error of one, as on a full disk, it
+        # still makes others, and their folders, so that what was removed would come back.
+        for _ in range(_REMOVALS):
+            _remove(new)
+            time.sleep(_REMOVAL_PERIOD)
+        raise
     finally:
-        shutil.rmtree(new, ignore_errors=True)
+        _remove(new)
+
+
+_REMOVALS, _REMOVAL_PERIOD = 10, 0.05
+"""How often, and with which time in between, s, an incomplete store is removed after an error."""
+
+
+def _remove(folder: Path) -> None:
+    """Remove a folder as far as the system allows it."""
+    try:
+        shutil.rmtree(folder)
+    except OSError as error:
+        require_of_system(error)
 
 
 def move(file: Path, to: Path) -> None:
     """Move a file to the path `to`: an earlier file there is replaced, and missing folders are
     made."""
-    to.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(to.parent)
     file.replace(to)
 
 
@@ -110,20 +139,32 @@ def remove_grid(path: Path) -> None:
 
 
 def grid_shows(path: Path, results: "xr.Dataset") -> bool:
-    """Return whether the grid at a path has variables of the same names, and the same result codes,
-    as `results`.
-
-    If so, it need not be written again, since the numbers of a lane do not change once it has a
-    result code. Return ``False`` also if there is no grid or it can't be read.
+    """Return whether the grid at a path is intact and has the same variables, values and attributes
+    as `results`. Return ``False`` also if there is no grid.
     """
+    # A damaged file may raise any error. In a thread, which no signal interrupts, all of them can
+    # be caught, and an error of a signal handler, such as a time limit, is not among them.
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(_grid_shows, path, results).result()
+
+
+def _grid_shows(path: Path, results: "xr.Dataset") -> bool:
     import xarray as xr
 
     try:
-        with xr.open_zarr(path, chunks=None) as grid:
-            return set(grid.variables) == set(results.variables) and np.array_equal(
-                grid[RESULT].values, results[RESULT].values
-            )
-    except (OSError, ValueError, KeyError):
+        # Readers find the metadata of the arrays in the file `ROOT`, or in a file of each array.
+        for consolidated in (True, False):
+            with xr.open_zarr(path, chunks=None, consolidated=consolidated) as grid:
+                # Result codes come first, since they tell at once if lanes have been added.
+                if set(grid.variables) != set(results.variables) or not all(
+                    results.variables[name].identical(grid.variables[name])
+                    for name in sorted(results.variables, key=lambda name: name != RESULT)
+                ):
+                    return False
+                if grid.attrs != results.attrs:
+                    return False
+        return True
+    except Exception:
         return False
 
 
@@ -327,6 +368,7 @@ def _write(path: Path, contents: Contents) -> None:
             chunks=(layout.chunk, *(max(size, 1) for size in variable.shape)),
             dtype=variable.dtype,
             fill_value=variable.fill,
+            compressors=compressors(),
             dimension_names=(LANE, *variable.dims),
             attributes=variable.attributes,
         )

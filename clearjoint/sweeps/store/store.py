@@ -21,7 +21,8 @@ import errno
 import os
 import time
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from os.path import commonprefix
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -30,7 +31,17 @@ import numpy as np
 
 from ...fields.cautions import level_of_the_user
 from ..outputs import BY_LANE, PENDING, RESULT, LaneArrays, Layout, Variable, dataset
-from .chunks import DAMAGED, MISSING, chunk_file, locked, opened, opened_group, read
+from .chunks import (
+    DAMAGED,
+    MISSING,
+    chunk_file,
+    locked,
+    opened,
+    opened_group,
+    read,
+    read_chunk,
+    write_chunk,
+)
 from .metadata import (
     ADDED,
     Contents,
@@ -205,6 +216,8 @@ GRID_PERIOD, GRID_SHARE = 60.0, 0.02
 """Shortest time, s, between two writes of the grid during a sweep, and largest share of the sweep's
 time that these writes may take. The grid is a copy of all results, so writing it often would be
 slow."""
+_FLUSHED_TOGETHER = 16
+"""Number of files that are flushed to disk at the same time."""
 
 
 class SweepMemory:
@@ -224,9 +237,13 @@ class SweepMemory:
 
     def write(self, chunk: int, lanes: Sequence[int], results: LaneArrays) -> None:
         """Keep the results of some lanes; the arguments are those of `SweepStore.write`."""
-        del chunk
-        for name, values in results.items():
-            self._arrays[name][list(lanes)] = values  # NumPy takes a tuple for indices of axes
+        self.write_chunks({chunk: (lanes, results)})
+
+    def write_chunks(self, parts: Mapping[int, tuple[Sequence[int], LaneArrays]]) -> None:
+        """Keep the results of some lanes; the argument is that of `SweepStore.write_chunks`."""
+        for lanes, results in parts.values():
+            for name, values in results.items():
+                self._arrays[name][list(lanes)] = values  # NumPy takes a tuple for indices of axes
 
     def write_grid(self) -> None:
         """Do nothing, because other programs can't read this memory."""
@@ -302,78 +319,84 @@ class SweepStore:
         return missing
 
     def write(self, chunk: int, lanes: Sequence[int], results: LaneArrays) -> None:
-        """Write results of some lanes of a chunk to disk.
-
-        When this method returns, the lanes count as done, even if the process is killed afterwards.
-        The grid is written too if its last writing is long enough ago (`GRID_PERIOD`,
-        `GRID_SHARE`).
+        """Write results of some lanes of one chunk to disk, as `write_chunks` does.
 
         **Arguments:** `chunk`: number of the chunk; `lanes`: numbers of n lanes of this chunk, in
         any order; `results`: an array (n, ...) of these lanes, in the same order, for every
         variable of `layout` by name.
         """
+        self.write_chunks({chunk: (lanes, results)})
+
+    def write_chunks(self, parts: Mapping[int, tuple[Sequence[int], LaneArrays]]) -> None:
+        """Write results of some lanes of several chunks to disk.
+
+        When this method returns, the lanes count as done, even if the process is killed afterwards.
+        The grid is written too if its last writing is long enough ago (`GRID_PERIOD`,
+        `GRID_SHARE`).
+
+        **Arguments:** `parts`: numbers of lanes and their results, as for `write`, by number of the
+        chunk.
+        """
         with locked(self._folder):
             # Another process may have extended the store since it was opened.
             group = opened_group(self._folder, "r+")
+            arrays = {name: opened(group, name) for name in self.layout.variables}
             added = group.attrs[ADDED]
             assert isinstance(added, list)
-            for name in set(map(str, added)) - set(results):
+            for name in set(map(str, added)) - set(arrays):
                 # Another process added this variable, and these results lack it: without its file,
                 # the chunk counts as pending for sweeps with the variable.
-                chunk_file(self._folder, opened(group, name), chunk).unlink(missing_ok=True)
-            # Rows of the store that belong to the chunk; the last chunk may be shorter.
-            first, size = chunk * self.layout.chunk, self.layout.chunk
-            span = slice(first, min(first + size, opened(group, RESULT).shape[0]))
-            rows_in_chunk = self._row_of[list(lanes)] - first
-            # A chunk of a variable is one file, so all its rows are written together. If there are
-            # results of some lanes only, the other rows are those of the file.
-            if len(lanes) < span.stop - first:
-                results = self._merged(group, chunk, span, rows_in_chunk, results)
-            else:
-                order = np.argsort(rows_in_chunk)
-                results = {name: values[order] for name, values in results.items()}
+                for chunk in parts:
+                    chunk_file(self._folder, opened(group, name), chunk).unlink(missing_ok=True)
+            whole = {chunk: self._whole(arrays, chunk, *part) for chunk, part in parts.items()}
             # The result codes mark the lanes as done: they are written last, when the other
             # variables are safely on disk.
-            for name in sorted(results, key=lambda name: name == RESULT):
-                array = opened(group, name)
-                array[span] = results[name]
-                _flush(chunk_file(self._folder, array, chunk))
+            others = [name for name in arrays if name != RESULT]
+            for names in (others, [RESULT]):
+                _flush_all(
+                    write_chunk(self._folder, arrays[name], chunk, results[name])
+                    for chunk, results in whole.items()
+                    for name in names
+                )
         self._write_grid_if_due()
 
-    def _merged(
+    def _whole(
         self,
-        group: "zarr.Group",
+        arrays: "Mapping[str, zarr.Array]",
         chunk: int,
-        span: slice,
-        rows: np.ndarray,
-        results: Mapping[str, np.ndarray],
-    ) -> dict[str, np.ndarray]:
+        lanes: Sequence[int],
+        results: LaneArrays,
+    ) -> LaneArrays:
         """Return all rows of a chunk: given results and, in the other rows, the stored ones.
 
         If a file of the chunk is missing or damaged, the other rows are pending. If all stored rows
         are pending, the chunk's file of result codes is deleted, so that its lanes count as pending
         until the caller has written the new results.
 
-        **Arguments:** `group`: arrays of the store; `chunk`: number of the chunk; `span`: rows of
-        the store in this chunk; `rows`: (n,) rows of the given results, counted from the start of
-        the chunk; `results`: given results, by variable.
+        **Arguments:** `arrays`: arrays of the store by name; `chunk`, `lanes`, `results`: as for
+        `write`.
         """
-        arrays = {name: opened(group, name) for name in results}
-        variables, count = self.layout.variables, span.stop - span.start
-        merged = {name: variables[name].pending(count) for name in results}
-        try:
-            if all(chunk_file(self._folder, a, chunk).exists() for a in arrays.values()):
-                merged = {name: np.asarray(array[span]) for name, array in arrays.items()}
-        except ValueError:  # A checksum does not agree.
-            pass
+        # The last chunk may have fewer rows than the others.
+        first, size = chunk * self.layout.chunk, self.layout.chunk
+        count = min(size, arrays[RESULT].shape[0] - first)
+        rows = self._row_of[list(lanes)] - first
+        stored: dict[str, np.ndarray | None] = dict.fromkeys(results)
+        if len(lanes) < count:
+            stored = {name: read_chunk(self._folder, arrays[name], chunk) for name in results}
+        whole: LaneArrays = {}
+        for name, variable in self.layout.variables.items():
+            values = stored[name]
+            if values is None or any(part is None for part in stored.values()):
+                values = variable.pending(count)
+            whole[name] = np.array(values)
         # If all stored rows are pending, perhaps because a file is damaged or missing, old result
         # codes are removed first: if this process were killed before it has written all arrays,
         # they would mark rows as done whose other values are missing.
-        if (merged[RESULT] == PENDING).all():
+        if len(lanes) < count and (whole[RESULT] == PENDING).all():
             chunk_file(self._folder, arrays[RESULT], chunk).unlink(missing_ok=True)
         for name, values in results.items():
-            merged[name][rows] = values
-        return merged
+            whole[name][rows] = values
+        return whole
 
     def write_grid(self) -> None:
         """Write the grid, the results along the axes for other programs, if the one on disk is
@@ -527,6 +550,15 @@ def _arrays(path: Path, group: "zarr.Group", contents: Contents) -> dict[str, np
             stacklevel=level_of_the_user(),
         )
     return {RESULT: codes, **arrays}
+
+
+def _flush_all(paths: Iterable[Path]) -> None:
+    """Wait until the given files are safely on disk, after they have all been written."""
+    written = list(paths)
+    # A file system finishes the flushes of several threads together.
+    with ThreadPoolExecutor(_FLUSHED_TOGETHER) as threads:
+        for _ in threads.map(_flush, written):
+            pass
 
 
 def _flush(path: Path) -> None:

@@ -1,0 +1,61 @@
+"""Order of names where JAX flattens dictionaries.
+
+JAX sorts the keys of a dictionary when it flattens a PyTree, and leaves them sorted when it makes
+the PyTree again. So whatever has passed through a function of JAX is in the order of names, while
+a scene has the order in which its author wrote it down. Columns, rows and lists that are paired by
+position must not mix the two: they carry their names, or take them from one object.
+"""
+
+from collections.abc import Iterable, Sequence
+from typing import TypeVar
+
+import equinox as eqx
+import jax
+from jaxtyping import PyTree
+
+Tree = TypeVar("Tree")
+
+
+def in_order_of_leaves(names: Iterable[str]) -> list[str]:
+    """Return the keys of a dictionary in the order in which JAX flattens it."""
+    return sorted(names)
+
+
+def with_leaves(tree: Tree, leaves: Sequence[PyTree]) -> Tree:
+    """Return a scene, a state or a pair of both with other leaves, and with the names in their own
+    order.
+
+    `jax.tree.unflatten` and `equinox.tree_at` return sorted dictionaries instead. Use this function
+    for scenes and states that are returned to a user, or whose names are paired with columns.
+
+    **Arguments:** `leaves`: in the order of `jax.tree.leaves`.
+    """
+    return ordered_like(tree, jax.tree.unflatten(jax.tree.structure(tree), leaves))
+
+
+def ordered_like(tree: PyTree, other: PyTree) -> PyTree:
+    """Return `other` with the names in the order of those of `tree`.
+
+    Both are a scene, a state or a tuple of such. Dictionaries inside of elements are left as they
+    are: they pass through JAX in each run, so that their order can't matter.
+
+    **Arguments:** `other`: a new PyTree, whose Equinox modules are changed in place.
+    """
+    if type(other) is tuple:
+        return tuple(ordered_like(*pair) for pair in zip(tree, other, strict=True))
+    for name, part in vars(other).items() if isinstance(other, eqx.Module) else ():
+        if isinstance(part, dict):
+            # Modules are frozen, so their fields are set by `object`.
+            object.__setattr__(other, name, _ordered(getattr(tree, name), part))
+    return other
+
+
+def _ordered(names: dict[str, PyTree], part: dict[str, PyTree]) -> dict[str, PyTree]:
+    """Return the entries of `part` in the order of those of `names`, also in inner dictionaries."""
+    if names.keys() != part.keys():
+        return part
+    entries = {name: part[name] for name in names}
+    return {
+        name: _ordered(names[name], entry) if isinstance(entry, dict) else entry
+        for name, entry in entries.items()
+    }

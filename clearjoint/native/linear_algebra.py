@@ -1,0 +1,231 @@
+"""Rules of the primitives of linear algebra, by loops over arrays in memory.
+
+A rule takes the `Lowering`, which builds the program, an equation of a jaxpr and the equation's
+arguments. It adds operations to the program and returns the equation's results. Matrices are the
+last two axes of an array; all axes before them number the matrices. An array has one of several
+forms (`Array`); here all arrays are in memory (`InMemory`), and results of at most
+`LARGEST_UNROLLED` elements are read from there.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from .elementwise import convert
+from .lowering import (
+    LARGEST_UNROLLED,
+    Array,
+    Equation,
+    EquationRule,
+    InMemory,
+    Lowering,
+    aval_of,
+    kind_of,
+)
+from .operations import Symbol, Value
+
+Term = Callable[[Symbol], Symbol]
+"""Function that adds the operations of one term of a sum, as a function of the term's index."""
+
+
+def _index(lower: Lowering, number: int) -> Symbol:
+    return Symbol(lower.ops, lower.ops.constant("i", number))
+
+
+def _counted(lower: Lowering, begin: Symbol, end: Symbol, visit: Callable[[Symbol], None]) -> None:
+    """Add a loop over the indices from `begin` to `end` - 1, whose body `visit` adds."""
+
+    def body(k: Symbol, _: list[Symbol]) -> list[Symbol]:
+        visit(k)
+        return []
+
+    _carried(lower, begin, end, [], body)
+
+
+def _carried(
+    lower: Lowering,
+    begin: Symbol,
+    end: Symbol,
+    first: Sequence[Symbol],
+    visit: Callable[[Symbol, list[Symbol]], list[Symbol]],
+) -> list[Symbol]:
+    """Add a loop over the indices from `begin` to `end` - 1, and return its last carries.
+
+    **Arguments:** `first`: the carries before the loop; `visit`: adds the body, as a function of
+    the index and the carries, and returns the next carries.
+    """
+    ops = lower.ops
+
+    def holds(carries: list[Value]) -> Value:
+        # The index is the same in all lanes, so that they read and write a cell at once.
+        ops.mark_uniform(carries[0])
+        return Symbol(ops, carries[0]).compare("lt", end).value
+
+    def body(carries: list[Value]) -> list[Value]:
+        k, *others = (Symbol(ops, value) for value in carries)
+        return [(k + 1).value, *(following.value for following in visit(k, others))]
+
+    carries = ops.loop([begin.value, *(one.value for one in first)], holds, body)
+    return [Symbol(ops, value) for value in carries[1:]]
+
+
+def _sum(lower: Lowering, first: Symbol, begin: Symbol, end: Symbol, term: Term) -> Symbol:
+    """Return `first` plus the terms with the indices from `begin` to `end` - 1."""
+    (total,) = _carried(lower, begin, end, [first], lambda k, carry: [carry[0] + term(k)])
+    return total
+
+
+def _read(lower: Lowering, memory: InMemory, index: Symbol) -> Symbol:
+    return Symbol(lower.ops, lower.ops.load(memory.kind, memory.start, index.value))
+
+
+def _known(lower: Lowering, table: InMemory, index: Symbol) -> Symbol:
+    """Return an integer from a table, which is the same in all lanes if the index is."""
+    number = _read(lower, table, index)
+    lower.ops.mark_uniform(number.value)
+    return number
+
+
+def _returned(lower: Lowering, memory: InMemory) -> list[Array]:
+    return [memory if memory.size > LARGEST_UNROLLED else lower.read(memory)]
+
+
+def _table(lower: Lowering, numbers: np.ndarray) -> InMemory:
+    """Return known integers as an array in memory."""
+    table = lower.new_array((numbers.size,), "i")
+    lower.constants[table.start] = numbers.ravel()
+    return table
+
+
+def large_product(lower: Lowering, equation: Equation, *factors: Array) -> list[Array]:
+    """Return the products of two arrays with elements, summed along some axes
+    (`jax.lax.dot_general`)."""
+    contracted, batches = equation.params["dimension_numbers"]
+    out = aval_of(equation.outvars[0])
+    memories, starts, steps = [], [], []
+    for factor, atom, along, batch in zip(
+        factors, equation.invars, contracted, batches, strict=True
+    ):
+        shape = tuple(aval_of(atom).shape)
+        memories.append(lower.in_memory(factor, shape))
+        # Row-major indices of the elements, in the order (batch, other axes, summed axes). The
+        # index of an element is that of the first one in its row plus an index along the row.
+        others = [k for k in range(len(shape)) if k not in (*batch, *along)]
+        indices = np.arange(math.prod(shape)).reshape(shape).transpose([*batch, *others, *along])
+        count, length = (math.prod(shape[k] for k in axes) for axes in (batch, along))
+        rows = indices.reshape(count, -1, length)
+        starts.append(rows[:, :, 0])
+        steps.append(_table(lower, rows[0, 0] - rows[0, 0, 0]))
+    # For each element of the result, the first elements of both rows.
+    pairs = np.broadcast_arrays(starts[0][:, :, None], starts[1][:, None, :])
+    firsts = [_table(lower, numbers) for numbers in pairs]
+    result = lower.new_array(tuple(out.shape), kind_of(out))
+    zero = Symbol(lower.ops, lower.ops.constant(result.kind, 0))
+
+    def visit(n: Symbol) -> None:
+        begins = [_known(lower, first, n) for first in firsts]
+
+        def term(k: Symbol) -> Symbol:
+            # `preferred_element_type` may be wider than the arguments, which are converted first.
+            values = (
+                convert(_read(lower, memory, begin + _known(lower, step, k)), result.kind)
+                for memory, begin, step in zip(memories, begins, steps, strict=True)
+            )
+            first, second = values
+            return first * second
+
+        total = _sum(lower, zero, _index(lower, 0), _index(lower, steps[0].size), term)
+        lower.ops.store(total.value, result.start, n.value)
+
+    _counted(lower, _index(lower, 0), _index(lower, result.size), visit)
+    return _returned(lower, result)
+
+
+def _cholesky(lower: Lowering, equation: Equation, matrix: Array) -> list[Array]:
+    """Return the lower triangular factor L of L L^T, row by row. Of the matrix, only the lower
+    triangle is read; if it is not positive definite, the factor contains NaN."""
+    shape = tuple(aval_of(equation.invars[0]).shape)
+    given, factor, n = lower.in_memory(matrix, shape), lower.new_array(shape, "f"), shape[-1]
+    ops, zero = lower.ops, _index(lower, 0)
+
+    def row(number: Symbol) -> None:
+        # `number` counts the rows of all matrices.
+        i = number.emit("remainder_whole", n)
+        top = (number - i) * n
+
+        def rest(j: Symbol) -> Symbol:
+            """Return a_ij minus the sum of l_ik l_jk over k < j."""
+
+            def term(k: Symbol) -> Symbol:
+                a, b = (_read(lower, factor, top + row * n + k) for row in (i, j))
+                return -(a * b)
+
+            return _sum(lower, _read(lower, given, top + i * n + j), zero, j, term)
+
+        def store(j: Symbol, value: Symbol) -> None:
+            ops.store(value.value, factor.start, (top + i * n + j).value)
+
+        def below(j: Symbol) -> None:
+            store(j, rest(j) / _read(lower, factor, top + j * n + j))
+
+        def above(j: Symbol) -> None:
+            store(j, Symbol(ops, ops.constant("f", 0.0)))
+
+        _counted(lower, zero, i, below)
+        store(i, rest(i).emit("sqrt"))
+        _counted(lower, i + 1, _index(lower, n), above)
+
+    _counted(lower, zero, _index(lower, math.prod(shape[:-1])), row)
+    return _returned(lower, factor)
+
+
+def _triangular_solve(
+    lower: Lowering, equation: Equation, matrix: Array, right: Array
+) -> list[Array]:
+    """Return the solution X of A X = B for triangular matrices A, by substitution; with the
+    parameter `left_side` false, that of X A = B (see `jax.lax.linalg.triangular_solve`)."""
+    parameters, ops = equation.params, lower.ops
+    shapes = [tuple(aval_of(atom).shape) for atom in equation.invars]
+    a, b = (lower.in_memory(x, shape) for x, shape in zip((matrix, right), shapes, strict=True))
+    x, n, left = lower.copied(b), shapes[0][-1], parameters["left_side"]
+    # X A = B is A^T X^T = B^T. There are `columns` systems of n equations for each matrix.
+    transposed = parameters["transpose_a"] == left
+    forward = parameters["lower"] != transposed
+    columns = shapes[1][-1] if left else shapes[1][-2]
+    step, apart = (columns, 1) if left else (1, n)
+    zero, count = _index(lower, 0), _index(lower, n)
+
+    def solve(number: Symbol) -> None:
+        column = number.emit("remainder_whole", columns)
+        block = (number - column).emit("divide_whole", columns)
+        top, first = block * (n * n), block * (n * columns) + column * apart
+
+        def coefficient(i: Symbol, k: Symbol) -> Symbol:
+            return _read(lower, a, top + (k * n + i if transposed else i * n + k))
+
+        def unknown(turn: Symbol) -> None:
+            i = turn if forward else count - 1 - turn
+            known = (zero, i) if forward else (i + 1, count)
+            place = first + i * step
+            rest = _sum(
+                lower,
+                _read(lower, x, place),
+                *known,
+                lambda k: -(coefficient(i, k) * _read(lower, x, first + k * step)),
+            )
+            if not parameters["unit_diagonal"]:
+                rest = rest / coefficient(i, i)
+            ops.store(rest.value, x.start, place.value)
+
+        _counted(lower, zero, count, unknown)
+
+    _counted(lower, zero, _index(lower, math.prod(shapes[0][:-2]) * columns), solve)
+    return _returned(lower, x)
+
+
+RULES: dict[str, EquationRule] = {
+    "cholesky": _cholesky,
+    "triangular_solve": _triangular_solve,
+}
+"""Rules by the names of primitives."""

@@ -1,0 +1,605 @@
+"""Names of bodies, joints, forces, outputs, parameters, axes, sensors and series don't change
+results, in any public call.
+
+Each call is made with names in alphabetical order and with random ones, and the numbers are
+compared by the roles of the names. What a user writes down keeps its order, so random numbers,
+columns of parameters and rows of constraints are the same ones. Within a run, names decide the
+order of sums, so that numbers may differ by rounding errors, which impacts and searches amplify.
+"""
+
+import inspect
+import json
+from collections.abc import Callable
+from functools import cache, partial
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib import pyplot as plt
+
+import clearjoint as cj
+from clearjoint import plot
+from tests.durability import test_wear as wearing
+from tests.support.renaming import Names, by_role, differences, renamed
+
+ROUNDING = 1e-9
+"""Largest difference of two numbers, relative to the largest one of their array."""
+SEARCHED = 1e-5
+"""The same for results of a search, which ends within its tolerance, and for motions whose
+integration error differs."""
+QUIET = {"progress": False}
+TIMES = np.linspace(0.002, 0.04, 20)
+Case = Callable[[Names], Any]
+
+
+def balls() -> tuple[cj.Scene, cj.State]:
+    """Balls of 1 and 4 kg on springs of 100 and 400 N/m, 0.1 m out; the first one moves at 1 m/s.
+    Both have a period of 0.2 pi s."""
+    bodies = {"heavy": cj.Body(4.0, (1e-3,) * 3), "light": cj.Body(1.0, (2e-3,) * 3)}
+    springs = {
+        f"{name} spring": cj.SpringDamper("ground", name, (0, 0, 0), (0, 0, 0), stiffness=stiffness)
+        for name, stiffness in (("heavy", 400.0), ("light", 100.0))
+    }
+    moving = cj.body_state((0.1, 0, 0), velocity=(1.0, 0, 0.2))
+    return cj.Scene(bodies, forces=springs), cj.State(
+        {"heavy": moving, "light": cj.body_state((0.1, 0, 0), velocity=(0, 0.3, 0))}
+    )
+
+
+def rig() -> tuple[cj.Scene, cj.State]:
+    """The double pendulum, a ball on a spring, and a load on an arm."""
+    scene, state = cj.mechanisms.double_pendulum(clearance=0.2e-3, restitution=0.6)
+    alone, start = balls()
+    forces = {"light spring": alone.forces["light spring"]}
+    forces["push"] = cj.AppliedLoad("arm 3", force=(0.0, 3.0, 1.0))
+    bodies = {"light": alone.bodies["light"], **scene.bodies}
+    state = cj.State({"light": start.bodies["light"], **state.bodies})
+    return cj.Scene(bodies, scene.joints, forces, scene.gravity), state
+
+
+def quantities(n: Names) -> dict[str, Any]:
+    """Four outputs of the rig, by name."""
+    return {
+        n["swing"]: cj.quantities.Velocity(n["arm 3"], "y"),
+        n["speed"]: cj.quantities.Velocity(n["light"]),
+        n["offset"]: cj.quantities.JournalOffset(n["shoulder"], "y"),
+        n["angle"]: cj.quantities.JointAngle(n["elbow"]),
+    }
+
+
+def parameters(n: Names) -> dict[str, cj.Parameter]:
+    """Three parameters of the rig, one of them of the initial state, by name."""
+    return {
+        n["start"]: cj.Parameter.initial(lambda s: s.bodies[n["light"]].velocity[1]),
+        n["stiffness"]: cj.Parameter(lambda s: s.forces[n["light spring"]].stiffness, cj.Log()),
+        n["mass"]: cj.Parameter(lambda s: s.bodies[n["arm 2"]].mass, cj.Log()),
+    }
+
+
+def ball_parameters(n: Names) -> dict[str, cj.Parameter]:
+    return {
+        n["start"]: cj.Parameter.initial(lambda s: s.bodies[n["light"]].velocity[1]),
+        n["light stiffness"]: cj.Parameter(
+            lambda s: s.forces[n["light spring"]].stiffness, cj.Log()
+        ),
+        n["heavy stiffness"]: cj.Parameter(
+            lambda s: s.forces[n["heavy spring"]].stiffness, cj.Log()
+        ),
+    }
+
+
+def probes(n: Names) -> dict[str, Any]:
+    return {
+        n["of heavy"]: cj.quantities.Position(n["heavy"], "x"),
+        n["of light"]: cj.quantities.Position(n["light"], "y"),
+        n["of light, x"]: cj.quantities.Position(n["light"], "x"),
+    }
+
+
+def speeds(n: Names) -> dict[str, Any]:
+    return {
+        n["speed of heavy"]: cj.Peak(cj.quantities.Velocity(n["heavy"]), "m/s"),
+        n["speed of light"]: cj.Peak(cj.quantities.Velocity(n["light"]), "m/s"),
+    }
+
+
+def outputs(n: Names) -> dict[str, Any]:
+    """Outputs of a sweep of the rig, of each kind."""
+    looks = quantities(n)
+    channels = {name: (quantity, "1") for name, quantity in looks.items()}
+    return {
+        n["peak"]: cj.Peak(looks[n["swing"]], "m/s"),
+        n["impacts"]: cj.ImpactCount(n["shoulder"]),
+        n["mean"]: cj.Statistics(looks[n["speed"]], "m/s"),
+        n["lost"]: cj.DissipatedEnergy(),
+        n["hits"]: cj.ImpactTable(5),
+        n["crossings"]: cj.Section(looks[n["offset"]], channels, count=4),
+        n["path"]: cj.Saved(TIMES, channels),
+    }
+
+
+@cache
+def solved(n: "Key") -> tuple[cj.Scene, Any]:
+    """The rig and a run of it."""
+    scene, state = renamed(rig(), n.names)
+    recorded = outputs(n.names)
+    save = cj.Saving(
+        TIMES,
+        steps=True,
+        impacts=True,
+        sections={key: o for key, o in recorded.items() if isinstance(o, cj.Section)},
+        outputs={
+            key: o for key, o in recorded.items() if isinstance(o, cj.extend.AbstractReduction)
+        },
+    )
+    settings = cj.Settings(ledger=True)
+    return scene, cj.simulate(scene, state, 0.04, settings, save, progress=False)
+
+
+class Key:
+    """Names as the argument of a cached function."""
+
+    def __init__(self, names: Names):
+        self.names = names
+
+    def __hash__(self) -> int:
+        return id(self.names)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Key) and other.names is self.names
+
+
+def simulate(n: Names) -> Any:
+    _, solution = solved(Key(n))
+    return solution, solution.to_xarray()
+
+
+def observe(n: Names) -> Any:
+    found = cj.observe(*solved(Key(n)))
+    return found, found.to_xarray()
+
+
+def sensitivities(n: Names) -> Any:
+    scene, state = renamed(rig(), n)
+    settings = cj.Settings(coordinates=cj.AbsoluteCoordinates())
+    section = outputs(n)[n["crossings"]]
+    save = cj.Saving(TIMES, impacts=True, sections={n["crossings"]: section})
+    looks = quantities(n)
+    found = cj.sensitivities(
+        scene, state, 0.04, parameters(n), looks, TIMES, settings, save, progress=False
+    )
+    return found, found.to_xarray()
+
+
+def measured(n: Names) -> cj.Measurements:
+    """Series of the balls' motion, which is known, with noise."""
+    w, v = 10.0, 0.3
+    values = {
+        n["of heavy"]: 0.1 * np.cos(w * TIMES) + np.sin(w * TIMES) / w,
+        n["of light"]: v * np.sin(w * TIMES) / w,
+        n["of light, x"]: 0.1 * np.cos(w * TIMES),
+    }
+    series = {
+        name: cj.Series(probe, TIMES, values[name], noise=1e-4 * (k + 1))
+        for k, (name, probe) in enumerate(probes(n).items())
+    }
+    return cj.Measurements(series).with_noise(np.random.default_rng(1))
+
+
+def guess(n: Names) -> dict[str, float]:
+    return {n["heavy stiffness"]: 380.0, n["start"]: 0.31, n["light stiffness"]: 110.0}
+
+
+@cache
+def fitted(key: Key) -> Any:
+    n = key.names
+    return cj.identify(
+        *renamed(balls(), n), measured(n), ball_parameters(n), guess=guess(n), check_runs=0, **QUIET
+    )
+
+
+def identify(n: Names) -> Any:
+    fit = fitted(Key(n))
+    return [
+        fit.estimates,
+        fit.standard_errors,
+        fit.correlation,
+        fit.chi_squared,
+        fit.intervals,
+        fit.coordinates,
+        fit.predictions,
+        fit.residuals,
+        fit.value_covariance,
+        fit.to_xarray(),
+        fit.whiteness,
+    ]
+
+
+def identify_many(n: Names) -> Any:
+    data = measured(n)
+    draws = [data.with_noise(np.random.default_rng(seed)) for seed in range(2)]
+    fits = cj.identify_many(
+        *renamed(balls(), n), draws, ball_parameters(n), guess=guess(n), check_runs=0, **QUIET
+    )
+    return [(fit.estimates, fit.standard_errors) for fit in fits]
+
+
+def minimise(n: Names) -> Any:
+    def objective(found: dict[str, Any]) -> Any:
+        return jnp.sum((found[n["of heavy"]] - 2.0 * found[n["of light"]]) ** 2)
+
+    found = cj.minimise(
+        *renamed(balls(), n), objective, ball_parameters(n), probes(n), TIMES, iterations=3
+    )
+    return found.estimates, found.history
+
+
+def posterior(n: Names) -> Any:
+    found = cj.posterior(
+        *renamed(balls(), n),
+        measured(n),
+        ball_parameters(n),
+        number=64,
+        spread={n["heavy stiffness"]: 0.01, n["start"]: 0.01, n["light stiffness"]: 0.02},
+        **QUIET,
+    )
+    return found.means, found.standard_deviations, found.coordinates, found.log_evidence
+
+
+def sensors(n: Names) -> dict[str, cj.Sensor]:
+    return {
+        name: cj.Sensor(probe, TIMES[k:], 1e-4 * (k + 1))
+        for k, (name, probe) in enumerate(probes(n).items())
+    }
+
+
+@cache
+def identified(key: Key) -> Any:
+    n = key.names
+    return cj.identifiability(*renamed(balls(), n), ball_parameters(n), sensors(n))
+
+
+def identifiability(n: Names) -> Any:
+    report = identified(Key(n))
+    one = report.of(n["of light"])
+    return [
+        [report.matrix, report.deviations, report.identifiable, report.names, report.sensors],
+        [one.matrix, one.deviations_alone],
+    ]
+
+
+@cache
+def horizon(key: Key) -> Any:
+    n = key.names
+    uncertainty = {n["light stiffness"]: 0.3, n["heavy stiffness"]: 0.2, n["start"]: 0.1}
+    start = renamed(balls(), n)
+    return cj.fit_horizon(*start, ball_parameters(n), sensors(n), uncertainty=uncertainty)
+
+
+def fit_horizon(n: Names) -> Any:
+    return horizon(Key(n))
+
+
+def largest_feasible(n: Names) -> Any:
+    limits = {n["speed of light"]: 5.0, n["speed of heavy"]: 2.0}
+    start = renamed(balls(), n)
+    parameter = ball_parameters(n)[n["heavy stiffness"]]
+    options = {"between": (100.0, 1e4), "lanes": 5, "tolerance": 0.1, "limit": limits, **QUIET}
+    return cj.largest_feasible(*start, 1.0, parameter, speeds(n), **options)
+
+
+def axes(n: Names) -> dict[str, cj.Axis]:
+    return {
+        n["start"]: cj.Axis.initial(lambda s: s.bodies[n["light"]].velocity[1], [0.1, 0.4]),
+        n["stiffness"]: cj.Axis(lambda s: s.forces[n["light spring"]].stiffness, [90.0, 120.0]),
+        n["both"]: cj.Axis.change(lambda s, t, v: (cj.set_value(s, _mass(n), v), t), [6.0, 8.0]),
+    }
+
+
+def _mass(n: Names) -> Callable[[cj.Scene], Any]:
+    return lambda scene: scene.bodies[n["arm 2"]].mass
+
+
+def sweep(n: Names) -> Any:
+    save = cj.Saving(TIMES[:3])
+    start = renamed(rig(), n)
+    wanted = {name: o for name, o in outputs(n).items() if not isinstance(o, cj.Saved)}
+    run = partial(cj.sweep, *start, 0.04, axes(n), settings=cj.Settings(ledger=True), **QUIET)
+    found = run(wanted, save=save, path="sweep.zarr")
+    again = run(outputs(n))
+    return found, cj.open_sweep("sweep.zarr"), again
+
+
+def ensemble(n: Names) -> Any:
+    axis = cj.Axis(lambda s: s.forces[n["light spring"]].stiffness, [100.0, 400.0])
+    start = renamed(balls(), n)
+    options = {"disturbance": 0.3, "members": 3, **QUIET}
+    return cj.ensemble(*start, 1.0, {n["stiffness"]: axis}, speeds(n), **options)
+
+
+def ensemble_of_a_linkage(n: Names) -> Any:
+    start = renamed(rig(), n)
+    axis = cj.Axis(_mass(n), [7.0])
+    options = {"disturbance": 1e-3, "members": 3, "exponents": 2, **QUIET}
+    return cj.ensemble(
+        *start, 0.02, {n["mass"]: axis}, {n["peak"]: outputs(n)[n["peak"]]}, **options
+    )
+
+
+def uncertain(n: Names) -> dict[str, cj.Uncertain]:
+    start, light, heavy = ball_parameters(n).values()
+    return {
+        n["start"]: cj.Uncertain(start, deviation=0.01),
+        n["light stiffness"]: cj.Uncertain(light, half_width=0.1),
+        n["heavy stiffness"]: cj.Uncertain(heavy, deviation=0.02),
+    }
+
+
+def statistics_derivatives(n: Names) -> Any:
+    start = renamed(balls(), n)
+    options = {"members": 140, "disturbance": 0.05, **QUIET}
+    return cj.statistics_derivatives(*start, 0.3, uncertain(n), speeds(n), **options)
+
+
+def sobol_indices(n: Names) -> Any:
+    return cj.sobol_indices(*renamed(balls(), n), 0.3, uncertain(n), speeds(n), count=16, **QUIET)
+
+
+def design(n: Names) -> Any:
+    drawn = cj.design(*renamed(balls(), n), uncertain(n), 8)
+    return {name: axis.values for name, axis in drawn.items()}
+
+
+def wear(n: Names) -> Any:
+    mechanism = wearing.whirling_and_rotating()
+    scene, state = renamed(mechanism, n)
+    load = cj.Parameter(lambda s: s.forces[n["other load"]].force[0], cj.Log())
+    mass = cj.Parameter(lambda s: s.bodies[n["rotor"]].mass, cj.Log())
+    rates = {n[name]: rate for name, rate in wearing.RATES.items()}
+    found = cj.wear(
+        scene,
+        state,
+        wearing.CYCLE,
+        rates,
+        [100.0, 200.0],
+        parameters={n["worn by"]: load, n["by mass"]: mass},
+        path="wear.zarr",
+        **wearing.OPTIONS,
+    )
+    pin = n["pin"]
+    return [
+        found,
+        cj.open_wear("wear.zarr"),
+        list(cj.worn(scene, found).bodies),
+        cj.parameters(cj.worn(scene, found)),
+        cj.cycles_to_depth(found, 1e-8, pin),
+        cj.life_derivatives(found, 1e-8, pin),
+    ]
+
+
+def settle(n: Names) -> Any:
+    channels = {
+        n["across"]: (cj.quantities.Velocity(n["heavy"], "z"), "m/s"),
+        n["along"]: (cj.quantities.Position(n["light"], "x"), "m"),
+    }
+    section = cj.Section(cj.quantities.Position(n["heavy"], "x"), channels, count=10)
+    found = cj.settle(*renamed(balls(), n), section=section, span=0.2 * np.pi, periods=20, **QUIET)
+    # The changes are differences of nearly equal numbers.
+    return found.kind, found.multiple, found.state, found.time, found.period
+
+
+def simulate_nonsmooth(n: Names) -> Any:
+    scene, state = renamed(rig(), n)
+    solution = cj.simulate_nonsmooth(scene, state, 0.02, cj.Saving(TIMES[TIMES <= 0.02]), step=1e-3)
+    return solution, solution.to_xarray()
+
+
+def assemble(n: Names) -> Any:
+    scene, state = renamed(cj.mechanisms.four_bar(), n)
+    bodies = {
+        name: cj.body_state(np.asarray(body.position) + 1e-3 * (k + 1), body.orientation)
+        for k, (name, body) in enumerate(state.bodies.items())
+    }
+    return cj.assemble(scene, cj.State(bodies))
+
+
+def loops(n: Names) -> Any:
+    """Joint coordinates cut a loop of ideal joints at a joint that is chosen by names, so that the
+    integration error differs."""
+    scene, state = renamed(cj.mechanisms.bricard(), n)
+    return cj.simulate(scene, state, 0.04, save=cj.Saving(TIMES), progress=False).saved
+
+
+def accelerometer(n: Names) -> Any:
+    scene, state = renamed(balls(), n)
+    on_light = {"axis": (0, 1, 0), "frequency": 50.0, "name": n["sensor"]}
+    added = cj.accelerometer(scene, state, n["light"], **on_light)
+    return added.scene, added.state
+
+
+def constraint_report(n: Names) -> Any:
+    report = cj.constraint_report(*renamed(cj.mechanisms.bricard(), n))
+    assert len(report.redundant) == 1
+    return report
+
+
+def numbers_of_scenes(n: Names) -> Any:
+    scene, state = renamed(rig(), n)
+    changed = cj.set_value(scene, _mass(n), 8.0)
+    started = cj.set_value(state, lambda s: s.bodies[n["light"]].velocity[2], 0.7)
+    orders = [list(part) for part in (changed.bodies, changed.joints, changed.forces)]
+    return cj.parameters(scene), cj.parameters(changed), cj.parameters(started), orders
+
+
+def files(n: Names) -> Any:
+    scene, state = renamed(rig(), n)
+    cj.save(scene, state, "scene.json")
+    read, start = cj.load("scene.json")
+    orders = [list(part) for part in (read.bodies, read.joints, read.forces)]
+    with open("scene.json") as file:
+        return json.load(file), cj.parameters(read), cj.parameters(start), orders
+
+
+def urdf(n: Names) -> Any:
+    def link(name: str, mass: float) -> str:
+        inertia = '<inertia ixx="0.1" iyy="0.2" izz="0.2" ixy="0" ixz="0" iyz="0"/>'
+        return f'<link name="{n[name]}"><inertial><mass value="{mass}"/>{inertia}</inertial></link>'
+
+    def hinge(name: str, parent: str, child: str, top: float) -> str:
+        return (
+            f'<joint name="{n[name]}" type="revolute"><origin xyz="0.2 0 {top}"/>'
+            f'<parent link="{n[parent]}"/><child link="{n[child]}"/><axis xyz="0 0 1"/>'
+            f'<limit lower="-1" upper="{top + 1}" effort="{top}" velocity="2"/></joint>'
+        )
+
+    parts = [
+        link("base", 5.0),
+        link("upper", 2.0),
+        link("lower", 1.0),
+        hinge("first", "base", "upper", 0.1),
+        hinge("second", "upper", "lower", 0.3),
+    ]
+    with open("robot.urdf", "w") as file:
+        file.write(f'<robot name="robot">{"".join(parts)}</robot>')
+    scene, state = cj.load_urdf("robot.urdf")
+    return cj.parameters(scene), cj.parameters(state), cj.urdf_limits("robot.urdf")
+
+
+def beyond_law_ranges(n: Names) -> Any:
+    scene, solution = solved(Key(n))
+    return cj.beyond_law_ranges(scene, solution.impacts)
+
+
+def readers(n: Names) -> Any:
+    channels = {
+        name: cj.Channel(probe, noise=0.1 * (k + 1))
+        for k, (name, probe) in enumerate(probes(n).items())
+    }
+    columns = {name: ("t", TIMES + k, {"units": "m"}) for k, name in enumerate(channels)}
+    table = xr.Dataset(columns, coords={"t": TIMES})
+    table.to_dataframe().rename(columns=lambda name: f"{name} [m]").rename_axis("t [s]").to_csv(
+        "rig.csv"
+    )
+    read = cj.read_csv("rig.csv", channels), cj.from_xarray(table, channels)
+    return [
+        {name: (one.values, one.noise) for name, one in data.series.items()} for data in read
+    ], cj.function_from_csv("rig.csv", n["of light"], "m").values
+
+
+def view(n: Names) -> Any:
+    drawn = cj.view(*solved(Key(n)))
+    return drawn.parts, drawn.legend
+
+
+def figures_of_runs(n: Names) -> Any:
+    scene, solution = solved(Key(n))
+    seen = cj.observe(scene, solution)
+    drawn = [
+        plot.joint_forces(seen),
+        plot.motion_timeline(seen),
+        plot.contact_forces(seen, n["shoulder"]),
+        plot.acceleration({n["run"]: seen}, n["light"]),
+        plot.position({n["run"]: solution.steps}, n["light"]),
+    ]
+    pages = [axes.figure for axes in drawn]
+    pages.append(plot.energy_ledger(seen).ravel()[0].figure)
+    pages.append(plot.report(scene, solution))
+    return pages
+
+
+def figures_of_fits(n: Names) -> Any:
+    fit, found = fitted(Key(n)), horizon(Key(n))
+    drawn = [
+        plot.correlations(fit),
+        plot.fitted(fit).ravel()[0],
+        plot.record_length(identified(Key(n))),
+        plot.growth(found),
+    ]
+    return [axes.figure for axes in drawn]
+
+
+CASES: dict[str, tuple[Case, float]] = {
+    "accelerometer": (accelerometer, ROUNDING),
+    "assemble": (assemble, ROUNDING),
+    "beyond_law_ranges": (beyond_law_ranges, ROUNDING),
+    "constraint_report": (constraint_report, ROUNDING),
+    "design": (design, ROUNDING),
+    "ensemble": (ensemble, ROUNDING),
+    "ensemble of a linkage": (ensemble_of_a_linkage, SEARCHED),
+    "figures of fits": (figures_of_fits, SEARCHED),
+    "figures of runs": (figures_of_runs, 1e-6),
+    "fit_horizon": (fit_horizon, SEARCHED),
+    "identifiability": (identifiability, 1e-7),
+    "identify": (identify, SEARCHED),
+    "identify_many": (identify_many, SEARCHED),
+    "largest_feasible": (largest_feasible, ROUNDING),
+    "load, save": (files, ROUNDING),
+    "load_urdf, urdf_limits": (urdf, ROUNDING),
+    "loops": (loops, SEARCHED),
+    "minimise": (minimise, ROUNDING),
+    "observe": (observe, ROUNDING),
+    "parameters, set_value": (numbers_of_scenes, ROUNDING),
+    "posterior": (posterior, SEARCHED),
+    "read_csv, from_xarray, function_from_csv": (readers, ROUNDING),
+    "sensitivities": (sensitivities, ROUNDING),
+    "settle": (settle, 1e-7),
+    "simulate": (simulate, ROUNDING),
+    "simulate_nonsmooth": (simulate_nonsmooth, ROUNDING),
+    "sobol_indices": (sobol_indices, ROUNDING),
+    "statistics_derivatives": (statistics_derivatives, ROUNDING),
+    "sweep, open_sweep": (sweep, ROUNDING),
+    "view": (view, ROUNDING),
+    "wear, open_wear, worn, cycles_to_depth, life_derivatives": (wear, 1e-7),
+}
+"""The calls that are made, by the names of the public functions, and how far numbers may be apart
+relative to the largest one of their array."""
+WITHOUT_NAMES = {
+    "body_state",
+    "carried_journal",
+    "configure",
+    "free_impact",
+    "rotation",
+    "scene_schema",
+}
+"""Public functions whose arguments and results have no names that a user chooses."""
+FEW = "constraint_report", "design", "ensemble", "load, save", "parameters, set_value"
+"""Calls made in fast tests: at most one program of two balls each."""
+
+
+def test_every_public_function_is_renamed_or_has_no_names():
+    functions = {name for name in dir(cj) if inspect.isfunction(getattr(cj, name))}
+    called = {name for names in CASES for name in names.split(", ")}
+    functions = {name for name in functions if not name.startswith("_")}
+    assert functions <= called | WITHOUT_NAMES
+    assert not WITHOUT_NAMES & called and functions >= WITHOUT_NAMES
+
+
+@pytest.mark.parametrize(
+    "call",
+    [name if name in FEW else pytest.param(name, marks=pytest.mark.slow) for name in CASES],
+)
+@pytest.mark.parametrize("seed", [pytest.param(1), pytest.param(2, marks=pytest.mark.slow)])
+def test_names_change_nothing(call, seed, tmp_path, monkeypatch):
+    case, rtol = CASES[call]
+    found = []
+    for names in (Names(), Names(seed)):
+        folder = tmp_path / str(len(found))
+        folder.mkdir()
+        monkeypatch.chdir(folder)
+        # The roles are complete only after the call.
+        result = case(names)
+        found.append(by_role(result, names))
+        plt.close("all")
+    assert names.sort_otherwise()
+    assert list(differences(*found, rtol)) == []
+
+
+def test_exchanged_names_are_noticed():
+    """A comparison that could not fail would prove nothing."""
+    names = Names()
+    scene, state = renamed(balls(), names)
+    one = by_role(cj.parameters(scene), names)
+    names["heavy"], names["light"] = names["light"], names["heavy"]
+    assert list(differences(one, by_role(cj.parameters(scene), names), ROUNDING))
