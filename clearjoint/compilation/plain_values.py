@@ -43,7 +43,7 @@ def digest_of(value: object) -> str:
     **Arguments:** `value`: may consist of
 
     - numbers, strings, bytes, ``None``, ``...``, arrays, dtypes and `jax.ShapeDtypeStruct`;
-    - tuples, lists, dictionaries and `functools.partial`;
+    - tuples, lists, dictionaries, frozen sets and `functools.partial`;
     - functions and classes that are members of a module of this package or of `NUMERIC`, instances
       of such classes, and their methods.
 
@@ -74,6 +74,9 @@ def _nested(value: object) -> object:
         return kind.__name__, value
     if kind in (tuple, list):
         return kind.__name__, *map(_nested, value)  # pyright: ignore
+    if kind is frozenset:
+        # Its order depends on the process.
+        return kind.__name__, *sorted(repr(_nested(member)) for member in value)  # pyright: ignore
     if kind in (dict, OrderedDict, types.MappingProxyType):
         return kind.__name__, *((_nested(k), _nested(v)) for k, v in value.items())  # pyright: ignore
     if isinstance(value, Tracer):
