@@ -282,6 +282,20 @@ def contacts(lossless: bool) -> dict[str, Case]:
     }
     if lossless:
         return found
+    held = cj.SphericalJoint(*PARTS)
+    found |= {
+        "friction of a hinge": case(
+            cj.JointFriction(*pair, rub, 20.0, AXIS, radius=0.01, viscosity=0.3),
+            {"hinge": cj.RevoluteJoint(*PARTS, *PARALLEL_AXES)},
+        ),
+        "friction of a ball": case(
+            cj.JointFriction(*pair, cj.frictions.Dahl(0.1), 20.0, radius=0.01), {"ball": held}
+        ),
+        "friction of a slider": case(
+            cj.JointFriction(*pair, rub, 20.0, AXIS, point=ON_SECOND, viscosity=0.3),
+            {"rail": cj.PrismaticJoint(*PARTS, AXIS)},
+        ),
+    }
     stuck = {"law": law(False), "friction": cj.frictions.Dahl(0.1)}
     found["bearing with bristles"] = case(cj.ClearanceJoint(*pair, **bearing, **stuck), **near)
     for kind in cj.films.CaponeFilm, cj.films.PinkusSternlichtFilm, cj.films.ButenschoenFilm:
