@@ -64,6 +64,7 @@ def contact_laws(lossless: bool = False) -> list[cj.extend.AbstractContactLaw]:
             laws.Hertz(STIFFNESS),
             laws.MemorylessHuntCrossley(restitution, STIFFNESS, 0.2),
             laws.KelvinVoigt(restitution, 1e5, 0.7),
+            laws.SpringDashpot(1e5, 50.0 * damped),
             laws.Tsuji(restitution, STIFFNESS, 0.7),
             laws.Jankowski(restitution, STIFFNESS, 0.7),
             laws.KuwabaraKono(STIFFNESS, 1e4 * damped),

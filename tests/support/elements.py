@@ -292,7 +292,7 @@ def contacts(lossless: bool) -> dict[str, Case]:
             cj.JointFriction(*pair, cj.frictions.Dahl(0.1), 20.0, radius=0.01), {"ball": held}
         ),
         "friction of a slider": case(
-            cj.JointFriction(*pair, rub, 20.0, AXIS, point=ON_SECOND, viscosity=0.3),
+            cj.JointFriction(*pair, rub, 20.0, AXIS, point_second=ON_SECOND, viscosity=0.3),
             {"rail": cj.PrismaticJoint(*PARTS, AXIS)},
         ),
     }

@@ -45,7 +45,8 @@ def outputs_of(shell: InteractiveShell, source: str) -> list[Any]:
 
 def execute(path: Path) -> None:
     notebook = nbformat.read(path, as_version=4)
-    shell = Shell()
+    Shell.clear_instance()
+    shell = Shell.instance()
     shell.run_line_magic("matplotlib", "inline")
     cells = [cell for cell in notebook.cells if cell.cell_type == "code"]
     for count, cell in enumerate(cells, 1):

@@ -64,7 +64,7 @@ class JointFriction(AbstractPair, AbstractContactJoint):
       ``None`` for a ball, where friction resists every relative rotation.
     - `radius`: m, of the surfaces of a hinge or ball; ``None`` for a slider. For a law in N m and
       rad/s, take ``radius=1``: the moment is then the `load` in N m times the law's ratio.
-    - `point`: of the second body, on the slider's surface, (3,) m in its axes; the centre of mass
+    - `point_second`: of the second body, on the slider's surface, (3,) m in its axes; the centre of mass
       by default. It matters only if the first body rotates.
     - `viscosity`: coefficient of a viscous part, N s/m at the surfaces (N m s/rad with
       ``radius=1``); none by default.
@@ -79,7 +79,7 @@ class JointFriction(AbstractPair, AbstractContactJoint):
     # A hinge that holds 0.6 N m at rest, and resists with 0.5 N m when it turns.
     law = cj.frictions.LuGre(breakaway=1.2, kinetic=1.0, stribeck_speed=0.05, stiffness=1e4)
     scene = cj.Scene(
-        {"arm": cj.Body.rod(mass=1.0, length=0.5, radius=0.01)},
+        {"arm": cj.Body.rod(mass=1.0, length=0.5, diameter=0.02)},
         {
             "hinge": cj.RevoluteJoint("ground", "arm", (0, 0, 0), (-0.25, 0, 0), z, z),
             "friction": cj.JointFriction(
@@ -96,7 +96,7 @@ class JointFriction(AbstractPair, AbstractContactJoint):
     load: Single = quantity("N", positive=True, zero=True, remedy="give the load in N")
     axis: Triple | None = optional_quantity("1", shape=(3,), check=require_axis)
     radius: Single | None = optional_quantity("m", positive=True, remedy="give the radius in m")
-    point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0))
+    point_second: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0))
     viscosity: Single | None = optional_quantity("N s/m", positive=True, zero=True)
 
     def __check_init__(self):
@@ -114,11 +114,11 @@ class JointFriction(AbstractPair, AbstractContactJoint):
     def contacts(self, motions: Motions) -> dict[str, Contact]:
         """Return the surfaces, which are always in contact, and their slip."""
         first, second = motions[self.first], motions[self.second]
-        on_first = first.components(second.point(self.point) - first.position)
+        on_first = first.components(second.point(self.point_second) - first.position)
         slip = self._slip(first, second, on_first)
         gap = Gap(PRESSED, 0.0)
         # Without a normal, the load acts on neither body.
-        return {LABEL: Contact(gap, ZERO, on_first, self.point, slip, lever=self.radius)}
+        return {LABEL: Contact(gap, ZERO, on_first, self.point_second, slip, lever=self.radius)}
 
     def _slip(self, first: Motion, second: Motion, on_first: Vector) -> Vector:
         """Return the velocity of the second surface relative to the first, m/s in global axes; of a
@@ -128,7 +128,7 @@ class JointFriction(AbstractPair, AbstractContactJoint):
         axes.
         """
         if self.radius is None:
-            slip = second.velocity_at(self.point) - first.velocity_at(on_first)
+            slip = second.velocity_at(self.point_second) - first.velocity_at(on_first)
         else:
             spin = second.direction(second.spin) - first.direction(first.spin)
             slip = spin * self.radius
