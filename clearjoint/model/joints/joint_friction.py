@@ -64,8 +64,8 @@ class JointFriction(AbstractPair, AbstractContactJoint):
       ``None`` for a ball, where friction resists every relative rotation.
     - `radius`: m, of the surfaces of a hinge or ball; ``None`` for a slider. For a law in N m and
       rad/s, take ``radius=1``: the moment is then the `load` in N m times the law's ratio.
-    - `point_second`: of the second body, on the slider's surface, (3,) m in its axes; the centre of mass
-      by default. It matters only if the first body rotates.
+    - `point_second`: of the second body, on the slider's surface, (3,) m in its axes; its centre of
+      mass by default. It matters only if the first body rotates.
     - `viscosity`: coefficient of a viscous part, N s/m at the surfaces (N m s/rad with
       ``radius=1``); none by default.
 
