@@ -464,7 +464,12 @@ def urdf(n: Names) -> Any:
     with open("robot.urdf", "w") as file:
         file.write(f'<robot name="robot">{"".join(parts)}</robot>')
     scene, state = cj.load_urdf("robot.urdf")
-    return cj.parameters(scene), cj.parameters(state), cj.urdf_limits("robot.urdf")
+    return (
+        cj.parameters(scene),
+        cj.parameters(state),
+        cj.urdf_limits("robot.urdf"),
+        cj.urdf_links("robot.urdf"),
+    )
 
 
 def beyond_law_ranges(n: Names) -> Any:
@@ -536,7 +541,7 @@ CASES: dict[str, tuple[Case, float]] = {
     "identify_many": (identify_many, SEARCHED),
     "largest_feasible": (largest_feasible, ROUNDING),
     "load, save": (files, ROUNDING),
-    "load_urdf, urdf_limits": (urdf, ROUNDING),
+    "load_urdf, urdf_limits, urdf_links": (urdf, ROUNDING),
     "loops": (loops, SEARCHED),
     "minimise": (minimise, ROUNDING),
     "observe": (observe, ROUNDING),
