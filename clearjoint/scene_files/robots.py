@@ -387,9 +387,9 @@ def _bodies(robot: Robot, carriers: Iterable[Carrier]) -> dict[str, Body]:
         "impossible inertias, replaced by their mean moment, of links": balanced,
         "masses or moments of inertia below the least ones, increased, of bodies": bounded,
     }
-    told = [f"{title} {', '.join(names)}" for title, names in changes.items() if names]
-    if told:
-        caution(f"{robot.location}: {'; '.join(told)}.", NotCarriedOverWarning)
+    replaced = [f"{title} {', '.join(names)}" for title, names in changes.items() if names]
+    if replaced:
+        caution(f"{robot.location}: {'; '.join(replaced)}.", NotCarriedOverWarning)
     return bodies
 
 

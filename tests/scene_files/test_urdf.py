@@ -71,10 +71,10 @@ def robot(tmp_path):
     def robot(old="", new="", **options):
         assert old in ARM
         (tmp_path / "arm.urdf").write_text(ARM.replace(old, new) if old else ARM)
-        with warnings.catch_warnings(record=True) as told:
+        with warnings.catch_warnings(record=True) as messages:
             warnings.simplefilter("always")
             scene, state = cj.load_urdf(tmp_path / "arm.urdf", **options)
-        return scene, state, [str(entry.message) for entry in told]
+        return scene, state, [str(entry.message) for entry in messages]
 
     return robot
 
@@ -116,10 +116,10 @@ def test_a_moving_link_named_ground_is_renamed(robot, tmp_path):
 
 def test_the_root_can_be_free(robot, tmp_path):
     inertia = '<mass value="9"/><inertia ixx="1" iyy="1" izz="1"/>'
-    scene, state, told = robot('<mass value="9"/>', inertia, free_root=True)
+    scene, state, messages = robot('<mass value="9"/>', inertia, free_root=True)
     assert list(scene.bodies) == ["base", *MERGED]
     assert scene.joints["shoulder"].first == "base"
-    assert not any("inertia of" in text for text in told)
+    assert not any("inertia of" in text for text in messages)
     assert cj.urdf_links(tmp_path / "arm.urdf", free_root=True)["stand"].point == (0.0, 0.0, 1.0)
     single = f'<robot name="r"><link name="ball"><inertial>{inertia}</inertial></link></robot>'
     (tmp_path / "ball.urdf").write_text(single)
@@ -152,10 +152,10 @@ def test_other_types_of_joints(robot, kind, joint, freedoms):
 
 
 def test_namespaces_prefixes_and_unknown_shapes_do_not_matter(robot):
-    scene, _, told = robot('<robot name="arm">', '<robot name="arm" xmlns="http://a.b">')
+    scene, _, messages = robot('<robot name="arm">', '<robot name="arm" xmlns="http://a.b">')
     assert list(scene.bodies) == MERGED
-    _, _, told = robot("<gazebo/>", '<sensor:camera name="c"/>')
-    assert "<sensor:camera>" in told[-1]
+    _, _, messages = robot("<gazebo/>", '<sensor:camera name="c"/>')
+    assert "<sensor:camera>" in messages[-1]
     robot('<box size="1 0.1 0.1"/>', '<capsule radius="1" length="1"/>')
     robot('<?xml version="1.0"?>', "\n")
 
@@ -166,11 +166,11 @@ IMPOSSIBLE = '<inertia ixx="0.001" iyy="0.02" izz="0.9"/>'
 def test_impossible_inertias_are_balanced(robot):
     """As by MuJoCo's `balanceinertia`."""
     old = '<inertia ixx="0.001" iyy="0.02" izz="0.021"/>'
-    scene, _, told = robot(old, IMPOSSIBLE, balance_inertia=True)
+    scene, _, messages = robot(old, IMPOSSIBLE, balance_inertia=True)
     assert scene.bodies["lower"].inertia == pytest.approx(np.full(3, 0.921 / 3), rel=1e-15)
-    assert "impossible inertias, replaced by their mean moment, of links lower." in told[0]
-    _, _, told = robot(balance_inertia=True)
-    assert len(told) == 1
+    assert "impossible inertias, replaced by their mean moment, of links lower." in messages[0]
+    _, _, messages = robot(balance_inertia=True)
+    assert len(messages) == 1
 
 
 def test_masses_and_inertias_are_bounded(robot):
@@ -179,10 +179,10 @@ def test_masses_and_inertias_are_bounded(robot):
     light += '<child link="tip"/></joint></robot>'
     with pytest.raises(ValueError, match=r"`tip`: found 'no mass', .*bound_mass=1e-3"):
         robot("</robot>", light)
-    scene, _, told = robot("</robot>", light, bound_mass=1e-3, bound_inertia=1e-6)
+    scene, _, messages = robot("</robot>", light, bound_mass=1e-3, bound_inertia=1e-6)
     assert float(scene.bodies["tip"].mass) == 1e-3
     assert scene.bodies["tip"].inertia == pytest.approx(np.full(3, 1e-6), rel=1e-14)
-    assert "increased, of bodies tip." in told[0]
+    assert "increased, of bodies tip." in messages[0]
     with pytest.raises(ValueError, match="Argument `bound_mass` must be"):
         robot(bound_mass=-1.0)
 
@@ -208,8 +208,8 @@ def test_play_replaces_a_hinge(robot):
 
 
 def test_one_warning_lists_omitted_contents(robot):
-    _, _, told = robot()
-    (text,) = told
+    _, _, messages = robot()
+    (text,) = messages
     for left in (
         "limits of elbow;",
         "damping and friction of elbow;",
