@@ -119,8 +119,8 @@ def assemble(
 
     Choose `moving` by what the guess says about velocities. Constraints do not determine those of
     bodies behind a clearance: if a driver turns the crank of a four-bar with a played crank pin
-    and the guess is at rest, then coupler and rocker stay at rest, and the first impact of the run
-    is as hard as a hammer's. With `moving=True`, they move as if all joints were ideal.
+    and the guess is at rest, then coupler and rocker stay at rest, and the crank strikes them with
+    its whole speed. With `moving=True`, they move as if all joints were ideal.
 
     **Arguments:**
 
@@ -194,7 +194,9 @@ def assemble(
         moved = _with_velocities(scene, _with_motion(state, mechanism), t)
     except ValueError as error:
         if moving:
-            raise ValueError(f"{error} With all joints ideal; or pass moving=False.") from error
+            raise ValueError(
+                f"With ideal joints, as `moving` demands: {error} Or pass moving=False."
+            ) from error
         if driven:
             caution(f"{LOCKED} ({error})", UnusualValueWarning)
         return state
@@ -228,8 +230,8 @@ def _caution_striking(scene: Scene, state: State, moved: State) -> None:
     **Arguments:** `moved`: the state with the nearest velocities, in the metric of the mass matrix,
     at which all journals rest in their bearings. Stopping the journals thus loses energy.
     """
-    energy, left = (float(kinetic_energy(scene, one.bodies)) for one in (state, moved))
-    lost = 1.0 - left / energy if energy > 0.0 else 0.0
+    before, after = (float(_kinetic_energy(scene, each.bodies)) for each in (state, moved))
+    lost = 1.0 - after / before if before > 0.0 else 0.0
     caution_unless(
         lost <= STRIKING,
         "state",
@@ -237,13 +239,13 @@ def _caution_striking(scene: Scene, state: State, moved: State) -> None:
         "% of the kinetic energy in motion of journals relative to their bearings",
         f"at most {100.0 * STRIKING:g} %",
         "pass moving=True for the velocities of the mechanism with ideal joints, or moving=False "
-        "if the journals shall strike",
+        "if the journals are to strike",
     )
 
 
 # NumPy computes this function if it can, since a compilation takes longer than a single call.
 @HostFirst
-def kinetic_energy(scene: Scene, bodies: dict[str, BodyState]) -> Scalar:
+def _kinetic_energy(scene: Scene, bodies: dict[str, BodyState]) -> Scalar:
     """Return the kinetic energy of all bodies, J. In scene and states, vectors are arrays (3,)."""
     system = System(unpack(scene), Formulation(AbsoluteCoordinates()))
     return system.energies(system.encode(unpack(bodies)), 0.0)["kinetic"]

@@ -124,8 +124,8 @@ def joint_forces(
     logarithmic: bool | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw one curve over time for each joint with contacts: the largest of the normal forces of
-    its contacts at each instant. Joints with equal curves share one.
+    """Draw one curve over time for each joint with contacts: the resultant of the normal forces of
+    its contacts, as `quantities.ContactForce`. Joints with equal curves share one.
 
     **Arguments:** `observation`, `logarithmic`, `window`, `axes`: see `contact_forces`.
 
@@ -138,7 +138,12 @@ def joint_forces(
     """
     observed.require_contacts(observation)
     forces = {
-        name: np.max([np.asarray(one.normal_force) for one in family.values()], axis=0)
+        name: np.linalg.norm(
+            sum(
+                np.asarray(c.normal) * np.asarray(c.normal_force)[:, None] for c in family.values()
+            ),
+            axis=1,
+        )
         for name, family in observation.contacts.items()
     }
     return _over_time(observation.times, forces, window, logarithmic, axes)

@@ -99,6 +99,10 @@ def test_forces_are_drawn_over_time():
     np.testing.assert_allclose(above.get_lines()[0].get_ydata(), 10.0 * np.maximum(ROUGH, 0))
     (line,) = plot.joint_forces(rough()).get_lines()
     np.testing.assert_allclose(line.get_ydata(), 10.0 * np.maximum(ROUGH, 0))
+    contacts = rough().contacts["pin"]
+    on_both = eqx.tree_at(lambda seen: seen.contacts["pin"]["W"], rough(), contacts["V"])
+    (line,) = plot.joint_forces(on_both).get_lines()
+    np.testing.assert_allclose(line.get_ydata(), 20.0 * np.maximum(ROUGH, 0))
     styles = [(line.get_color(), line.get_linestyle()) for line in above.get_lines()]
     assert len(set(styles)) == 2 and len({style for _, style in styles}) == 2
 
