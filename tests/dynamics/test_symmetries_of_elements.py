@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -200,19 +200,23 @@ def test_coordinates_agree():
     assert not differing(differences)
 
 
-@settings(few, max_examples=3)
+@settings(few, max_examples=2)
+@example(*np.array([[0.0, 0.0, 0.8], [0.3, 0.0, 0.2], [0.0] * 3, [0.0] * 3, [0.1, 0.0, 0.2]]))
 @given(turn=directions, own=directions, moved=vectors, drift=vectors, normal=st.none() | directions)
 def test_turned_moved_and_mirrored(turn, own, moved, drift, normal):
     """Also with a velocity added to that of all bodies, and the bodies' own axes turned."""
 
     def difference(sample: Sample) -> float:
         maps = maps_of(sample.scene, turn, own, normal)
+        flipped, there = np.linalg.det(maps["ground"]), maps["ground"].T
+        element = element_of(sample.scene)
+        # Surfaces of a hinge or ball slip by a rotation, whose direction is an axial vector.
+        rotates = isinstance(element, cj.JointFriction) and element.radius is not None
         found = seen(
             symmetries.turned(sample.scene, maps, moved),
             symmetries.turned_state(sample.state, maps, moved, drift),
-            USUAL._replace(bristles=maps["ground"] @ USUAL.bristles),
+            USUAL._replace(bristles=(flipped if rotates else 1.0) * USUAL.bristles @ there),
         )
-        flipped, there = np.linalg.det(maps["ground"]), maps["ground"].T
         expected = Seen(
             {name: vector @ there for name, vector in sample.seen.linear.items()},
             {name: flipped * v @ maps[name].T for name, v in sample.seen.angular.items()},
