@@ -1,6 +1,8 @@
 """The entry speed of a contact at its onset: in saved states, restarts, sections and derivatives,
 and of a contact that rests at the start."""
 
+import re
+import warnings
 from dataclasses import replace
 
 import jax
@@ -234,12 +236,12 @@ def test_derivatives_of_a_run_that_starts_at_the_wall_are_those_of_its_onset():
     np.testing.assert_allclose(along[:, 0], by_clearance, rtol=5e-5)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("height", [1.0, 50.0, 500.0])
-@pytest.mark.parametrize("stiffness", [1e10, 1e11, 1e12, 1e13])
-def test_derivatives_after_a_long_fall_are_those_of_a_rigid_impact(height, stiffness):
-    """They differ by the duration of the contact, which is below a hundredth of the fall's. From
-    500 m the message's advice is followed, a larger `derivative_tolerance`."""
+def falling(height, stiffness):
+    """Arguments of `sensitivities` for a ball that falls and rebounds, and its derivative by the
+    height in the limit of a rigid impact.
+
+    y = -h + 0.8 v (t - t1) - g (t - t1)^2/2, where v = g t1 and t1 = sqrt(2 h/g).
+    """
     law, end_speed = cj.laws.ExactRestitution(0.8, stiffness), np.sqrt(2.0 * GRAVITY * height)
     slot = cj.PinInSlot("ground", "ball", play=2.0 * height, pin_radius=0.01, law=law)
     scene = cj.Scene({"ball": cj.Body(1.0, (1e-3,) * 3)}, {"slot": slot}, gravity=(0, -GRAVITY, 0))
@@ -247,14 +249,40 @@ def test_derivatives_after_a_long_fall_are_those_of_a_rigid_impact(height, stiff
     fall = end_speed / GRAVITY
     parameters = {"h": cj.Parameter.initial(lambda s: s.bodies["ball"].position[1])}
     outputs, end = {"y": cj.quantities.Position("ball", "y")}, 1.25 * fall
+    after = end - fall
+    rigid = (0.8 * GRAVITY * (after - fall) + GRAVITY * after) / end_speed
+    return (scene, state, end, parameters, outputs, [end]), rigid
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("height", [1.0, 50.0, 500.0])
+@pytest.mark.parametrize("stiffness", [1e10, 1e11, 1e12, 1e13])
+def test_derivatives_after_a_long_fall_are_those_of_a_rigid_impact(height, stiffness):
+    """They differ by the duration of the contact, which is below a hundredth of the fall's. From
+    500 m the message's advice is followed, a larger `derivative_tolerance`."""
+    arguments, rigid = falling(height, stiffness)
     settings = cj.presets.derivatives
     if height > 100.0:
         settings = replace(settings, derivative_tolerance=1e3)
-    given = scene, state, end, parameters, outputs, [end], settings
-    along = cj.sensitivities(*given, progress=False).derivatives["y"][0, 0]
-    # y = -h + 0.8 v (t - t1) - g (t - t1)^2/2, where v = g t1 and t1 = sqrt(2 h/g).
-    per_height = 1.0 / end_speed
-    after = end - fall
-    rigid = per_height * (0.8 * GRAVITY * (after - fall) + GRAVITY * after)
+    along = cj.sensitivities(*arguments, settings, progress=False).derivatives["y"][0, 0]
+    end_speed = np.sqrt(2.0 * GRAVITY * height)
     contact = 3.0 * (1.0 / stiffness) ** 0.4 * end_speed**-0.2
-    assert along == pytest.approx(rigid, rel=20.0 * contact / fall + 1e-3)
+    assert along == pytest.approx(rigid, rel=20.0 * contact * GRAVITY / end_speed + 1e-3)
+
+
+def test_loose_tolerances_after_a_stiff_impact_warn_with_one_that_helps():
+    """At the default of runs without derivatives, this derivative is wrong by a quarter."""
+    arguments, rigid = falling(50.0, 1e13)
+    loose = cj.Settings(rtol=1e-6)
+    with pytest.warns(cj.UnusualValueWarning, match="derivatives by 'h' may be wrong") as caught:
+        along = cj.sensitivities(*arguments, loose, progress=False).derivatives["y"][0, 0]
+    assert abs(along / rigid - 1.0) > 0.1
+    (advice,) = [
+        float(found[1])
+        for warning in caught
+        if (found := re.search(r"tighten `rtol` to ([\d.e-]+\d)", str(warning.message)))
+    ]
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", message="The derivatives")
+        tight = cj.sensitivities(*arguments, replace(loose, rtol=advice), progress=False)
+    assert tight.derivatives["y"][0, 0] == pytest.approx(rigid, rel=2e-3)

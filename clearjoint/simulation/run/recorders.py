@@ -6,7 +6,7 @@ the step. A reduction is a result that is updated at every step, such as the pea
 """
 
 from dataclasses import replace
-from typing import Generic, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -20,6 +20,7 @@ from ...model.bodies import State
 from ...quantities.base import Instant
 from ..reductions.base import AbstractReduction
 from ..step.dense_output import DenseStep
+from ..step.step_length import largest
 from ..step.step_state import Attempt, Step, choose
 from ..step.types import Numbers
 from .run_loop import AbstractRecorder, RunStart, StepOutcome, state_of
@@ -105,6 +106,37 @@ class LatestAttempt(AbstractRecorder[Attempt]):
     def after(self, record: Attempt, step_outcome: StepOutcome) -> Attempt:
         """Return the attempt if its step was accepted, otherwise the recorded one."""
         return choose(step_outcome.kept, step_outcome.tried, record)
+
+
+class TangentPeak(NamedTuple):
+    """Largest derivative of a speed of the motion by each of p parameters, (p,), over all accepted
+    steps, and when it was reached, (p,) s since the start of the run."""
+
+    size: jax.Array
+    time: jax.Array
+
+
+class TangentPeakRecorder(AbstractRecorder[TangentPeak]):
+    """Recorder of the largest derivatives of speeds, whose errors limit the accuracy later on."""
+
+    def start(self, start: RunStart) -> TangentPeak:
+        """Return the derivatives of the initial state."""
+        return self._now(start.loop.system, start.step)
+
+    def after(self, record: TangentPeak, step_outcome: StepOutcome) -> TangentPeak:
+        """Return the larger of the recorded derivatives and those after the step."""
+        now = self._now(step_outcome.system, step_outcome.after)
+        # A step that was not accepted leaves the state, and thus the record, as it was.
+        return TangentPeak(
+            *(jnp.where(now.size > record.size, *p) for p in zip(now, record, strict=True))
+        )
+
+    def _now(self, system: System, step: Step) -> TangentPeak:
+        assert step.tangents is not None
+        motion = step.tangents.y.motion
+        speeds = system.with_speeds(jax.tree.map(jnp.zeros_like, motion), motion)
+        size = largest(speeds)
+        return TangentPeak(size, jnp.broadcast_to(step.t, size.shape))
 
 
 class LatestDenseStep(AbstractRecorder[DenseStep]):

@@ -32,13 +32,14 @@ from ...quantities.base import Instant, Quantity
 from ...result_codes import RESULTS
 from ..step.dense_output import dense_time, look_inside, stabilised
 from ..step.method import Scheme, SystemFamily
+from ..step.step_length import largest
 from ..step.step_state import Attempt, Method, SolverState, Step, Tangents, Variables, choose
 from ..step.stepping import attempt, start
 from ..step.trial_step import term_of
 from ..step.types import Gradients, Numbers
 from .host_run import IMPACTS, LATEST, SECTIONS
 from .impact_recorder import ImpactRecord, ImpactRecorder, most
-from .recorders import LatestAttempt
+from .recorders import LatestAttempt, TangentPeak, TangentPeakRecorder
 from .run_loop import Progress, Recorders, RunLoop, final_result, state_of
 from .sections import SectionRecord, SectionRecorder
 
@@ -55,15 +56,19 @@ class Kept(eqx.Module):
     - `impacts`: number of impacts of each contact for which the buffers have room, or ``None`` to
       record no impacts. Further impacts of a contact are counted, but not kept.
     - `sections`: recorders of the crossings of Poincaré sections, by name of the section.
+    - `amplification`: whether to keep `Sampled.amplification`.
     """
 
     states: bool = eqx.field(default=False, static=True)
     impacts: int | None = eqx.field(default=None, static=True)
     sections: dict[str, SectionRecorder] = eqx.field(default_factory=dict)
+    amplification: bool = eqx.field(default=False, static=True)
 
 
 NOTHING_ELSE = Kept()
 """For runs that return the values of quantities only."""
+PEAK = "peak"
+"""Name of the recorder of the largest derivatives."""
 IMPACTS_AT_FIRST = 512
 """Number of impacts of each contact for which the buffers of the first run have room. If a contact
 has more impacts, the run is repeated with `GROWTH` times as much room."""
@@ -85,6 +90,9 @@ class Sampled(eqx.Module):
     - `impacts`: the record of impacts, with times since the start of the run; ``None`` unless kept.
     - `sections`: the records of crossings, by name of the section, with times on the clock of the
       scene, to which drivers and loads refer.
+    - `amplification`: (p,), an upper bound of the ratio of the relative error of the positions'
+      derivatives at the end to that of the speeds' derivatives at their peak: this peak times the
+      time since then, over the largest derivative of a position at the end. ``None`` unless kept.
     """
 
     values: dict[str, Numbers]
@@ -97,6 +105,7 @@ class Sampled(eqx.Module):
     states: State | None = None
     impacts: ImpactRecord | None = None
     sections: dict[str, SectionRecord] = eqx.field(default_factory=dict)
+    amplification: jax.Array | None = None
 
 
 def start_with_tangents(
@@ -224,6 +233,8 @@ def run_with_tangents(
     recorders: dict[str, Recorders] = {LATEST: LatestAttempt(), SECTIONS: kept.sections}
     if kept.impacts is not None:
         recorders[IMPACTS] = ImpactRecorder(capacity=kept.impacts)
+    if kept.amplification:
+        recorders[PEAK] = TangentPeakRecorder()
     # JAX would otherwise trace an attempt again wherever `loop` calls it.
     tried = traced_once(attempt)
     loop = RunLoop(method, system, own_end, recorders, family=systems, attempt=tried)
@@ -291,7 +302,17 @@ def run_with_tangents(
         states=states,
         impacts=records.get(IMPACTS),
         sections=records[SECTIONS],
+        amplification=_amplification(system, step, records[PEAK]) if kept.amplification else None,
     )
+
+
+def _amplification(system: System, step: Step, peak: TangentPeak) -> jax.Array:
+    """Return `Sampled.amplification` for the last step of a run."""
+    assert step.tangents is not None
+    motion = step.tangents.y.motion
+    size = largest(system.with_speeds(motion, jax.tree.map(jnp.zeros_like, motion)))
+    # A parameter without effect has no errors either.
+    return peak.size * (step.t - peak.time) / jnp.where(size > 0.0, size, jnp.inf)
 
 
 def _scanned(
@@ -329,7 +350,7 @@ def recorded_run(
     """
     room = IMPACTS_AT_FIRST if impacts else None
     while True:
-        kept = Kept(states, room, sections)
+        kept = Kept(states, room, sections, amplification=True)
         sampled: Sampled = jax.device_get(sampled_compiled(*arguments, kept))
         if sampled.impacts is None or room is None or most(sampled.impacts) <= room:
             return sampled
