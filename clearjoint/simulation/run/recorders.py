@@ -109,11 +109,15 @@ class LatestAttempt(AbstractRecorder[Attempt]):
 
 
 class TangentPeak(NamedTuple):
-    """Largest derivative of a speed of the motion by each of p parameters, (p,), over all accepted
-    steps, and when it was reached, (p,) s since the start of the run."""
+    """Largest derivative of a speed of the motion by each of p parameters over all accepted steps.
+
+    - `size`, `time`: (p,) the derivative, and when it was reached, s since the start of the run.
+    - `positions`: (p,) largest derivative of a position since then.
+    """
 
     size: jax.Array
     time: jax.Array
+    positions: jax.Array
 
 
 class TangentPeakRecorder(AbstractRecorder[TangentPeak]):
@@ -127,16 +131,17 @@ class TangentPeakRecorder(AbstractRecorder[TangentPeak]):
         """Return the larger of the recorded derivatives and those after the step."""
         now = self._now(step_outcome.system, step_outcome.after)
         # A step that was not accepted leaves the state, and thus the record, as it was.
-        return TangentPeak(
-            *(jnp.where(now.size > record.size, *p) for p in zip(now, record, strict=True))
-        )
+        before = record._replace(positions=jnp.maximum(record.positions, now.positions))
+        rises = now.size > record.size
+        return TangentPeak(*(jnp.where(rises, *pair) for pair in zip(now, before, strict=True)))
 
     def _now(self, system: System, step: Step) -> TangentPeak:
         assert step.tangents is not None
         motion = step.tangents.y.motion
-        speeds = system.with_speeds(jax.tree.map(jnp.zeros_like, motion), motion)
-        size = largest(speeds)
-        return TangentPeak(size, jnp.broadcast_to(step.t, size.shape))
+        zeros = jax.tree.map(jnp.zeros_like, motion)
+        size = largest(system.with_speeds(zeros, motion))
+        positions = largest(system.with_speeds(motion, zeros))
+        return TangentPeak(size, jnp.broadcast_to(step.t, size.shape), positions)
 
 
 class LatestDenseStep(AbstractRecorder[DenseStep]):
