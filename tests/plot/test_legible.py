@@ -232,7 +232,7 @@ def boxes_of_texts(page):
     return {text: text.get_window_extent() for text in texts if text.figure is not None}
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_no_text_of_a_report_is_cut_off_or_on_another(seed):
     """Many joints with long names and laws, in a random order."""
     random = np.random.default_rng(seed)
