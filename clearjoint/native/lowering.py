@@ -15,7 +15,7 @@ one of four forms (`Array`):
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,7 +23,7 @@ from jax.core import ShapedArray
 from jax.extend import core, source_info_util
 from numpy.typing import ArrayLike
 
-from ..compilation.xla import CALLS
+from ..compilation.xla import CALLS, SHARED
 from .cells import Region
 from .elementwise import IDENTITIES, PARAMETERS, RULES, apply
 from .operations import KINDS, Operations, Symbol, Value
@@ -43,6 +43,8 @@ compute a longer one in vain costs more than a jump."""
 SMALLEST_FUNCTION = 1000
 """Number of equations from which on a jaxpr that is called repeatedly becomes a function. For a
 shorter one, the exchange of values in memory costs more than the code that a function saves."""
+SMALLEST_SHARED = 60
+"""Number of equations from which on a jaxpr that many places share becomes a function."""
 FEWEST_CALLS = 3
 """Number of calls from which on a jaxpr becomes a function. For fewer calls, a function would save
 little code."""
@@ -283,6 +285,9 @@ class Lowering:
         self.ops, self._rules = ops, rules
         self.constants: dict[int, np.ndarray] = {}
         self._repeated: dict[int, RepeatedCall] = {}
+        # Functions for shared jaxprs, by the jaxpr and the forms of its arguments.
+        self._shared: dict[tuple[int, tuple[Hashable, ...]], Function] = {}
+        self._jaxprs: list[core.Jaxpr] = []
 
     # Forms of arrays.
 
@@ -589,6 +594,8 @@ class Lowering:
             return [self._elementwise(equation, arguments)]
         if name in CALLS:
             closed = equation.params[CALLS[name]]
+            if equation.params.get("name") == SHARED:
+                return self._call_shared(closed, arguments)
             repeated = self._repeated.get(id(equation))
             if repeated is not None:
                 return self._call(repeated, closed, arguments)
@@ -642,6 +649,59 @@ class Lowering:
         loaded = {v: ops.load(ops.kinds[v], cell) for v, cell in function.cells.items()}
         new = [loaded.get(value, value) for value in self.flatten(function.results)]
         return self.unflatten(new, function.results)
+
+    def _call_shared(self, closed: core.ClosedJaxpr, arguments: list[Array]) -> list[Array]:
+        """Add a call of the function for a jaxpr that many places call, and at the first call the
+        function itself.
+
+        All arguments are passed, so that every block can call the function. If one of them is in
+        memory, the equations of the jaxpr are added instead.
+        """
+        ops = self.ops
+        is_small = count_equations(closed.jaxpr) < SMALLEST_SHARED
+        if is_small or any(isinstance(array, InMemory) for array in arguments):
+            return self.inline(closed, arguments)
+        values = self.flatten(arguments)
+        kinds = [ops.kinds[value] for value in values]
+        shapes = (np.shape(array) if isinstance(array, np.ndarray) else () for array in arguments)
+        key = id(closed.jaxpr), (*shapes, *kinds)
+        function = self._shared.get(key)
+        if function is None:
+            function = self._shared[key] = self._shared_function(closed, arguments, kinds)
+            # The jaxpr is kept, so that no other one gets its identity.
+            self._jaxprs.append(closed.jaxpr)
+
+        def call() -> list[Value]:
+            for value, cell in zip(values, function.parameters, strict=True):
+                ops.pass_on(value, cell)
+            ops.call(function.number)
+            return [ops.load(ops.kinds[v], cell) for v, cell in function.cells.items()]
+
+        loaded = ops.once(("call", function.number, *values), call)
+        found = dict(zip(function.cells, loaded, strict=True))
+        new = [found.get(value, value) for value in self.flatten(function.results)]
+        return self.unflatten(new, function.results)
+
+    def _shared_function(
+        self, closed: core.ClosedJaxpr, arguments: list[Array], kinds: list[str]
+    ) -> Function:
+        """Add the function for a jaxpr that many places call.
+
+        **Arguments:** `arguments`: those of the first call; `kinds`: kinds of the values in them.
+        """
+        ops = self.ops
+        parameters = [ops.allocate_for(kind) for kind in kinds]
+        results: list[Array] = []
+        cells: dict[Value, int] = {}
+
+        def build() -> None:
+            loaded = [ops.load(*row) for row in zip(kinds, parameters, strict=True)]
+            results[:] = self.inline(closed, self.unflatten(loaded, arguments))
+            for value in self.flatten(results):
+                if value not in cells and ops.number(value) is None:
+                    cells[value] = ops.pass_on(value)
+
+        return Function(ops.separate_function(build), parameters, results, cells)
 
     def operation(
         self, name: str, aval: ShapedArray, parameter: object = None

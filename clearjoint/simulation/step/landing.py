@@ -13,6 +13,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from ...compilation import shared_by_many
 from ...dynamics.contact_events import ContactGap, ContactGaps, any_of, gap_pairs
 from ...math.interpolation import Slope, hermite_rate, hermite_root, hermite_value
 from ...math.vectors import Condition, Scalar
@@ -107,9 +108,10 @@ class Landing(eqx.Module):
         )
 
         def first_crossing() -> Scalar:
-            fraction = jnp.ones_like(h)
-            for start, end in gap_pairs(before, after):
-                fraction = jnp.minimum(fraction, self._crossing(start, end, h))
+            fraction, pairs = jnp.ones_like(h), list(gap_pairs(before, after))
+            for pair in pairs:
+                crossing = shared_by_many(len(pairs), Landing._crossing, self, *pair, h)
+                fraction = jnp.minimum(fraction, crossing)
             return fraction
 
         # Few steps pass an event. A single run therefore computes the roots in a branch; lanes of a
