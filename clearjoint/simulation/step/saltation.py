@@ -24,7 +24,7 @@ from dataclasses import replace
 import jax
 import jax.numpy as jnp
 
-from ...dynamics.contact_events import ContactGap, ContactGaps, any_of
+from ...dynamics.contact_events import ContactGap, ContactGaps, any_of, contact_gaps
 from ...dynamics.contact_forces import EntrySpeeds, LoadedContact, contact_force, depth_at_wall
 from ...dynamics.kinds import Kinds
 from ...dynamics.system import System
@@ -69,8 +69,9 @@ def across_contacts(
 
     def corrected(y: Variables) -> Variables:
         """Return y + (f+ - f-) tau, summed over the contacts."""
-        times = _contact_times(system.scene, before, system.contact_gaps(y.motion))
-        motions, joints = system.motions(y.motion), system.scene.contact_joints()
+        mechanics, joints = system.mechanics(y.motion), system.scene.contact_joints()
+        motions = mechanics.motions
+        times = _contact_times(system.scene, before, contact_gaps(system.scene, motions))
         kinds = Kinds(system.scene)
 
         def mean_forces(name: str) -> dict[str, LoadedContact]:
@@ -88,7 +89,7 @@ def across_contacts(
             impulses = each_label(
                 lambda name, label: _multiplied(forces[name][label], times[name][label]), times
             )
-            dynamics = system.dynamics_under(y.motion, impulses, t)
+            dynamics = system.dynamics_under(mechanics, impulses, t)
             powers = system.powers(dynamics, t)
             return jax.tree.map(jnp.asarray, Variables(dynamics.variable_rates, powers))
 
