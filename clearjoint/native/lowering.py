@@ -17,6 +17,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from jax.core import ShapedArray
@@ -25,6 +26,7 @@ from numpy.typing import ArrayLike
 
 from ..compilation.xla import CALLS, SHARED
 from .cells import Region
+from .elementary import ELEMENTARY
 from .elementwise import IDENTITIES, PARAMETERS, RULES, apply
 from .operations import KINDS, Operations, Symbol, Value
 
@@ -48,6 +50,9 @@ SMALLEST_SHARED = 60
 FEWEST_CALLS = 3
 """Number of calls from which on a jaxpr becomes a function. For fewer calls, a function would save
 little code."""
+MOST_ELEMENTARY = 32
+"""Number of elementary functions, such as sines, of a program whose operations are added at their
+places. A sine has some 50 operations; in a program with more of them, further ones are calls."""
 Atom = core.Var | core.Literal
 """A variable or a number in a jaxpr."""
 Equation = core.JaxprEqn
@@ -285,9 +290,11 @@ class Lowering:
         self.ops, self._rules = ops, rules
         self.constants: dict[int, np.ndarray] = {}
         self._repeated: dict[int, RepeatedCall] = {}
-        # Functions for shared jaxprs, by the jaxpr and the forms of its arguments.
-        self._shared: dict[tuple[int, tuple[Hashable, ...]], Function] = {}
+        # Functions that every block can call: those of shared jaxprs by the jaxpr and the forms of
+        # its arguments, and elementary functions by their names and the kind of their arguments.
+        self._shared: dict[Hashable, Function] = {}
         self._jaxprs: list[core.Jaxpr] = []
+        self._count_of_elementary = 0
 
     # Forms of arrays.
 
@@ -667,9 +674,42 @@ class Lowering:
         key = id(closed.jaxpr), (*shapes, *kinds)
         function = self._shared.get(key)
         if function is None:
-            function = self._shared[key] = self._shared_function(closed, arguments, kinds)
+            function = self._shared_function(partial(self.inline, closed), arguments, kinds)
+            self._shared[key] = function
             # The jaxpr is kept, so that no other one gets its identity.
             self._jaxprs.append(closed.jaxpr)
+        return self.unflatten(self._called(function, values), function.results)
+
+    def _shared_function(
+        self, add: Callable[[list[Array]], list[Array]], like: list[Array], kinds: list[str]
+    ) -> Function:
+        """Add a function that every block can call.
+
+        **Arguments:** `add`: adds the function's operations, and returns its results for its
+        arguments; `like`: arrays of the forms of the arguments; `kinds`: kinds of the values in
+        them.
+        """
+        ops = self.ops
+        parameters = [ops.allocate_for(kind) for kind in kinds]
+        results: list[Array] = []
+        cells: dict[Value, int] = {}
+
+        def build() -> None:
+            loaded = [ops.load(*row) for row in zip(kinds, parameters, strict=True)]
+            results[:] = add(self.unflatten(loaded, like))
+            for value in self.flatten(results):
+                if value not in cells and ops.number(value) is None:
+                    cells[value] = ops.pass_on(value)
+
+        return Function(ops.separate_function(build), parameters, results, cells)
+
+    def _called(self, function: Function, values: list[Value]) -> list[Value]:
+        """Add a call of a function that every block can call, and return the values of its
+        results.
+
+        **Arguments:** `values`: values of the function's arguments.
+        """
+        ops = self.ops
 
         def call() -> list[Value]:
             for value, cell in zip(values, function.parameters, strict=True):
@@ -679,29 +719,31 @@ class Lowering:
 
         loaded = ops.once(("call", function.number, *values), call)
         found = dict(zip(function.cells, loaded, strict=True))
-        new = [found.get(value, value) for value in self.flatten(function.results)]
-        return self.unflatten(new, function.results)
+        return [found.get(value, value) for value in self.flatten(function.results)]
 
-    def _shared_function(
-        self, closed: core.ClosedJaxpr, arguments: list[Array], kinds: list[str]
-    ) -> Function:
-        """Add the function for a jaxpr that many places call.
+    def _elementary(self, name: str, argument: Value) -> Value:
+        """Add an elementary function of a float, and return its result.
 
-        **Arguments:** `arguments`: those of the first call; `kinds`: kinds of the values in them.
+        After `MOST_ELEMENTARY` of them, calls of functions are added. Sine and cosine have most of
+        their operations in common, so one function returns both.
         """
         ops = self.ops
-        parameters = [ops.allocate_for(kind) for kind in kinds]
-        results: list[Array] = []
-        cells: dict[Value, int] = {}
+        if ops.number(argument) is not None:
+            return apply(ops, name, argument)
+        self._count_of_elementary += 1
+        if self._count_of_elementary <= MOST_ELEMENTARY:
+            return apply(ops, name, argument)
+        names = ("sin", "cos") if name in ("sin", "cos") else (name,)
+        kind = ops.kinds[argument]
+        function = self._shared.get((names, kind))
+        if function is None:
 
-        def build() -> None:
-            loaded = [ops.load(*row) for row in zip(kinds, parameters, strict=True)]
-            results[:] = self.inline(closed, self.unflatten(loaded, arguments))
-            for value in self.flatten(results):
-                if value not in cells and ops.number(value) is None:
-                    cells[value] = ops.pass_on(value)
+            def add(arguments: list[Array]) -> list[Array]:
+                return [apply(ops, each, scalar(arguments[0])) for each in names]
 
-        return Function(ops.separate_function(build), parameters, results, cells)
+            function = self._shared_function(add, [argument], [kind])
+            self._shared[names, kind] = function
+        return self._called(function, [argument])[names.index(name)]
 
     def operation(
         self, name: str, aval: ShapedArray, parameter: object = None
@@ -712,6 +754,9 @@ class Lowering:
         **Arguments:** `aval`: has the dtype of the result; `parameter`: for a primitive whose rule
         takes a parameter as last argument, this parameter, such as the exponent of "integer_pow".
         """
+
+        if name in ELEMENTARY:
+            return partial(self._elementary, name)
 
         def rule(*values: Value) -> Value:
             value = apply(self.ops, name, *values, parameter=parameter)
