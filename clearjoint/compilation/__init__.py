@@ -1,7 +1,8 @@
 """Functions compiled by XLA, and the keys and files of compiled programs on disk.
 
 - `Compiled` wraps functions that XLA compiles, and `HostFirst` functions that NumPy computes if it
-  can; `traced_once` wraps functions that are called several times while JAX traces another one.
+  can; `traced_once` wraps functions that are called several times while JAX traces another one, and
+  `traced_for_a_kind` calls a function of elements, which is traced once for elements of a kind.
 - Native programs are compiled by `clearjoint.native` instead of XLA, and their machine code is
   saved. `keep_programs` sets whether the layout of arguments and results is saved with it, so that
   another process can load the program without tracing its function again; `keeps_programs` returns
@@ -21,8 +22,12 @@ from .package_code import remember_contents as remember_contents
 from .program_store import keep_programs as keep_programs
 from .program_store import keeps_programs as keeps_programs
 from .program_store import prepare_folder as prepare_folder
+from .xla import FEWEST as FEWEST
 from .xla import Compiled as Compiled
 from .xla import HostFirst as HostFirst
+from .xla import NotSharedError as NotSharedError
 from .xla import program_of as program_of
 from .xla import seconds_of_compiling as seconds_of_compiling
+from .xla import shared_by_many as shared_by_many
+from .xla import traced_for_a_kind as traced_for_a_kind
 from .xla import traced_once as traced_once

@@ -12,9 +12,10 @@ device.
 import gc
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from functools import cache, partial, update_wrapper, wraps
 from typing import Generic, ParamSpec, TypeVar
 
@@ -74,6 +75,132 @@ def traced_once(function: Callable[..., Result]) -> Callable[..., Result]:
     return call
 
 
+SHARED = "shared_function"
+"""Name of the jaxprs that `traced_for_a_kind` makes. Native code has one function for each."""
+_shared: ContextVar[dict[Hashable, "_Shared"] | None] = ContextVar("shared", default=None)
+"""The functions that `traced_for_a_kind` has traced for the program that is being made, by function
+and static parts of the arguments; ``None`` if no program is being made."""
+
+
+@contextmanager
+def _one_program() -> Iterator[None]:
+    """Context in which JAX traces one program, with all of its parts."""
+    outer = _shared.get()
+    token = _shared.set({} if outer is None else outer)
+    try:
+        yield
+    finally:
+        _shared.reset(token)
+
+
+class NotSharedError(Exception):
+    """Raised if the calls of a function cannot share its jaxpr."""
+
+
+class _Shared:
+    """A function of PyTrees that JAX traces once, for one structure of its arguments.
+
+    **Arguments:** `function`, `arguments`: the function and the arguments of its first call.
+
+    **Raises:** `NotSharedError` if the function uses values that JAX traces and that are not among
+    its arguments; what the function raises.
+    """
+
+    def __init__(self, function: Callable[..., PyTree], arguments: tuple[PyTree, ...]):
+        leaves, structure = jax.tree.flatten(arguments)
+        statics = [None if _is_array(leaf) else leaf for leaf in leaves]
+        varied = [_is_array(leaf) for leaf in leaves]
+
+        def shared_function(*arrays: PyTree) -> list[PyTree]:
+            remaining = iter(arrays)
+            mixed = [
+                next(remaining) if varies else static
+                for varies, static in zip(varied, statics, strict=True)
+            ]
+            results, self._structure = jax.tree.flatten(
+                function(*jax.tree.unflatten(structure, mixed))
+            )
+            # Structural zeros stay Python numbers, which the caller leaves out of its formulas.
+            self._statics = [None if _is_array(leaf) else leaf for leaf in results]
+            self._varied = [_is_array(leaf) for leaf in results]
+            return [leaf for leaf in results if _is_array(leaf)]
+
+        shared_function.__name__ = SHARED
+        self._function = jax.jit(shared_function)
+        arrays = [leaf for leaf in leaves if _is_array(leaf)]
+        # A traced value from outside belongs to one call, but the jaxpr to all of them.
+        constants = self._function.trace(*arrays).jaxpr.consts
+        if any(isinstance(constant, Tracer) for constant in constants):
+            raise NotSharedError
+
+    def __call__(self, arguments: tuple[PyTree, ...]) -> PyTree:
+        arrays = [leaf for leaf in jax.tree.leaves(arguments) if _is_array(leaf)]
+        remaining = iter(self._function(*arrays))
+        mixed = [
+            next(remaining) if varies else static
+            for varies, static in zip(self._varied, self._statics, strict=True)
+        ]
+        return jax.tree.unflatten(self._structure, mixed)
+
+
+def _is_array(leaf: PyTree) -> bool:
+    return eqx.is_array(leaf) or isinstance(leaf, np.ndarray)
+
+
+def traced_for_a_kind(function: Callable[..., Result], *arguments: PyTree) -> Result:
+    """Evaluate a function of PyTrees by a jaxpr that all calls with arguments of one kind share.
+
+    Arguments are of one kind if they have equal structures, equal leaves that are no arrays, and
+    arrays of equal shapes and dtypes. JAX traces the function once for a kind in each program, and
+    native code has one function for it. Leaves of the result that are no arrays are returned as the
+    function returned them at the first call, so they must not depend on anything else.
+
+    **Arguments:** `function`: a function that is defined once, since its identity tells it from
+    others; `arguments`: its arguments.
+
+    **Raises:** `NotSharedError` if no program is being made, or if the calls cannot share a jaxpr:
+    if a static part of the arguments is not hashable, or contains a value that JAX traces; what the
+    function raises.
+    """
+    programs = _shared.get()
+    if programs is None:
+        raise NotSharedError
+    leaves, structure = jax.tree.flatten(arguments)
+    key = function, structure, tuple(map(_kind_of, leaves))
+    try:
+        shared = programs.get(key)
+    except TypeError as error:
+        raise NotSharedError from error
+    if shared is None:
+        shared = programs[key] = _Shared(function, arguments)
+    return shared(arguments)
+
+
+FEWEST = 4
+"""Number of calls, or of elements of a class, from which on a function is shared. Fewer are written
+out: the program is faster, because what several of them compute is computed once, and shorter,
+because no arguments are passed."""
+
+
+def shared_by_many(calls: int, function: Callable[..., Result], *arguments: PyTree) -> Result:
+    """Evaluate a function of PyTrees as `traced_for_a_kind` does if there are many calls of it and
+    they can share a jaxpr; otherwise call it.
+
+    **Arguments:** `calls`: number of calls with different arguments in the program.
+    """
+    if calls >= FEWEST:
+        with suppress(NotSharedError):
+            return traced_for_a_kind(function, *arguments)
+    return function(*arguments)
+
+
+def _kind_of(leaf: PyTree) -> Hashable:
+    if _is_array(leaf):
+        return leaf.shape, leaf.dtype, getattr(leaf, "weak_type", False)
+    # By their digits, since 0.0 == -0.0 and NaN != NaN.
+    return type(leaf), leaf.hex() if type(leaf) is float else leaf
+
+
 def program_of(function: Callable[..., PyTree], *arguments: PyTree) -> tuple[ClosedJaxpr, PyTree]:
     """Return the jaxpr of a function for given arguments, and the shapes and dtypes of its result.
 
@@ -82,7 +209,8 @@ def program_of(function: Callable[..., PyTree], *arguments: PyTree) -> tuple[Clo
     In JAX 0.12 some operations, such as `jax.numpy.searchsorted`, are a single equation until JAX
     lowers the jaxpr. Here they are expanded to the equations of which they consist.
     """
-    program, shapes = jax.make_jaxpr(function, return_shape=True)(*arguments)
+    with _one_program():
+        program, shapes = jax.make_jaxpr(function, return_shape=True)(*arguments)
     if hasattr(partial_eval, "lower_jaxpr2"):  # JAX 0.11 and later have this function.
         program = partial_eval.lower_jaxpr2(program)  # pyright: ignore[reportAttributeAccessIssue]
     return program, shapes
@@ -134,7 +262,8 @@ def begins_a_program(function: Callable[Arguments, Result]) -> Callable[Argument
     @wraps(function)
     def traced(*arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
         _began.setdefault(threading.get_ident(), time.monotonic())
-        return function(*arguments, **options)
+        with _one_program():
+            return function(*arguments, **options)
 
     return traced
 

@@ -20,9 +20,10 @@ import jax.numpy as jnp
 
 from ..math.vectors import Condition, Scalar
 from ..model.contact.laws import UNKNOWN_ENTRY_SPEED
-from ..model.joints.base import ByLabel, Motions
+from ..model.joints.base import AbstractContactJoint, ByLabel, Motions
 from ..model.scene import Scene
 from .contact_forces import Closed, EntrySpeeds
+from .kinds import Kinds
 
 SLOWEST = 1e-12
 """Entry speed, m/s, that is stored for a closed contact if its penetration rate is not positive,
@@ -54,14 +55,20 @@ ContactGaps: TypeAlias = ByLabel[ContactGap]
 def contact_gaps(scene: Scene, motions: Motions) -> ContactGaps:
     """Return penetration and rate of each contact, by joint and contact label, for given motions of
     the bodies."""
-    depths_and_rates: ContactGaps = {}
-    for name, joint in scene.contact_joints().items():
-        laws = joint.laws()
-        depths_and_rates[name] = {
-            label: ContactGap(contact.gap.depth + laws[label].onset_offset(), contact.gap.rate)
-            for label, contact in joint.contacts(motions).items()
-        }
-    return depths_and_rates
+    kinds = Kinds(scene)
+    return {
+        name: dict(kinds.evaluate(_gaps_of_joint, joint, motions))
+        for name, joint in scene.contact_joints().items()
+    }
+
+
+def _gaps_of_joint(joint: AbstractContactJoint, motions: Motions) -> list[tuple[str, ContactGap]]:
+    """Return label, penetration and its rate of each contact of a joint."""
+    laws = joint.laws()
+    return [
+        (label, ContactGap(contact.gap.depth + laws[label].onset_offset(), contact.gap.rate))
+        for label, contact in joint.contacts(motions).items()
+    ]
 
 
 def gap_pairs(before: ContactGaps, after: ContactGaps) -> Iterator[tuple[ContactGap, ContactGap]]:

@@ -21,6 +21,7 @@ from ..model.contact.friction import AbstractBristleFriction
 from ..model.contact.laws import UNKNOWN_ENTRY_SPEED, AbstractContactLaw, Gap, contact_normal_force
 from ..model.joints.base import AbstractContactJoint, ByLabel, Contact, Motions
 from ..model.scene import Scene
+from .kinds import Kinds
 
 EntrySpeeds: TypeAlias = ByLabel[Scalar]
 """Entry speed (penetration rate at the onset), m/s, by joint and contact label, of each contact
@@ -81,19 +82,41 @@ def contact_forces(
     **Raises:** `ValueError` for a contact with a bristle law if `bristles` has no deflection of the
     contact, or if the contact has a `face_radius`.
     """
-    forces: ByLabel[LoadedContact] = {}
-    for name, joint in scene.contact_joints().items():
-        laws, contacts = joint.laws(), joint.contacts(motions)
-        forces[name] = {}
-        for label, contact in contacts.items():
-            entry_speed = entry_speeds[name][label] if laws[label].uses_entry_speed else None
-            is_closed = None if closed is None else closed[name][label]
-            if is_closed is not None and entry_speed is not None:
-                # The present penetration rate cannot replace a missing entry speed, because it
-                # differs between the stages of a step.
-                entry_speed = jnp.where(entry_speed > 0.0, entry_speed, UNKNOWN_ENTRY_SPEED)
-            given = contact, entry_speed, is_closed, motions, bristles.get(name, {})
-            forces[name][label] = contact_force(joint, label, laws[label], *given)
+    kinds = Kinds(scene)
+    return {
+        name: dict(
+            kinds.evaluate(
+                _forces_of_joint,
+                joint,
+                motions,
+                entry_speeds.get(name, {}),
+                None if closed is None else closed[name],
+                bristles.get(name, {}),
+            )
+        )
+        for name, joint in scene.contact_joints().items()
+    }
+
+
+def _forces_of_joint(
+    joint: AbstractContactJoint,
+    motions: Motions,
+    entry_speeds: Mapping[str, Scalar],
+    closed: Mapping[str, Condition] | None,
+    bristles: Mapping[str, Vector],
+) -> list[tuple[str, LoadedContact]]:
+    """Return label and forces of each contact of a joint. The arguments are those of
+    `contact_forces`, by label of the contact."""
+    laws, forces = joint.laws(), []
+    for label, contact in joint.contacts(motions).items():
+        entry_speed = entry_speeds[label] if laws[label].uses_entry_speed else None
+        is_closed = None if closed is None else closed[label]
+        if is_closed is not None and entry_speed is not None:
+            # The present penetration rate cannot replace a missing entry speed, because it
+            # differs between the stages of a step.
+            entry_speed = jnp.where(entry_speed > 0.0, entry_speed, UNKNOWN_ENTRY_SPEED)
+        given = contact, entry_speed, is_closed, motions, bristles
+        forces.append((label, contact_force(joint, label, laws[label], *given)))
     return forces
 
 

@@ -16,7 +16,7 @@ from functools import cached_property
 
 from ..math.vectors import Scalar
 from ..model.bodies import GROUND, NO_WRENCH, Wrench
-from ..model.joints.base import ByLabel, Motions, Row
+from ..model.joints.base import AbstractContactJoint, AbstractForce, ByLabel, Motions, Row
 from ..model.scene import Scene
 from .contact_forces import LoadedContact, contact_wrenches
 from .coordinates import (
@@ -27,6 +27,7 @@ from .coordinates import (
     Speeds,
     Wrenches,
 )
+from .kinds import Kinds
 
 
 @dataclass(frozen=True)
@@ -87,13 +88,30 @@ def applied_wrenches(
             if name != GROUND:
                 wrenches[name] = wrenches[name] + wrench
 
+    kinds = Kinds(scene)
     for element in scene.forces.values():
-        apply(element.wrenches(motions, t).items())
-    for joint_name, joint in scene.contact_joints().items():
-        apply(joint.film_wrenches(motions).items())
-        for force in forces.get(joint_name, {}).values():
-            given = force.contact, force.normal_force, force.friction, motions
-            apply(contact_wrenches(joint, *given, force.friction_moment))
+        apply(kinds.evaluate(_wrenches_of_element, element, motions, t))
+    for name, joint in scene.contact_joints().items():
+        family = list(forces.get(name, {}).values())
+        apply(kinds.evaluate(_wrenches_of_joint, joint, motions, family))
+    return wrenches
+
+
+def _wrenches_of_element(
+    element: AbstractForce, motions: Motions, t: Scalar
+) -> list[tuple[str, Wrench]]:
+    """Return body and wrench of each body on which a force element acts."""
+    return list(element.wrenches(motions, t).items())
+
+
+def _wrenches_of_joint(
+    joint: AbstractContactJoint, motions: Motions, forces: list[LoadedContact]
+) -> list[tuple[str, Wrench]]:
+    """Return body and wrench of each film and contact of a joint."""
+    wrenches = list(joint.film_wrenches(motions).items())
+    for force in forces:
+        given = force.contact, force.normal_force, force.friction, motions
+        wrenches += contact_wrenches(joint, *given, force.friction_moment)
     return wrenches
 
 

@@ -359,7 +359,7 @@ def _speeds_of_rest(
 
         def second_rate(push: Scalar) -> Scalar:
             forces = {name: {label: LoadedContact(contact, push, push, None)}}
-            rates = system.dynamics_under(variables, forces, t).variable_rates
+            rates = system.dynamics_under(system.mechanics(variables), forces, t).variable_rates
             return jnp.asarray(system.second_rates(variables, rates)[name][label], float)
 
         # The second rate of the depth is linear in the force.
@@ -397,7 +397,8 @@ def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, j
         name: BodyState(body.position, body.orientation, ZERO, ZERO)
         for name, body in unpack(bodies).items()
     }
-    dynamics = system.dynamics_under(system.encode(resting), {}, t)
+    mechanics = system.mechanics(system.encode(resting))
+    dynamics = system.dynamics_under(mechanics, {}, t)
     loads = {}
     for name, rows in dynamics.rows.items():
         body_names = system.scene.joints[name].body_names()

@@ -138,18 +138,16 @@ class System(eqx.Module):
         """
         mechanics = self.mechanics(variables)
         forces = contact_forces(self.scene, mechanics.motions, entry_speeds, closed, bristles)
-        return self._solved(mechanics, forces, t)
+        return self.dynamics_under(mechanics, forces, t)
 
     def dynamics_under(
-        self, variables: MotionVariables, forces: ByLabel[LoadedContact], t: Scalar
-    ) -> Dynamics:
-        """Solve the equations of motion with given contact forces, by joint and contact label;
-        ``{}`` for a motion without contact forces."""
-        return self._solved(self.mechanics(variables), forces, t)
-
-    def _solved(
         self, mechanics: AbstractMechanics, forces: ByLabel[LoadedContact], t: Scalar
     ) -> Dynamics:
+        """Solve the equations of motion with given contact forces, by joint and contact label;
+        ``{}`` for a motion without contact forces.
+
+        **Arguments:** `mechanics`: kinematics and mass matrix, as the method `mechanics` returns.
+        """
         wrenches = applied_wrenches(self.scene, mechanics.motions, forces, self.clock(t))
         rates, rows = mechanics.free_rates(wrenches), self.rows(mechanics.motions, t)
         if not rows:

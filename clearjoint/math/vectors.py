@@ -54,6 +54,19 @@ def are_traced_alike(a: Scalar, b: Scalar) -> bool:
     return isinstance(a, Tracer) and isinstance(b, Tracer) and a.aval == b.aval
 
 
+def have_primitive(a: Scalar, b: Scalar) -> bool:
+    """Return whether JAX's primitives can be called with both numbers as they are.
+
+    Either `are_traced_alike`, or one is a tracer of one number of float64 and the other a float of
+    Python, for which an operator takes four times as long as the primitive.
+    """
+    if isinstance(a, Tracer) and isinstance(b, Tracer):
+        return a.aval == b.aval
+    traced, number = (a, b) if isinstance(a, Tracer) else (b, a)
+    is_single = isinstance(traced, Tracer) and traced.shape == () and traced.dtype == np.float64
+    return is_single and type(number) is float
+
+
 def is_zero(a: Scalar) -> bool:
     """Return whether a number is a structural zero: a zero of Python, or of NumPy's float64."""
     return _is(a, 0)
@@ -65,7 +78,7 @@ def add(a: Scalar, b: Scalar) -> Scalar:
         return b
     if _is(b, 0):
         return a
-    return jax.lax.add(a, b) if are_traced_alike(a, b) else a + b
+    return jax.lax.add(a, b) if have_primitive(a, b) else a + b
 
 
 def subtract(a: Scalar, b: Scalar) -> Scalar:
@@ -79,7 +92,7 @@ def subtract(a: Scalar, b: Scalar) -> Scalar:
         return a
     if _is(a, 0):
         return -b
-    return jax.lax.sub(a, b) if are_traced_alike(a, b) else a - b
+    return jax.lax.sub(a, b) if have_primitive(a, b) else a - b
 
 
 def multiply(a: Scalar, b: Scalar) -> Scalar:
@@ -91,7 +104,12 @@ def multiply(a: Scalar, b: Scalar) -> Scalar:
         return b
     if _is(b, 1):
         return a
-    return jax.lax.mul(a, b) if are_traced_alike(a, b) else a * b
+    return jax.lax.mul(a, b) if have_primitive(a, b) else a * b
+
+
+def larger(a: Scalar, b: Scalar) -> Scalar:
+    """Return the larger of two numbers; NaN if one of them is NaN."""
+    return jax.lax.max(a, b) if have_primitive(a, b) else jnp.maximum(a, b)
 
 
 def square_root(a: Scalar) -> Scalar:

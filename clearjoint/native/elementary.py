@@ -182,7 +182,11 @@ def _with_library(name: str, fits: Symbol, usual: Symbol, *arguments: Symbol) ->
     def rare() -> list[int]:
         return [beyond.select(first.emit(name, *others), usual).value]
 
-    return Symbol(ops, ops.branch(beyond.value, rare, lambda: [usual.value])[0])
+    def result() -> list[int]:
+        return ops.branch(beyond.value, rare, lambda: [usual.value])
+
+    # The same function of the same arguments is computed once, as a pure operation is.
+    return Symbol(ops, ops.once((name, *(x.value for x in arguments)), result)[0])
 
 
 def _sine(angle: Symbol, name: str = "sin") -> Symbol:

@@ -15,16 +15,18 @@ one of four forms (`Array`):
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from jax.core import ShapedArray
 from jax.extend import core, source_info_util
 from numpy.typing import ArrayLike
 
-from ..compilation.xla import CALLS
+from ..compilation.xla import CALLS, SHARED
 from .cells import Region
+from .elementary import ELEMENTARY
 from .elementwise import IDENTITIES, PARAMETERS, RULES, apply
 from .operations import KINDS, Operations, Symbol, Value
 
@@ -43,9 +45,14 @@ compute a longer one in vain costs more than a jump."""
 SMALLEST_FUNCTION = 1000
 """Number of equations from which on a jaxpr that is called repeatedly becomes a function. For a
 shorter one, the exchange of values in memory costs more than the code that a function saves."""
+SMALLEST_SHARED = 60
+"""Number of equations from which on a jaxpr that many places share becomes a function."""
 FEWEST_CALLS = 3
 """Number of calls from which on a jaxpr becomes a function. For fewer calls, a function would save
 little code."""
+MOST_ELEMENTARY = 32
+"""Number of elementary functions, such as sines, of a program whose operations are added at their
+places. A sine has some 50 operations; in a program with more of them, further ones are calls."""
 Atom = core.Var | core.Literal
 """A variable or a number in a jaxpr."""
 Equation = core.JaxprEqn
@@ -283,6 +290,11 @@ class Lowering:
         self.ops, self._rules = ops, rules
         self.constants: dict[int, np.ndarray] = {}
         self._repeated: dict[int, RepeatedCall] = {}
+        # Functions that every block can call: those of shared jaxprs by the jaxpr and the forms of
+        # its arguments, and elementary functions by their names and the kind of their arguments.
+        self._shared: dict[Hashable, Function] = {}
+        self._jaxprs: list[core.Jaxpr] = []
+        self._count_of_elementary = 0
 
     # Forms of arrays.
 
@@ -589,6 +601,8 @@ class Lowering:
             return [self._elementwise(equation, arguments)]
         if name in CALLS:
             closed = equation.params[CALLS[name]]
+            if equation.params.get("name") == SHARED:
+                return self._call_shared(closed, arguments)
             repeated = self._repeated.get(id(equation))
             if repeated is not None:
                 return self._call(repeated, closed, arguments)
@@ -643,6 +657,94 @@ class Lowering:
         new = [loaded.get(value, value) for value in self.flatten(function.results)]
         return self.unflatten(new, function.results)
 
+    def _call_shared(self, closed: core.ClosedJaxpr, arguments: list[Array]) -> list[Array]:
+        """Add a call of the function for a jaxpr that many places call, and at the first call the
+        function itself.
+
+        All arguments are passed, so that every block can call the function. If one of them is in
+        memory, the equations of the jaxpr are added instead.
+        """
+        ops = self.ops
+        is_small = count_equations(closed.jaxpr) < SMALLEST_SHARED
+        if is_small or any(isinstance(array, InMemory) for array in arguments):
+            return self.inline(closed, arguments)
+        values = self.flatten(arguments)
+        kinds = [ops.kinds[value] for value in values]
+        shapes = (np.shape(array) if isinstance(array, np.ndarray) else () for array in arguments)
+        key = id(closed.jaxpr), (*shapes, *kinds)
+        function = self._shared.get(key)
+        if function is None:
+            function = self._shared_function(partial(self.inline, closed), arguments, kinds)
+            self._shared[key] = function
+            # The jaxpr is kept, so that no other one gets its identity.
+            self._jaxprs.append(closed.jaxpr)
+        return self.unflatten(self._called(function, values), function.results)
+
+    def _shared_function(
+        self, add: Callable[[list[Array]], list[Array]], like: list[Array], kinds: list[str]
+    ) -> Function:
+        """Add a function that every block can call.
+
+        **Arguments:** `add`: adds the function's operations, and returns its results for its
+        arguments; `like`: arrays of the forms of the arguments; `kinds`: kinds of the values in
+        them.
+        """
+        ops = self.ops
+        parameters = [ops.allocate_for(kind) for kind in kinds]
+        results: list[Array] = []
+        cells: dict[Value, int] = {}
+
+        def build() -> None:
+            loaded = [ops.load(*row) for row in zip(kinds, parameters, strict=True)]
+            results[:] = add(self.unflatten(loaded, like))
+            for value in self.flatten(results):
+                if value not in cells and ops.number(value) is None:
+                    cells[value] = ops.pass_on(value)
+
+        return Function(ops.separate_function(build), parameters, results, cells)
+
+    def _called(self, function: Function, values: list[Value]) -> list[Value]:
+        """Add a call of a function that every block can call, and return the values of its
+        results.
+
+        **Arguments:** `values`: values of the function's arguments.
+        """
+        ops = self.ops
+
+        def call() -> list[Value]:
+            for value, cell in zip(values, function.parameters, strict=True):
+                ops.pass_on(value, cell)
+            ops.call(function.number)
+            return [ops.load(ops.kinds[v], cell) for v, cell in function.cells.items()]
+
+        loaded = ops.once(("call", function.number, *values), call)
+        found = dict(zip(function.cells, loaded, strict=True))
+        return [found.get(value, value) for value in self.flatten(function.results)]
+
+    def _elementary(self, name: str, argument: Value) -> Value:
+        """Add an elementary function of a float, and return its result.
+
+        After `MOST_ELEMENTARY` of them, calls of functions are added. Sine and cosine have most of
+        their operations in common, so one function returns both.
+        """
+        ops = self.ops
+        if ops.number(argument) is not None:
+            return apply(ops, name, argument)
+        self._count_of_elementary += 1
+        if self._count_of_elementary <= MOST_ELEMENTARY:
+            return apply(ops, name, argument)
+        names = ("sin", "cos") if name in ("sin", "cos") else (name,)
+        kind = ops.kinds[argument]
+        function = self._shared.get((names, kind))
+        if function is None:
+
+            def add(arguments: list[Array]) -> list[Array]:
+                return [apply(ops, each, scalar(arguments[0])) for each in names]
+
+            function = self._shared_function(add, [argument], [kind])
+            self._shared[names, kind] = function
+        return self._called(function, [argument])[names.index(name)]
+
     def operation(
         self, name: str, aval: ShapedArray, parameter: object = None
     ) -> Callable[..., Value]:
@@ -652,6 +754,9 @@ class Lowering:
         **Arguments:** `aval`: has the dtype of the result; `parameter`: for a primitive whose rule
         takes a parameter as last argument, this parameter, such as the exponent of "integer_pow".
         """
+
+        if name in ELEMENTARY:
+            return partial(self._elementary, name)
 
         def rule(*values: Value) -> Value:
             value = apply(self.ops, name, *values, parameter=parameter)

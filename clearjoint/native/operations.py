@@ -176,6 +176,7 @@ class Operations:
         self._outside: list[tuple[Block, int]] = []
         # For values that are computed in functions, the number of functions around them.
         self._depths: dict[Value, int] = {}
+        self._numbers: dict[tuple, Value] = {}
         # Values by operation, kind and arguments, and the keys that each open block has added. A
         # value can be reused in inner blocks, but not after the end of its block.
         self._known: dict[tuple, Value] = {}
@@ -205,14 +206,13 @@ class Operations:
         if kind == "f":
             number = float(number)
             # By its bits, since 0.0 == -0.0 and NaN != NaN.
-            key = ("constant", "f", struct.pack("d", number))
+            key = ("f", struct.pack("d", number))
         else:
             number = bool(number) if kind == "b" else int(number)
-            key = ("constant", kind, number)
-        value = self._known.get(key)
+            key = (kind, number)
+        value = self._numbers.get(key)
         if value is None:
-            # A constant is known everywhere, so its key belongs to no block and stays.
-            value = self._known[key] = self._new(kind, 0)
+            value = self._numbers[key] = self._new(kind, 0)
             self.constants[value] = number
         return value
 
@@ -477,6 +477,43 @@ class Operations:
         inner[:0] = loads
         self.functions.append(inner)
         return len(self.functions) - 1
+
+    def separate_function(self, build: Callable[[], None]) -> int:
+        """Add a function to the program that every block can call.
+
+        **Arguments:** `build`: adds the entries of the function, which must use no values from
+        outside besides constants. They write in all lanes.
+
+        **Returns:** the number of the function.
+        """
+        # Nothing from outside is reused in the function, and nothing is moved out of it.
+        outside, known = (self._outside, self._scopes), self._known
+        (self._outside, self._scopes), self._known = ([], [[]]), {}
+        inner = []
+        try:
+            with self.inside(inner), self.masked(None):
+                build()
+        finally:
+            (self._outside, self._scopes), self._known = outside, known
+        self.functions.append(inner)
+        return len(self.functions) - 1
+
+    def once(self, key: tuple, add: Callable[[], list[Value]]) -> list[Value]:
+        """Add entries unless the same ones have been added already in this block or in one that
+        contains it, and return their values.
+
+        **Arguments:** `key`: tells what the entries compute; `add`: adds them.
+        """
+        known = [self._known[key, 0]] if (key, 0) in self._known else []
+        while known and (key, len(known)) in self._known:
+            known.append(self._known[key, len(known)])
+        if known:
+            return known
+        values = add()
+        for k, value in enumerate(values):
+            self._known[key, k] = value
+            self._scopes[-1].append((key, k))
+        return values
 
     def is_inside(self, value: Value) -> bool:
         """Return whether a value is computed in the innermost function that is being built."""

@@ -24,7 +24,7 @@ from ...math.rotations import (
     within_two_turns,
 )
 from ...math.smoothing import cosine as cosine_of
-from ...math.smoothing import norm_and_direction, polar_angle, where
+from ...math.smoothing import norm, polar_angle, where
 from ...math.smoothing import sine as sine_of
 from ...math.vectors import (
     UNIT_X,
@@ -197,7 +197,7 @@ class AbstractMotionSubspace(eqx.Module):
         events. The default is the magnitude of the relative spin, or ``None`` without rotation.
         """
         spin = self.twist(state).angular
-        return None if all(map(is_zero, spin)) else norm_and_direction(spin)[0]
+        return None if all(map(is_zero, spin)) else norm(spin)
 
 
 class AbstractMotionAtPoints(AbstractMotionSubspace):

@@ -224,7 +224,8 @@ def _contact_steps(
 
 def _smooth_rates(rigid: Rigid, variables: MotionVariables, t: Scalar) -> MotionVariables:
     """Return the time derivatives of the variables at time t, s, without contact forces."""
-    return rigid.system.dynamics_under(variables, {}, t).variable_rates
+    mechanics = rigid.system.mechanics(variables)
+    return rigid.system.dynamics_under(mechanics, {}, t).variable_rates
 
 
 def _displaced(

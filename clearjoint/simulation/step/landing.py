@@ -13,6 +13,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from ...compilation import shared_by_many
 from ...dynamics.contact_events import ContactGap, ContactGaps, any_of, gap_pairs
 from ...math.interpolation import Slope, hermite_rate, hermite_root, hermite_value
 from ...math.vectors import Condition, Scalar
@@ -58,9 +59,11 @@ class Landing(eqx.Module):
         consider only the ends of existing contacts.
         """
         soonest: Scalar = jnp.inf
+        count = sum(map(len, contact_gaps.values()))
         for name, family in contact_gaps.items():
             for label, gap in family.items():
-                time = self._time_to_zero(gap, second_rates[name][label])
+                given = self, gap, second_rates[name][label]
+                time = shared_by_many(count, Landing._time_to_zero, *given)
                 if ends_only:
                     time = jnp.where(gap.depth > 0.0, time, jnp.inf)
                 soonest = jnp.minimum(soonest, time)
@@ -101,15 +104,14 @@ class Landing(eqx.Module):
         h = t1 - t0
         # Times that differ by less are not distinguished, because of rounding errors.
         resolution = 4.0 * jnp.finfo(jnp.result_type(t1)).eps * jnp.maximum(jnp.abs(t1), h)
-        may_pass = any_of(
-            ((start.depth > 0.0) != (end.depth > 0.0)) | _turns(start, end)
-            for start, end in gap_pairs(before, after)
-        )
+        pairs = list(gap_pairs(before, after))
+        may_pass = any_of(shared_by_many(len(pairs), _may_pass, *pair) for pair in pairs)
 
         def first_crossing() -> Scalar:
             fraction = jnp.ones_like(h)
-            for start, end in gap_pairs(before, after):
-                fraction = jnp.minimum(fraction, self._crossing(start, end, h))
+            for pair in pairs:
+                crossing = shared_by_many(len(pairs), Landing._crossing, self, *pair, h)
+                fraction = jnp.minimum(fraction, crossing)
             return fraction
 
         # Few steps pass an event. A single run therefore computes the roots in a branch; lanes of a
@@ -152,6 +154,11 @@ class Landing(eqx.Module):
         passes = inwards * end.depth > depth
         length = jnp.where(grazes, x, 1.0)
         return jnp.where(passes, length * hermite_root(*shifted, length * h), 1.0)
+
+
+def _may_pass(start: ContactGap, end: ContactGap) -> Condition:
+    """Return whether an event of a contact may be inside of a step, or at its end."""
+    return ((start.depth > 0.0) != (end.depth > 0.0)) | _turns(start, end)
 
 
 def _inwards(gap: ContactGap) -> Scalar:

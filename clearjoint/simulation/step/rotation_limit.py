@@ -13,13 +13,12 @@ from collections.abc import Callable
 from functools import reduce
 
 import jax
-import jax.numpy as jnp
 from jax.interpreters import partial_eval
 from jaxtyping import PyTree
 
 from ...dynamics.coordinates import MotionVariables
 from ...dynamics.system import System
-from ...math.vectors import Scalar
+from ...math.vectors import Scalar, larger
 from .solvers import DenseOutput, UnrolledExplicit
 from .step_state import Method, Step
 from .trial_step import Trial
@@ -67,7 +66,7 @@ def fastest_rotation(method: Method, system: System, motion: MotionVariables) ->
     """Return the largest rate, rad/s, of the rotations that a step limits."""
     rates = system.formulation.coordinates.rotation_rates(system.scene, motion)
     # Step sizes are not differentiated: the solution does not depend on them.
-    return jax.lax.stop_gradient(reduce(jnp.maximum, [rates[b] for b in sorted(method.rotating)]))
+    return jax.lax.stop_gradient(reduce(larger, [rates[b] for b in sorted(method.rotating)]))
 
 
 def longest_step(method: Method, system: System, step: Step) -> Scalar:
@@ -88,4 +87,4 @@ def rotation_in(method: Method, system: System, step: Step, trial: Trial) -> Sca
         stages = inside["y0"], inside["stages"]
         motions.append(DenseOutput(method.solver.method, step.t, trial.t1, *stages).at(0.5).motion)
     rates = [fastest_rotation(method, system, motion) for motion in motions]
-    return (trial.t1 - step.t) * reduce(jnp.maximum, rates)
+    return (trial.t1 - step.t) * reduce(larger, rates)

@@ -24,8 +24,9 @@ from dataclasses import replace
 import jax
 import jax.numpy as jnp
 
-from ...dynamics.contact_events import ContactGap, ContactGaps, any_of
+from ...dynamics.contact_events import ContactGap, ContactGaps, any_of, contact_gaps
 from ...dynamics.contact_forces import EntrySpeeds, LoadedContact, contact_force, depth_at_wall
+from ...dynamics.kinds import Kinds
 from ...dynamics.system import System
 from ...math.vectors import Condition, Scalar, Vector
 from ...model.joints.base import AbstractContactJoint, ByLabel, Contact, Motions, each_label
@@ -68,25 +69,27 @@ def across_contacts(
 
     def corrected(y: Variables) -> Variables:
         """Return y + (f+ - f-) tau, summed over the contacts."""
-        times = _contact_times(system.scene, before, system.contact_gaps(y.motion))
-        motions, joints = system.motions(y.motion), system.scene.contact_joints()
-        contacts = {name: joints[name].contacts(motions) for name in times}
+        mechanics, joints = system.mechanics(y.motion), system.scene.contact_joints()
+        motions = mechanics.motions
+        times = _contact_times(system.scene, before, contact_gaps(system.scene, motions))
+        kinds = Kinds(system.scene)
 
-        def force(name: str, label: str) -> LoadedContact:
-            speed, bristles = entry_speeds.get(name, {}).get(label), y.bristles.get(name, {})
-            contact = contacts[name][label]
-            return _mean_force(joints[name], label, contact, speed, motions, bristles)
+        def mean_forces(name: str) -> dict[str, LoadedContact]:
+            speeds, bristles = entry_speeds.get(name, {}), y.bristles.get(name, {})
+            given = motions, tuple(times[name]), speeds, bristles
+            forces = kinds.evaluate(_mean_forces, joints[name], *given)
+            return dict(zip(times[name], forces, strict=True))
 
         # Forces of contacts without an event in this step are computed too. They have no effect,
         # because their times are zero.
-        forces = each_label(force, times)
+        forces = {name: mean_forces(name) for name in times}
 
         def rates(times: ByLabel[Scalar]) -> Variables:
             # Each force times the time for which the step lacks it.
             impulses = each_label(
                 lambda name, label: _multiplied(forces[name][label], times[name][label]), times
             )
-            dynamics = system.dynamics_under(y.motion, impulses, t)
+            dynamics = system.dynamics_under(mechanics, impulses, t)
             powers = system.powers(dynamics, t)
             return jax.tree.map(jnp.asarray, Variables(dynamics.variable_rates, powers))
 
@@ -154,6 +157,25 @@ def _contact_times(scene: Scene, before: ContactGaps, after: ContactGaps) -> ByL
         return jnp.where(moves, jnp.where(end.depth > 0.0, since, -since), 0.0)
 
     return each_label(time, _jumping_contacts(scene))
+
+
+def _mean_forces(
+    joint: AbstractContactJoint,
+    motions: Motions,
+    labels: tuple[str, ...],
+    speeds: Mapping[str, Scalar],
+    bristles: Mapping[str, Vector],
+) -> list[LoadedContact]:
+    """Return the result of `_mean_force` for several contacts of a joint.
+
+    **Arguments:** `labels`: those of the contacts; `speeds`: entry speeds, m/s, by label. The
+    others are those of `_mean_force`.
+    """
+    contacts = joint.contacts(motions)
+    return [
+        _mean_force(joint, label, contacts[label], speeds.get(label), motions, bristles)
+        for label in labels
+    ]
 
 
 def _mean_force(

@@ -23,7 +23,7 @@ from jaxtyping import Float, PyTree
 
 from ...fields.checks import require
 from ...fields.types import Single
-from ...math.vectors import Scalar
+from ...math.vectors import Scalar, add, larger, multiply
 from ...native import evaluated
 from .time_map import AbstractTimeMap
 
@@ -125,7 +125,9 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         if not tableau.fsal:
             last = terms.vf(t1, y1, args)
         # The weights are the differences between those of the two embedded methods.
-        error = jax.tree.map(lambda *rates: h * _weighted(tableau.b_error, rates), *stages)
+        error = jax.tree.map(
+            lambda *rates: multiply(h, _weighted(tableau.b_error, rates)), *stages
+        )
         information = {"y0": y0, "stages": tuple(stages)}
         return y1, error, information, last, diffrax.RESULTS.successful
 
@@ -166,7 +168,7 @@ class DenseOutput(eqx.Module):
 
         def leaf(y0: Scalar, *stages: Scalar) -> Scalar:
             for weight, stage in zip(weights, stages, strict=True):
-                y0 = y0 + weight * stage
+                y0 = add(y0, multiply(weight, stage))
             return y0
 
         return jax.tree.map(leaf, self.y0, *self.stages)
@@ -178,7 +180,7 @@ def _rates_by_fraction(rates: Y, x: float, time_map: AbstractTimeMap | None) -> 
     if time_map is None:
         return rates
     slope = time_map.slope(x)
-    return jax.tree.map(lambda rate: slope * rate, rates)
+    return jax.tree.map(lambda rate: multiply(slope, rate), rates)
 
 
 def _tableau(method: diffrax.AbstractERK) -> diffrax.ButcherTableau:
@@ -189,14 +191,16 @@ def _tableau(method: diffrax.AbstractERK) -> diffrax.ButcherTableau:
 def _advanced(y0: Y, h: Scalar, weights: Weights, stages: Sequence[Y]) -> Y:
     """Return y0 + h sum of w_i f_i: the variables y0 advanced by the step length h, s, with
     `weights` w and rates f of the `stages`."""
-    return jax.tree.map(lambda y, *rates: y + h * _weighted(weights, rates), y0, *stages)
+    return jax.tree.map(
+        lambda y, *rates: add(y, multiply(h, _weighted(weights, rates))), y0, *stages
+    )
 
 
 def _weighted(weights: Weights, values: Sequence[Scalar]) -> Scalar:
     """Return the weighted sum of `values`, without operations for weights of zero. At least one
     weight must not be zero."""
-    terms = [float(w) * value for w, value in zip(weights, values, strict=True) if w != 0.0]
-    return sum(terms[1:], terms[0])
+    pairs = zip(weights, values, strict=True)
+    return reduce(add, [multiply(float(w), value) for w, value in pairs if w != 0.0])
 
 
 def unrolled(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
@@ -269,7 +273,7 @@ def largest_component(tree: PyTree[Scalar]) -> jax.Array:
     largest: dict[tuple[int, ...], Scalar] = {}
     for leaf in jax.tree.leaves(tree):
         shape = jnp.shape(leaf)
-        largest[shape] = jnp.maximum(largest.get(shape, 0.0), jnp.abs(leaf))
+        largest[shape] = larger(largest.get(shape, 0.0), jnp.abs(leaf))
     return reduce(jnp.maximum, [jnp.max(leaf) for leaf in largest.values()])
 
 

@@ -8,17 +8,18 @@ They are integrated together with the variables. Times are on the clock of the r
 counts the time from the system's `origin`, s; without an origin it shows the scene's time.
 """
 
+from functools import partial
 from typing import TypeAlias, TypeVar
 
 import diffrax
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ...dynamics.contact_events import ContactGaps
 from ...dynamics.contact_forces import Bristles, EntrySpeeds
 from ...dynamics.coordinates import MotionVariables
+from ...math.smoothing import where
 from ...math.vectors import Condition, Scalar
 from ...model.joints.base import ByLabel
 from ...result_codes import RESULTS
@@ -174,4 +175,4 @@ class TangentsInside(eqx.Module):
 def choose(condition: Condition, first: T, second: T) -> T:
     """Return the PyTree `first` if the scalar `condition` is true, otherwise `second`, selected
     leaf by leaf. Both have the same structure."""
-    return jax.tree.map(lambda a, b: jnp.where(condition, a, b), first, second)
+    return jax.tree.map(partial(where, condition), first, second)

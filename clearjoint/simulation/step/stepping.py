@@ -21,6 +21,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TypeVar
 
+import diffrax
 import jax
 import jax.numpy as jnp
 
@@ -97,8 +98,8 @@ def start(
     contact_gaps = system.contact_gaps(y.motion)
     entry_speeds = initial_entry_speeds(system.scene, contact_gaps, entry_speeds)
     y = replace(y, bristles=initial_bristles(system.scene, y.bristles))
-    y = replace(y, work=_initial_ledger(system, t0, y, entry_speeds, derivatives))
     term, args = term_of(method), (system, entry_speeds)
+    y = replace(y, work=_initial_ledger(term, args, t0, y, derivatives))
     # `wrap(1)` tells diffrax's controller that time runs forward.
     t_next, controller_state = method.controller.wrap(1).init(
         term, t0, t_end, y, first_step, args, method.solver.func, error_order(method)
@@ -137,7 +138,11 @@ def start(
 
 
 def _initial_ledger(
-    system: System, t: Scalar, y: Variables, entry_speeds: EntrySpeeds, derivatives: bool
+    term: diffrax.ODETerm,
+    args: tuple[System, EntrySpeeds],
+    t: Scalar,
+    y: Variables,
+    derivatives: bool,
 ) -> dict[str, Scalar]:
     """Return the integrals of the energy ledger at the start of a run, J, by name; empty without a
     ledger.
@@ -146,13 +151,13 @@ def _initial_ledger(
     in the bristles, because the ledger counts under "friction" all energy that friction takes from
     the motion, including the part that bristles will return. The rest start at zero.
 
-    **Arguments:** `t`: s, the start; `y`, `entry_speeds`: variables and entry speeds there;
-    `derivatives`: whether the run has tangents.
+    **Arguments:** `term`: the differential equations; `args`: the system and the entry speeds at the
+    start; `t`: s, the start; `y`: variables there; `derivatives`: whether the run has tangents.
     """
-    # Only the names of the powers are needed: the equations are traced and not computed.
-    _, powers = shapes_of(
-        lambda: system.rates(y.motion, entry_speeds, t, bristles=y.bristles), derivatives
-    )
+    # Only the names of the powers are needed: the equations are traced and not computed. Without a
+    # ledger, the solver uses the same trace.
+    system, entry_speeds = args
+    powers = shapes_of(lambda: term.vf(t, replace(y, work={}), args), derivatives).work
     work = {name: y.work.get(name, jnp.zeros_like(t)) for name in powers}
     if y.bristles and "friction" in powers.keys() - y.work.keys():
         forces = system.contact_forces(y.motion, entry_speeds, y.bristles)
@@ -174,8 +179,11 @@ def shapes_of(equations: Callable[[], Shapes], derivatives: bool) -> Shapes:
     `derivatives`: whether steps carry tangents.
     """
     program, shapes = jax.make_jaxpr(equations, return_shape=True)()
+    # The equations are a function that JAX traces once (see `term_of`).
+    calls = [equation.params.get("jaxpr") for equation in program.jaxpr.eqns]
+    count = len(calls) + sum(len(call.jaxpr.eqns) for call in calls if call is not None)
     # A step with derivatives has about three times as many operations as a step without.
-    operations = len(program.jaxpr.eqns) * (3 if derivatives else 1)
+    operations = count * (3 if derivatives else 1)
     if operations > MANY_OPERATIONS:
         warnings.warn(
             f"A step of this scene has some {operations} operations for each stage of the solver: "
