@@ -6,7 +6,7 @@ of the number of rows (over a minute for 30 rows). Larger systems are therefore 
 solved by JAX's Cholesky factorisation.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
@@ -26,8 +26,6 @@ class UnrolledFactorisation:
 
     Entries that are the Python number zero are structural: operations on them are omitted, so that
     a sparse matrix stays sparse except for fill-in.
-
-    It is a PyTree, which a traced function can return.
 
     **Arguments:** `matrix`: the n rows, of which only the lower triangle is read.
     """
@@ -88,24 +86,6 @@ class OrderedFactorisation:
         solution = self._factorisation.solve([right[i] for i in self._order])
         by_unknown = dict(zip(self._order, solution, strict=True))
         return [by_unknown[i] for i in range(len(right))]
-
-
-def _register(kind: type) -> None:
-    """Make a class whose attributes are PyTrees a PyTree."""
-
-    def flatten(node: object) -> tuple[list[object], tuple[str, ...]]:
-        return list(vars(node).values()), tuple(vars(node))
-
-    def unflatten(names: tuple[str, ...], values: Iterable[object]) -> object:
-        node = object.__new__(kind)
-        vars(node).update(zip(names, values, strict=True))
-        return node
-
-    jax.tree_util.register_pytree_node(kind, flatten, unflatten)
-
-
-_register(UnrolledFactorisation)
-_register(OrderedFactorisation)
 
 
 def _least_degree_order(matrix: Rows) -> list[int]:

@@ -1,12 +1,12 @@
-"""Joint coordinates, and the equations of motion in them by the composite rigid body algorithm.
+"""Joint coordinates, and the equations of motion in them by recursive algorithms.
 
 A clearance joint is a force element, so it does not close a loop, and in most mechanisms with
 clearances the bodies and ideal joints form trees. In joint coordinates, a tree has no multipliers,
 no drift and no redundant constraints, and few variables. Ideal joints that close a loop remain
 constraints.
 
-The algorithm is that of R. Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 6, for other
-unknowns. Each joint connects a carried body to its carrier, the next body towards the root of the
+The algorithms are those of R. Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 6 and 7, for
+other unknowns (see `.inertia`). Each joint connects a carried body to its carrier, the next body towards the root of the
 tree. The book solves for the rate u' of each joint's speed u, relative to the carrier. This module
 solves for
 
@@ -25,10 +25,9 @@ last impacts of a run. If the joints' axes are coordinate axes, the entries of t
 which this inertia has disappeared are exact zeros, which the compiled program omits.
 
 A branch is a body of a tree with its carrier and the joint between them, if there is one. A link is
-the body with its kinematics, in the axes of the tree's root body. The tree's origin is the point on
-the ground of the root's joint or, if no joint carries the root, the root's centre of mass. A twist
-consists of the angular velocity of a body and the velocity of the body's point at the tree's
-origin. The columns of a link are the twists that a unit of each speed of its joint causes.
+the body with its kinematics, in the axes of the tree's root body. A twist consists of the angular
+velocity of a body and the velocity of its reference point (see `.trees`). The columns of a link are
+the twists that a unit of each speed of its joint causes.
 
 Arguments and results of the type `Speeds` have one entry for each speed: those of the first tree
 from its root to its leaves, then those of the second, and so on. Rates, changes of speeds and
@@ -63,7 +62,7 @@ from .inertia import (
     is_small,
     tree_solver,
 )
-from .trees import UPRIGHT, FreeBranch, JointedBranch, Link, TreeBranch, forest
+from .trees import UPRIGHT, FreeBranch, JointedBranch, Link, TreeBranch, forest, topology
 
 ForceAndMoment: TypeAlias = tuple[Vector, Vector]
 """Force, N, and moment about the centre of mass of the body, N m, in the tree's axes."""
@@ -328,9 +327,8 @@ class JointCoordinates(AbstractCoordinates):
     def eliminated(self, scene: Scene) -> frozenset[str]:
         """Return the names of the ideal joints that carry a body of a tree. Their coordinates are
         the variables, so that they need no constraints."""
-        return frozenset(
-            branch.joint for branch in _branches(scene) if isinstance(branch, JointedBranch)
-        )
+        places = topology(scene).places.values()
+        return frozenset(place.joint for place in places if place.joint is not None)
 
     def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> TreeVariables:
         """Return the variables for given states of the bodies, by name.
@@ -398,15 +396,7 @@ class JointCoordinates(AbstractCoordinates):
     def carriers(self, scene: Scene, bodies: Collection[str]) -> frozenset[str]:
         """Return the names of those bodies on the paths that connect `bodies` in the trees whose
         joints change the poses of `bodies` relative to each other."""
-        parents = {branch.body: branch.parent for branch in _branches(scene)}
-
-        def path(body: str) -> frozenset[str]:
-            """Return a body and all bodies that carry it, without the ground."""
-            return frozenset() if body == GROUND else path(parents[body]) | {body}
-
-        # A joint that carries all of the bodies moves them together.
-        paths = [path(body) for body in bodies]
-        return frozenset.union(*paths) - frozenset.intersection(*paths)
+        return topology(scene).between(bodies)
 
 
 def _branches(scene: Scene) -> list[TreeBranch]:

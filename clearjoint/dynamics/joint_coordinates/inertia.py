@@ -10,8 +10,9 @@ In a small tree, the mass matrix takes fewer operations (`LARGEST_DENSE`).
 """
 
 import abc
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from heapq import heapify, heappop, heappush
 from itertools import accumulate, chain, pairwise
 from typing import Any, TypeAlias, TypeVar
@@ -20,7 +21,7 @@ import jax
 from jaxtyping import PyTree
 
 from ...compilation import NotSharedError, traced_for_a_kind
-from ...math.linear_solvers import OrderedFactorisation
+from ...math.linear_solvers import OrderedFactorisation, UnrolledFactorisation
 from ...math.vectors import IDENTITY, ZERO, Matrix, Scalar, Vector, add, multiply, subtract
 from ...model.bodies import Body
 from ...model.joints.motion_subspaces import REST, Twist
@@ -235,6 +236,21 @@ def momenta(
     return wholes, block, rests
 
 
+def _flatten(node: object) -> tuple[list[object], tuple[str, ...]]:
+    return list(vars(node).values()), tuple(vars(node))
+
+
+def _unflatten(kind: type, names: tuple[str, ...], values: Iterable[object]) -> object:
+    node = object.__new__(kind)
+    vars(node).update(zip(names, values, strict=True))
+    return node
+
+
+# Traced functions return factors.
+for _kind in (UnrolledFactorisation, OrderedFactorisation):
+    jax.tree_util.register_pytree_node(_kind, _flatten, partial(_unflatten, _kind))
+
+
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class LoadedJoint:
@@ -332,7 +348,19 @@ def _components(twist: Twist) -> tuple[Scalar, ...]:
 
 
 LARGEST_DENSE = 4
-"""Number of bodies up to which a tree gets a mass matrix."""
+"""Number of bodies up to which a tree gets a mass matrix.
+
+Of four bodies, the matrix takes 1.14 times as many operations as the recursion for a planar chain of
+hinges, but 0.9 times as many for a spatial one, and 0.8 times as many for Bricard's linkage, whose
+constraints need solutions for many forces. Of the two bodies of `clearjoint.mechanisms`, it takes
+0.95 times as many. For eight bodies, it takes 1.5 times (planar hinges), 0.95 times (spatial hinges)
+and 1.8 times (spherical joints) as many.
+
+In random chains with masses and inertias of different magnitudes, the rounding errors of both are
+equal for two bodies. Those of the matrix are twice as large for four bodies, six times for ten and
+twenty times for thirty, where the recursion has 3e-15 of the largest acceleration. The matrix refers
+all inertias of a tree to one point, and those of distant bodies cancel in its factorisation.
+"""
 
 
 def is_small(bodies: int) -> bool:

@@ -5,18 +5,22 @@ its parent: the next body towards the root of the tree or, for the root, the gro
 branch has its own variables, and converts them to the body's motion and rates. The spin of a body
 is its angular velocity, rad/s: in body axes in states and motions, in the tree's axes in a `Link`.
 
-Kinematics and inertia are computed in one frame for each tree. Its axes are those of the root body.
-Its origin is the point on the ground of the root's joint or, for a free root, the root's centre of
-mass. So the inertia of the root is constant if the root is free or its joint only lets it rotate.
-Constant vectors keep their exact zeros, and for a free root the mass matrix contains the total mass
-times the identity. A twist is the angular velocity of a body with the velocity of the body's point
-at the tree's origin. "At constant speeds" means: the part of an acceleration that remains if the
-time derivatives of all joint speeds are zero.
+Kinematics and inertia are computed in the axes of the root body of each tree, and about one
+reference point for each body. In a small tree, this is one point for all bodies, namely the point
+on the ground of the root's joint or, for a free root, the root's centre of mass. So the inertia of
+the root is constant if the root is free or its joint only lets it rotate. Constant vectors keep
+their exact zeros, and for a free root the mass matrix contains the total mass times the identity.
+In a large tree, the reference point of a body is the point of the body at its joint's point on the
+parent, so that no lever arm grows with the tree. A twist is the angular velocity of a body with the
+velocity of the body's reference point. "At constant speeds" means: the part of an acceleration that
+remains if the time derivatives of all joint speeds are zero.
 """
 
+import weakref
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import ClassVar, TypeAlias
+from typing import ClassVar, NamedTuple, TypeAlias
 
 import jax
 
@@ -344,6 +348,57 @@ class JointedBranch:
 TreeBranch: TypeAlias = FreeBranch | JointedBranch
 
 
+class Place(NamedTuple):
+    """Names of a body of a tree, of its parent, and of the joint that carries it, which is ``None``
+    for a free root."""
+
+    body: str
+    parent: str
+    joint: str | None
+
+
+class Topology:
+    """Names in the trees of a scene, see `topology`.
+
+    - `trees`: the places of each tree, the root first and each parent before its children.
+    - `places`: those of all trees, by name of body.
+    """
+
+    def __init__(self, trees: list[list[Place]]):
+        self.trees = trees
+        self.places = {place.body: place for tree in trees for place in tree}
+        self._numbers = {body: number for number, body in enumerate((GROUND, *self.places))}
+
+    def between(self, bodies: Collection[str]) -> frozenset[str]:
+        """Return the names of those bodies on the paths that connect `bodies` whose joints change
+        the poses of `bodies` relative to each other."""
+        # Each parent has a smaller number than its children, so the body of the largest number is
+        # not on the path of another one to the root.
+        ends, passed = set(bodies), set()
+        while len(ends) > 1:
+            body = max(ends, key=self._numbers.__getitem__)
+            ends.remove(body)
+            passed.add(body)
+            ends.add(self.places[body].parent)
+        return frozenset(passed)
+
+
+_known: dict[int, tuple[weakref.ref[Scene], Topology]] = {}
+"""Topology of each scene that exists, by the scene's identity."""
+
+
+def topology(scene: Scene) -> Topology:
+    """Return the names in the trees of a scene, which are found once for each scene object.
+
+    A program needs them at each evaluation of the scene, and for each contact joint.
+    """
+    key = id(scene)
+    if key not in _known or _known[key][0]() is not scene:
+        trees = Topology(_grown_trees(scene))
+        _known[key] = weakref.ref(scene, lambda _: _known.pop(key, None)), trees
+    return _known[key][1]
+
+
 def forest(scene: Scene) -> list[list[TreeBranch]]:
     """Return the trees of a scene, each as a list of branches.
 
@@ -355,6 +410,26 @@ def forest(scene: Scene) -> list[list[TreeBranch]]:
     is preferred as root, since the anchor preserves digits of its position. The trees depend on the
     types and names of joints and bodies, but on no numbers.
     """
+    points = anchors(scene)
+    return [[_branch(scene, points, *place) for place in tree] for tree in topology(scene).trees]
+
+
+def _branch(
+    scene: Scene, points: dict[str, tuple[Vector, Vector]], body: str, parent: str, name: str | None
+) -> TreeBranch:
+    if name is None:
+        return FreeBranch(body, points.get(body))
+    joint = scene.joints[name]
+    subspace = joint.motion_subspace(parent) if isinstance(joint, AbstractConstraint) else None
+    if subspace is None:
+        raise ValueError(
+            f"joints[{name!r}].motion_subspace({parent!r}) is None, but was not for the same scene "
+            "before; let it depend on nothing but the types and names in the scene"
+        )
+    return JointedBranch(body, parent, name, subspace)
+
+
+def _grown_trees(scene: Scene) -> list[list[Place]]:
     # For each body, the ideal joints that may carry another body on it. A body looks only at its
     # own joints, so that the work does not grow with the square of their number.
     joints: _Incident = {body: [] for body in (GROUND, *scene.bodies)}
@@ -364,7 +439,7 @@ def forest(scene: Scene) -> list[list[TreeBranch]]:
                 joints[parent].append((name, joint, body))
     # Each joint on the ground begins a tree of its own, since the ground does not move.
     placed = {GROUND}
-    trees: list[list[TreeBranch]] = [[root] for root in _children(joints, GROUND, placed)]
+    trees = [[root] for root in _children(joints, GROUND, placed)]
     for tree in trees:
         _grow(tree, joints, placed)
     # The bodies that are left have no joint to the ground. Those with an anchor are sorted first.
@@ -372,7 +447,7 @@ def forest(scene: Scene) -> list[list[TreeBranch]]:
     for name in sorted(scene.bodies, key=lambda name: name not in points):
         if name not in placed:
             placed.add(name)
-            trees.append([FreeBranch(name, points.get(name))])
+            trees.append([Place(name, GROUND, None)])
             _grow(trees[-1], joints, placed)
     return trees
 
@@ -382,24 +457,24 @@ _Incident: TypeAlias = dict[str, list[tuple[str, AbstractConstraint, str]]]
 and name of the other body."""
 
 
-def _grow(tree: list[TreeBranch], joints: _Incident, placed: set[str]) -> None:
-    """Append all further branches of a tree to it, breadth first, and add their bodies to
+def _grow(tree: list[Place], joints: _Incident, placed: set[str]) -> None:
+    """Append all further places of a tree to it, breadth first, and add their bodies to
     `placed`."""
-    for branch in tree:  # The loop also visits the branches that it appends.
-        tree += _children(joints, branch.body, placed)
+    for place in tree:  # The loop also visits the places that it appends.
+        tree += _children(joints, place.body, placed)
 
 
-def _children(joints: _Incident, parent: str, placed: set[str]) -> list[JointedBranch]:
-    """Return a branch for each ideal joint that carries another body on the body `parent`.
+def _children(joints: _Incident, parent: str, placed: set[str]) -> list[Place]:
+    """Return a place for each ideal joint that carries another body on the body `parent`.
 
-    Bodies in `placed` are left out; the bodies of the branches are added to it. Ideal joints
-    without a `motion_subspace` get no branch and remain constraints.
+    Bodies in `placed` are left out; the bodies of the places are added to it. Ideal joints
+    without a `motion_subspace` get no place and remain constraints.
     """
     children = []
     for name, joint, body in joints[parent]:
         # The subspace is made last, because that takes operations, which JAX would trace for
         # nothing.
-        if body not in placed and (subspace := joint.motion_subspace(parent)) is not None:
+        if body not in placed and joint.motion_subspace(parent) is not None:
             placed.add(body)
-            children.append(JointedBranch(body, parent, name, subspace))
+            children.append(Place(body, parent, name))
     return children
