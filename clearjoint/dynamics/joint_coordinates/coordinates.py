@@ -6,9 +6,9 @@ no drift and no redundant constraints, and few variables. Ideal joints that clos
 constraints.
 
 The algorithms are those of R. Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 6 and 7, for
-other unknowns (see `.inertia`). Each joint connects a carried body to its carrier, the next body towards the root of the
-tree. The book solves for the rate u' of each joint's speed u, relative to the carrier. This module
-solves for
+other unknowns (see `.inertia`). Each joint connects a carried body to its carrier, the next body
+towards the root of the tree. The book solves for the rate u' of each joint's speed u, relative to
+the carrier. This module solves for
 
     r = u' + axis . (angular acceleration of the carrier due to all u'),
 

@@ -350,16 +350,16 @@ def _components(twist: Twist) -> tuple[Scalar, ...]:
 LARGEST_DENSE = 4
 """Number of bodies up to which a tree gets a mass matrix.
 
-Of four bodies, the matrix takes 1.14 times as many operations as the recursion for a planar chain of
-hinges, but 0.9 times as many for a spatial one, and 0.8 times as many for Bricard's linkage, whose
-constraints need solutions for many forces. Of the two bodies of `clearjoint.mechanisms`, it takes
-0.95 times as many. For eight bodies, it takes 1.5 times (planar hinges), 0.95 times (spatial hinges)
-and 1.8 times (spherical joints) as many.
+Of four bodies, the matrix takes 1.14 times as many operations as the recursion for a planar chain
+of hinges, but 0.9 times as many for a spatial one, and 0.8 times as many for Bricard's linkage,
+whose constraints need solutions for many forces. Of the two bodies of `clearjoint.mechanisms`, it
+takes 0.95 times as many. For eight bodies, it takes 1.5 times (planar hinges), 0.95 times (spatial
+hinges) and 1.8 times (spherical joints) as many.
 
 In random chains with masses and inertias of different magnitudes, the rounding errors of both are
 equal for two bodies. Those of the matrix are twice as large for four bodies, six times for ten and
-twenty times for thirty, where the recursion has 3e-15 of the largest acceleration. The matrix refers
-all inertias of a tree to one point, and those of distant bodies cancel in its factorisation.
+twenty times for thirty, where the recursion has 3e-15 of the largest acceleration. The matrix
+refers all inertias of a tree to one point, and those of distant bodies cancel in its factorisation.
 """
 
 
