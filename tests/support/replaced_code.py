@@ -7,7 +7,7 @@ from typing import NoReturn
 from unittest.mock import patch
 
 from clearjoint.dynamics import contact_forces, system
-from clearjoint.dynamics.joint_coordinates import trees
+from clearjoint.dynamics.joint_coordinates import inertia, trees
 from clearjoint.dynamics.system import System
 from clearjoint.model.clearance_joints import clearance, common
 from clearjoint.model.contact.friction import RegularisedCoulomb
@@ -23,7 +23,7 @@ FEATURES: Mapping[str, tuple[tuple[object, str], ...]] = MappingProxyType(
             (freedoms.Hinge, "columns"),
             (trees.JointedBranch, "link"),
         ),
-        "link on a link": ((trees.Inertia, "without"),),
+        "link on a link": ((inertia.Inertia, "without"),),
         "clearance": (
             (clearance.ClearanceJoint, "contacts"),
             (contact_forces, "contact_normal_force"),

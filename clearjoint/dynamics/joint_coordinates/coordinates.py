@@ -1,14 +1,14 @@
-"""Joint coordinates, and the equations of motion in them by the composite rigid body algorithm.
+"""Joint coordinates, and the equations of motion in them by recursive algorithms.
 
 A clearance joint is a force element, so it does not close a loop, and in most mechanisms with
 clearances the bodies and ideal joints form trees. In joint coordinates, a tree has no multipliers,
 no drift and no redundant constraints, and few variables. Ideal joints that close a loop remain
 constraints.
 
-The algorithm is that of R. Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 6, for other
-unknowns. Each joint connects a carried body to its carrier, the next body towards the root of the
-tree. The book solves for the rate u' of each joint's speed u, relative to the carrier. This module
-solves for
+The algorithms are those of R. Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 6 and 7, for
+other unknowns (see `.inertia`). Each joint connects a carried body to its carrier, the next body
+towards the root of the tree. The book solves for the rate u' of each joint's speed u, relative to
+the carrier. This module solves for
 
     r = u' + axis . (angular acceleration of the carrier due to all u'),
 
@@ -25,24 +25,22 @@ last impacts of a run. If the joints' axes are coordinate axes, the entries of t
 which this inertia has disappeared are exact zeros, which the compiled program omits.
 
 A branch is a body of a tree with its carrier and the joint between them, if there is one. A link is
-the body with its kinematics, in the axes of the tree's root body. The tree's origin is the point on
-the ground of the root's joint or, if no joint carries the root, the root's centre of mass. A twist
-consists of the angular velocity of a body and the velocity of the body's point at the tree's
-origin. The columns of a link are the twists that a unit of each speed of its joint causes.
+the body with its kinematics, in the axes of the tree's root body. A twist consists of the angular
+velocity of a body and the velocity of its reference point (see `.trees`). The columns of a link are
+the twists that a unit of each speed of its joint causes.
 
 Arguments and results of the type `Speeds` have one entry for each speed: those of the first tree
 from its root to its leaves, then those of the second, and so on. Rates, changes of speeds and
 displacements of this type have the form of r.
 """
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cached_property, reduce
-from itertools import pairwise
+from itertools import accumulate, chain, pairwise
 from typing import TypeAlias
 
-from ...math.linear_solvers import OrderedFactorisation
-from ...math.vectors import ZERO, Matrix, Scalar, Vector, add, subtract
-from ...model.bodies import GROUND, GROUND_MOTION, NO_WRENCH, BodyState, Motion
+from ...math.vectors import ZERO, Matrix, Scalar, Vector, add
+from ...model.bodies import GROUND, GROUND_MOTION, NO_WRENCH, Body, BodyState, Motion, Wrench
 from ...model.joints.base import Motions, Row
 from ...model.joints.motion_subspaces import REST, Twist
 from ...model.scene import Scene
@@ -55,17 +53,16 @@ from ..coordinates import (
     Wrenches,
     free_motion,
 )
-from .trees import (
-    UPRIGHT,
-    FreeBranch,
-    Inertia,
-    JointedBranch,
-    Link,
-    TreeBranch,
+from .inertia import (
+    AbstractTreeSolver,
+    accelerated,
+    along_columns,
     central_inertia,
-    forest,
-    inertia,
+    evaluation,
+    is_small,
+    tree_solver,
 )
+from .trees import UPRIGHT, FreeBranch, JointedBranch, Link, TreeBranch, forest, topology
 
 ForceAndMoment: TypeAlias = tuple[Vector, Vector]
 """Force, N, and moment about the centre of mass of the body, N m, in the tree's axes."""
@@ -79,7 +76,9 @@ body, a `BodyState` (position, orientation, velocity and spin) if it is free."""
 class JointMechanics(AbstractMechanics):
     """Equations of motion of all trees of a scene.
 
-    The mass matrix of each tree is factorised once, for all forces and constraints.
+    Each tree is prepared once for all forces and constraints. The number of operations is
+    proportional to the number of bodies, apart from the mass matrices of small trees (see
+    `.inertia`).
 
     **Arguments:** `scene`: with vectors as separate scalars (`Vector`); `variables`: joint
     coordinates and speeds, by name of body.
@@ -90,7 +89,7 @@ class JointMechanics(AbstractMechanics):
         self._gravity = ZERO if scene.gravity is None else scene.gravity
         trees = forest(scene)
         self._branches = [branch for tree in trees for branch in tree]
-        self.motions = motions = _motions(self._branches, variables)
+        self.motions = motions = _motions(trees, variables)
         self._index = {branch.body: k for k, branch in enumerate(self._branches)}
         self._parents = [self._index.get(branch.parent) for branch in self._branches]
         # In a free tree, all bodies fall alike: rates are relative to free fall, and gravity is
@@ -100,6 +99,8 @@ class JointMechanics(AbstractMechanics):
         self._falls: list[Vector] = []
         self._weights: list[Vector] = []
         self._tree_of: list[int] = []
+        self._links: list[Link] = []
+        self._central: list[Matrix] = []
         for number, tree in enumerate(trees):
             axes = motions[tree[0].body].rotation
             gravity = axes.transposed_times(self._gravity)
@@ -108,106 +109,67 @@ class JointMechanics(AbstractMechanics):
             self._falls += [fall] * len(tree)
             self._weights += [weight] * len(tree)
             self._tree_of += [number] * len(tree)
-        self._links: list[Link] = []
-        for branch, parent in zip(self._branches, self._parents, strict=True):
-            carrier = None if parent is None else self._links[parent]
-            self._links.append(branch.link(carrier, variables[branch.body]))
-        self._central = [
-            central_inertia(scene.bodies[branch.body], link.rotation)
-            for branch, link in self._pairs()
-        ]
-        # Index of the first speed of each link, and the number of all speeds at the end.
-        self._firsts = [0]
-        for link in self._links:
-            self._firsts.append(self._firsts[-1] + len(link.columns))
-        # Speeds of different trees are not coupled.
-        bounds = [self._firsts[k] for k, parent in enumerate(self._parents) if parent is None]
-        self._trees = list(pairwise((*bounds, self._firsts[-1])))
+            evaluate, one_point = evaluation(len(tree)), is_small(len(tree))
+            for branch in tree:
+                parent = self._index.get(branch.parent)
+                carrier = None if parent is None else self._links[parent]
+                given = (
+                    branch.nameless(),
+                    carrier,
+                    variables[branch.body],
+                    scene.bodies[branch.body],
+                )
+                link, central = evaluate(_link, *given, one_point)
+                self._links.append(link)
+                self._central.append(central)
+        # Index of the first link of each tree, and of the first speed of each link, with the number
+        # of all links and of all speeds at the end.
+        self._starts = list(accumulate(map(len, trees), initial=0))
+        self._firsts = list(accumulate((len(link.columns) for link in self._links), initial=0))
+        self._evaluate = [evaluation(len(tree)) for tree in trees for _ in tree]
 
     @cached_property
-    def _factorisations(self) -> list[OrderedFactorisation]:
-        """Factors of the mass matrix of each tree. Checks of constraints never need them."""
-        matrix = self._mass_matrix()
-        return [
-            OrderedFactorisation([row[first:] for row in matrix[first:last]])
-            for first, last in self._trees
-        ]
+    def _solvers(self) -> list[AbstractTreeSolver]:
+        """The equations of motion of each tree. Checks of constraints never need them."""
+        solvers = []
+        for i, j in pairwise(self._starts):
+            parents = [None if parent is None else parent - i for parent in self._parents[i:j]]
+            bodies = [self._scene.bodies[branch.body] for branch in self._branches[i:j]]
+            solvers.append(tree_solver(self._links[i:j], parents, bodies, self._central[i:j]))
+        return solvers
 
-    def _pairs(self) -> Iterator[tuple[TreeBranch, Link]]:
-        """Return an iterator over the pairs of each branch and its link."""
-        return zip(self._branches, self._links, strict=True)
-
-    def _mass_matrix(self) -> list[list[Scalar]]:
-        """Return the lower triangle of the mass matrix, one list for each speed: row i has i + 1
-        entries."""
-        matrix: list[list[Scalar]] = [[0.0] * (i + 1) for i in range(self._firsts[-1])]
-        # For each link, the inertia of the link and of all bodies that it carries, as far as their
-        # joints transmit that inertia. It is complete when the loop, which goes from the leaves to
-        # the root, reaches the link.
-        composites: list[Inertia] = [
-            inertia(self._scene.bodies[branch.body], link.centre, central)
-            for (branch, link), central in zip(self._pairs(), self._central, strict=True)
-        ]
-        for k in reversed(range(len(self._links))):
-            columns, first = self._links[k].columns, self._firsts[k]
-            # Momentum of the composite for a unit of each speed; its products with the columns are
-            # the diagonal block. The joint transmits this momentum, except the angular momentum
-            # about its free axes.
-            wholes = [composites[k].momentum(column) for column in columns]
-            block = [[_product(column, whole) for column in columns] for whole in wholes]
-            rests = [_transmitted(columns, *pair) for pair in zip(wholes, block, strict=True)]
-            for j, rest in enumerate(rests):
-                matrix[first + j][first:] = block[j][: j + 1]
-                self._fill_row(matrix[first + j], self._parents[k], rest)
-            parent = self._parents[k]
-            if parent is not None:
-                # By the choice of unknowns, the composite does not follow the carrier's rotation
-                # about the joint's axes, so its inertia about them does not act on the carrier.
-                transmitted = composites[k]
-                for column, whole, rest in zip(columns, wholes, rests, strict=True):
-                    transmitted = transmitted.without(column.angular, whole, rest)
-                composites[parent] = composites[parent] + transmitted
-        return matrix
-
-    def _fill_row(self, row: list[Scalar], k: int | None, momentum: Twist) -> None:
-        """Fill the row of one speed of the mass matrix, in place, with the products of a momentum
-        with the columns of link k and of all its carriers towards the root.
-
-        **Arguments:** `row`: the list of the row's entries; `k`: the carrier's index, ``None``
-        beyond the root; `momentum`: that of the carried bodies for a unit of the speed, as far as
-        it acts on link k (see `_transmitted`).
-        """
-        while k is not None:
-            columns, first = self._links[k].columns, self._firsts[k]
-            for j, column in enumerate(columns, first):
-                row[j] = _product(column, momentum)
-            momentum = _transmitted(columns, momentum, row[first : first + len(columns)])
-            k = self._parents[k]
+    def _by_link(self, numbers: Speeds) -> list[Speeds]:
+        """Return lists of numbers, one for each speed, as a list for each link."""
+        return [numbers[i:j] for i, j in pairwise(self._firsts)]
 
     def solved(self, forces: Speeds) -> Speeds:
         """Return the rates r that generalised forces, one for each speed, cause."""
-        trees = zip(self._trees, self._factorisations, strict=True)
-        return [rate for (i, j), tree in trees for rate in tree.solve(forces[i:j])]
+        return self._rates({}, self._by_link(forces))
+
+    def _rates(self, loads: Mapping[int, Twist], forces: Sequence[Speeds]) -> Speeds:
+        """Return the rates r that loads on some links, by index of the link, and generalised forces
+        in the joint of each link cause."""
+        rates: list[Speeds] = []
+        for (i, j), solver in zip(pairwise(self._starts), self._solvers, strict=True):
+            rates += solver.rates({k - i: loads[k] for k in range(i, j) if k in loads}, forces[i:j])
+        return list(chain(*rates))
 
     def free_rates(self, wrenches: Wrenches) -> Speeds:
         """Return the rates r that gravity and wrenches, by name of body, cause, without the
         reactions of constraints."""
         loads = {}
-        for k, (force, moment) in self._loads(
-            {**dict.fromkeys(self._index, NO_WRENCH), **wrenches}
-        ).items():
-            link, body = self._links[k], self._scene.bodies[self._branches[k].body]
-            central = self._central[k]
-            # Part of the load causes the accelerations at constant speeds. The remainder changes
-            # the speeds.
-            gyroscopic = link.spin.cross(central @ link.spin) + central @ link.angular_bias
-            inertial = (link.bias - self._weights[k]) * body.mass
-            loads[k] = force - inertial, moment - gyroscopic
-        return self.solved(self._along_columns(loads))
+        for k, branch in enumerate(self._branches):
+            given = wrenches.get(branch.body, NO_WRENCH), self._links[k], self._axes[k]
+            body = self._central[k], self._scene.bodies[branch.body].mass, self._weights[k]
+            loads[k] = self._evaluate[k](_effective_load, *given, *body)
+        return self._rates(loads, self._by_link([0.0] * self._firsts[-1]))
 
     def projected(self, wrenches: Wrenches) -> Speeds:
         """Return the generalised forces, one for each speed, of wrenches by name of body."""
-        return self._along_columns(self._loads(wrenches))
+        loads = {k: self._links[k].load(*load) for k, load in self._loads(wrenches).items()}
+        # A constraint's row acts on few bodies, so that only these and their carriers are visited.
+        forces = along_columns(self._links, self._parents, loads, self._evaluate)
+        return list(chain(*forces))
 
     def _loads(self, wrenches: Wrenches) -> dict[int, ForceAndMoment]:
         """Return force, N, and moment about the centre of mass, N m, on the links of the bodies in
@@ -216,32 +178,8 @@ class JointMechanics(AbstractMechanics):
         A constraint's row acts on few bodies, so that the work does not grow with their number.
         """
         indices = sorted(self._index[name] for name in wrenches if name != GROUND)
-        loads = {}
-        for k in indices:
-            wrench = wrenches[self._branches[k].body]
-            force = self._axes[k].transposed_times(wrench.force)
-            loads[k] = force, self._links[k].rotation @ wrench.moment
-        return loads
-
-    def _along_columns(self, loads: dict[int, ForceAndMoment]) -> Speeds:
-        """Return the generalised forces of loads on some links, by index of the link, summed from
-        the leaves to the root."""
-        totals = {
-            k: Twist(moment + self._links[k].centre.cross(force), force)
-            for k, (force, moment) in loads.items()
-        }
-        forces: Speeds = [0.0] * self._firsts[-1]
-        for k in reversed(range(len(self._links))):
-            if k not in totals:
-                continue
-            columns, first = self._links[k].columns, self._firsts[k]
-            along = [_product(column, totals[k]) for column in columns]
-            forces[first : first + len(along)] = along
-            parent = self._parents[k]
-            if parent is not None:
-                transmitted = _transmitted(columns, totals[k], along)
-                totals[parent] = totals[parent] + transmitted if parent in totals else transmitted
-        return forces
+        bodies = {k: wrenches[self._branches[k].body] for k in indices}
+        return {k: _in_tree(at, self._links[k], self._axes[k]) for k, at in bodies.items()}
 
     def bias(self, row: Row) -> Scalar:
         """Return the row's Jacobian times the bodies' accelerations at constant speeds, where all
@@ -265,33 +203,28 @@ class JointMechanics(AbstractMechanics):
         """Yield for each link, from the root to the leaves, its acceleration and its rates u'.
 
         The acceleration is a twist: the angular acceleration of the link, rad/s^2, and the
-        acceleration of its point at the tree's origin, m/s^2, as far as the rates cause them; the
-        parts at constant speeds are left out. The rates u' are relative to the carrier: u' = r -
-        axis . (angular acceleration of the carrier).
+        acceleration of its reference point, m/s^2, as far as the rates cause them; the parts at
+        constant speeds are left out. The rates u' are relative to the carrier: u' = r - axis .
+        (angular acceleration of the carrier).
         """
         twists: list[Twist] = []
-        for k, link in enumerate(self._links):
-            parent, part = self._parents[k], rates[self._firsts[k] : self._firsts[k + 1]]
-            twist = REST if parent is None else twists[parent]
-            relative = [
-                subtract(rate, column.angular.dot(twist.angular))
-                for column, rate in zip(link.columns, part, strict=True)
-            ]
-            for column, rate in zip(link.columns, relative, strict=True):
-                twist = twist + column * rate
+        for k, (link, part) in enumerate(zip(self._links, self._by_link(rates), strict=True)):
+            parent = self._parents[k]
+            carrier = REST if parent is None else twists[parent]
+            twist, relative = self._evaluate[k](
+                accelerated, link.columns, part, link.offset, carrier
+            )
             twists.append(twist)
             yield twist, relative
 
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
         """Return the accelerations of the bodies, m/s^2 and rad/s^2, by name, for given rates r."""
-        accelerations = {}
-        for k, (twist, _) in enumerate(self._per_link(rates)):
-            link, fall = self._links[k], self._falls[k]
-            linear = twist.linear + twist.angular.cross(link.centre) + link.bias + fall
-            angular = link.rotation.transposed_times(twist.angular + link.angular_bias)
-            acceleration = BodyAcceleration(self._axes[k] @ linear, angular)
-            accelerations[self._branches[k].body] = acceleration
-        return accelerations
+        return {
+            self._branches[k].body: self._evaluate[k](
+                _body_acceleration, twist, self._links[k], self._axes[k], self._falls[k]
+            )
+            for k, (twist, _) in enumerate(self._per_link(rates))
+        }
 
     def variable_rates(self, rates: Speeds) -> TreeVariables:
         """Return the time derivatives of each body's variables, by name, for given rates r."""
@@ -326,35 +259,42 @@ class JointMechanics(AbstractMechanics):
             yield branch, self._variables[branch.body], part, axes
 
 
-def _product(first: Twist, second: Twist) -> Scalar:
-    """Return the dot product of the angular parts plus the dot product of the linear parts.
+def _link(
+    branch: TreeBranch,
+    carrier: Link | None,
+    state: MotionVariables,
+    body: Body,
+    one_point: bool,
+) -> tuple[Link, Matrix]:
+    """Return the link of a branch, and the inertia of its body about the centre of mass, in the
+    tree's axes. The arguments are those of `link` of the branch."""
+    link = branch.link(carrier, state, one_point)
+    return link, central_inertia(body, link.rotation)
 
-    It is the power of a load (moment and force) with a twist, or the product of a momentum with a
-    column.
+
+def _in_tree(wrench: Wrench, link: Link, axes: Matrix) -> ForceAndMoment:
+    """Return the force and the moment of a wrench on a link in its tree's axes."""
+    return axes.transposed_times(wrench.force), link.rotation @ wrench.moment
+
+
+def _effective_load(
+    wrench: Wrench, link: Link, axes: Matrix, central: Matrix, mass: Scalar, weight: Vector
+) -> Twist:
+    """Return that part of the load on a link that changes its speeds, about the reference point.
+
+    The remainder of the load causes the accelerations at constant speeds.
     """
-    return add(first.angular.dot(second.angular), first.linear.dot(second.linear))
+    force, moment = _in_tree(wrench, link, axes)
+    gyroscopic = link.spin.cross(central @ link.spin) + central @ link.angular_bias
+    inertial = (link.bias - weight) * mass
+    return link.load(force - inertial, moment - gyroscopic)
 
 
-def _transmitted(columns: tuple[Twist, ...], load: Twist, along: Speeds) -> Twist:
-    """Return the part of a load or momentum of carried bodies that acts on their carrier, in the
-    equations for the rates r.
-
-    It has no moments about the free axes of the joint, but all forces. (About the axis of a screw
-    it has the moment -pitch times the force along the axis, with the pitch in m/rad.) The reason is
-    the choice of unknowns. Suppose that the carrier's acceleration changes, but the r of the joint
-    does not. The carried bodies do not follow an angular acceleration of the carrier about a free
-    axis, so a moment on them about this axis does not act on the carrier. They do follow an
-    acceleration of the carrier along a free translation, where r is relative to the carrier.
-
-    **Arguments:** `columns`: twists of the joint's free directions, whose angular part is zero for
-    a translation; `load`: its `angular` part is the moment, N m, or angular momentum about the
-    tree's origin, and its `linear` part the force, N, or momentum; `along`: products of `load` with
-    each of the columns, which for a rotation are the moments about the joint's axis.
-    """
-    moment = load.angular
-    for column, part in zip(columns, along, strict=True):
-        moment = moment - column.angular * part
-    return Twist(moment, load.linear)
+def _body_acceleration(twist: Twist, link: Link, axes: Matrix, fall: Vector) -> BodyAcceleration:
+    """Return the acceleration of a link's body from the part due to the rates."""
+    linear = twist.linear + twist.angular.cross(link.arm) + link.bias + fall
+    angular = link.rotation.transposed_times(twist.angular + link.angular_bias)
+    return BodyAcceleration(axes @ linear, angular)
 
 
 class JointCoordinates(AbstractCoordinates):
@@ -387,9 +327,8 @@ class JointCoordinates(AbstractCoordinates):
     def eliminated(self, scene: Scene) -> frozenset[str]:
         """Return the names of the ideal joints that carry a body of a tree. Their coordinates are
         the variables, so that they need no constraints."""
-        return frozenset(
-            branch.joint for branch in _branches(scene) if isinstance(branch, JointedBranch)
-        )
+        places = topology(scene).places.values()
+        return frozenset(place.joint for place in places if place.joint is not None)
 
     def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> TreeVariables:
         """Return the variables for given states of the bodies, by name.
@@ -406,9 +345,9 @@ class JointCoordinates(AbstractCoordinates):
 
     def decode(self, scene: Scene, variables: TreeVariables) -> dict[str, BodyState]:
         """Return the states of the bodies, by name."""
-        branches, orientations = _branches(scene), {GROUND: UPRIGHT}
-        motions = _motions(branches, variables)
-        for branch in branches:
+        trees, orientations = forest(scene), {GROUND: UPRIGHT}
+        motions = _motions(trees, variables)
+        for branch in chain(*trees):
             state = variables[branch.body]
             orientations[branch.body] = branch.orientation(orientations[branch.parent], state)
         bodies = {}
@@ -420,7 +359,7 @@ class JointCoordinates(AbstractCoordinates):
     def motions(self, scene: Scene, variables: TreeVariables) -> Motions:
         """Return pose and velocities of each body and of "ground", by name, computed from the roots
         to the leaves."""
-        return _motions(_branches(scene), variables)
+        return _motions(forest(scene), variables)
 
     def mechanics(self, scene: Scene, variables: TreeVariables) -> JointMechanics:
         """Return the equations of motion of all trees."""
@@ -457,15 +396,7 @@ class JointCoordinates(AbstractCoordinates):
     def carriers(self, scene: Scene, bodies: Collection[str]) -> frozenset[str]:
         """Return the names of those bodies on the paths that connect `bodies` in the trees whose
         joints change the poses of `bodies` relative to each other."""
-        parents = {branch.body: branch.parent for branch in _branches(scene)}
-
-        def path(body: str) -> frozenset[str]:
-            """Return a body and all bodies that carry it, without the ground."""
-            return frozenset() if body == GROUND else path(parents[body]) | {body}
-
-        # A joint that carries all of the bodies moves them together.
-        paths = [path(body) for body in bodies]
-        return frozenset.union(*paths) - frozenset.intersection(*paths)
+        return topology(scene).between(bodies)
 
 
 def _branches(scene: Scene) -> list[TreeBranch]:
@@ -473,9 +404,16 @@ def _branches(scene: Scene) -> list[TreeBranch]:
     return [branch for tree in forest(scene) for branch in tree]
 
 
-def _motions(branches: list[TreeBranch], variables: TreeVariables) -> Motions:
-    """Return pose and velocities of each body and of "ground", by name, from all branches."""
+def _motions(trees: Sequence[Sequence[TreeBranch]], variables: TreeVariables) -> Motions:
+    """Return pose and velocities of each body and of "ground", by name, from all trees."""
     motions: dict[str, Motion] = {GROUND: GROUND_MOTION}
-    for branch in branches:
-        motions[branch.body] = branch.motion(motions[branch.parent], variables[branch.body])
+    for tree in trees:
+        evaluate = evaluation(len(tree))
+        for branch in tree:
+            given = branch.nameless(), motions[branch.parent], variables[branch.body]
+            motions[branch.body] = evaluate(_motion, *given)
     return motions
+
+
+def _motion(branch: TreeBranch, parent: Motion, state: MotionVariables) -> Motion:
+    return branch.motion(parent, state)

@@ -5,18 +5,24 @@ its parent: the next body towards the root of the tree or, for the root, the gro
 branch has its own variables, and converts them to the body's motion and rates. The spin of a body
 is its angular velocity, rad/s: in body axes in states and motions, in the tree's axes in a `Link`.
 
-Kinematics and inertia are computed in one frame for each tree. Its axes are those of the root body.
-Its origin is the point on the ground of the root's joint or, for a free root, the root's centre of
-mass. So the inertia of the root is constant if the root is free or its joint only lets it rotate.
-Constant vectors keep their exact zeros, and for a free root the mass matrix contains the total mass
-times the identity. A twist is the angular velocity of a body with the velocity of the body's point
-at the tree's origin. "At constant speeds" means: the part of an acceleration that remains if the
-time derivatives of all joint speeds are zero.
+Kinematics and inertia are computed in the axes of the root body of each tree, and about one
+reference point for each body. In a small tree, this is one point for all bodies, namely the point
+on the ground of the root's joint or, for a free root, the root's centre of mass. So the inertia of
+the root is constant if the root is free or its joint only lets it rotate. Constant vectors keep
+their exact zeros, and for a free root the mass matrix contains the total mass times the identity.
+In a large tree, the reference point of a body is the point of the body at its joint's point on the
+parent, so that no lever arm grows with the tree. A twist is the angular velocity of a body with the
+velocity of the body's reference point. "At constant speeds" means: the part of an acceleration that
+remains if the time derivatives of all joint speeds are zero.
 """
 
-from collections.abc import Callable
+import weakref
+from collections.abc import Collection
 from dataclasses import dataclass, replace
-from typing import ClassVar, TypeAlias
+from functools import partial
+from typing import ClassVar, NamedTuple, TypeAlias
+
+import jax
 
 from ...math.rotations import (
     composed,
@@ -35,25 +41,26 @@ from ...math.vectors import (
     ZERO,
     EulerParameters,
     Matrix,
-    Scalar,
     Vector,
     add,
     multiply,
     subtract,
 )
-from ...model.bodies import GROUND, Body, BodyState, Motion
+from ...model.bodies import GROUND, BodyState, Motion
 from ...model.joints.base import AbstractConstraint
 from ...model.joints.motion_subspaces import AbstractMotionSubspace, JointState, Relative, Twist
 from ...model.scene import Scene
 from ..coordinates import Speeds, anchors, free_motion
 
 
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class Link:
     """A body of a tree at one instant; all vectors are in the tree's axes.
 
     - `rotation`: matrix that maps components in body axes to components in the tree's axes.
-    - `centre`: m, from the tree's origin to the centre of mass.
+    - `offset`: m, from the parent's reference point to the body's.
+    - `arm`: m, from the body's reference point to its centre of mass.
     - `spin`: rad/s, angular velocity.
     - `angular_bias`: rad/s^2, angular acceleration at constant speeds.
     - `bias`: m/s^2, acceleration of the centre of mass at constant speeds.
@@ -63,15 +70,21 @@ class Link:
     """
 
     rotation: Matrix
-    centre: Vector
+    offset: Vector
+    arm: Vector
     spin: Vector
     angular_bias: Vector
     bias: Vector
     gradient: Matrix
     columns: tuple[Twist, ...]
 
+    def load(self, force: Vector, moment: Vector) -> Twist:
+        """Return a force, N, and a moment about the centre of mass, N m, as a load about the
+        reference point."""
+        return Twist(moment + self.arm.cross(force), force)
 
-GROUND_LINK = Link(IDENTITY, ZERO, ZERO, ZERO, ZERO, NOTHING, ())
+
+GROUND_LINK = Link(IDENTITY, ZERO, ZERO, ZERO, ZERO, ZERO, NOTHING, ())
 """The ground, as the parent of links."""
 
 
@@ -87,105 +100,13 @@ def _gradient(spin: Vector, angular_bias: Vector) -> Matrix:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Inertia:
-    """Spatial inertia of one body or of several connected bodies, about the tree's origin and in
-    its axes.
-
-    It maps a twist of angular velocity w and velocity v to the angular momentum I w + C v and the
-    momentum C^T w + m v, with I = `angular` (kg m^2), C = `coupling` (kg m) and m = `mass` (kg).
-    """
-
-    mass: Scalar
-    coupling: Matrix
-    angular: Matrix
-
-    def __add__(self, other: "Inertia") -> "Inertia":
-        return Inertia(
-            add(self.mass, other.mass), self.coupling + other.coupling, self.angular + other.angular
-        )
-
-    def momentum(self, twist: Twist) -> Twist:
-        """Return angular momentum (kg m^2/s) and momentum (kg m/s) for a twist."""
-        return Twist(
-            self.angular @ twist.angular + self.coupling @ twist.linear,
-            self.coupling.transposed_times(twist.angular) + twist.linear * self.mass,
-        )
-
-    def without(self, axis: Vector, whole: Twist, rest: Twist) -> "Inertia":
-        """Return the part of this inertia that acts on the carrier (the parent) of a joint, if this
-        is the inertia of the bodies that the joint carries.
-
-        In the unknowns of the equations of motion, the carried bodies do not follow the carrier's
-        angular acceleration about the joint's axis (see `.coordinates`). So their inertia about
-        this axis does not act on the carrier.
-
-        Let M be the 6x6 matrix of this inertia, and let column be the twist for a unit of the
-        joint's speed, so that whole = M column. The matrix P = 1 - column axis^T removes the
-        rotation about the axis from a twist. The result is P^T M P = M - axis whole^T - rest
-        axis^T, in which `axis` has a linear part of zero. For a joint of several axes, the method
-        is called once for each of them.
-
-        **Arguments:**
-
-        - `axis`: unit vector of the rotation, or zero for a translation.
-        - `whole`: momentum of the carried bodies for a unit of the joint's speed.
-        - `rest`: P^T whole, the part of `whole` that the joint transmits to its carrier. For a
-          joint of several axes, P is here the matrix that removes the rotations about all of them.
-        """
-        return Inertia(
-            self.mass,
-            self.coupling.minus_outer(axis, whole.linear),
-            self.angular.minus_outer(axis, whole.angular).minus_outer(rest.angular, axis),
-        )
-
-
-def central_inertia(body: Body, rotation: Matrix) -> Matrix:
-    """Return a body's inertia about its centre of mass in the tree's axes, kg m^2.
-
-    **Arguments:** `rotation`: matrix that maps components in body axes to the tree's axes.
-    """
-    images = [body.angular_momentum(row) for row in rotation.rows]
-    return _symmetric(lambda i, j: rotation.rows[i].dot(images[j]))
-
-
-def inertia(body: Body, centre: Vector, central: Matrix) -> Inertia:
-    """Return the spatial inertia of a body about the tree's origin.
-
-    **Arguments:** `centre`: m, the centre of mass from the tree's origin; `central`: kg m^2, the
-    inertia about the centre of mass, in the tree's axes.
-    """
-    # The first moment of mass, kg m, determines the coupling, which is its cross-product matrix.
-    h, r = centre * body.mass, tuple(centre)
-    first = tuple(h)
-
-    def shift(i: int, j: int) -> Scalar:  # parallel axes: m (r.r identity - r r^T)
-        if i != j:
-            return subtract(0.0, multiply(first[i], r[j]))
-        k, m = (i + 1) % 3, (i + 2) % 3
-        return add(multiply(first[k], r[k]), multiply(first[m], r[m]))
-
-    coupling = Matrix(
-        Vector(0.0, subtract(0.0, h.z), h.y),
-        Vector(h.z, 0.0, subtract(0.0, h.x)),
-        Vector(subtract(0.0, h.y), h.x, 0.0),
-    )
-    return Inertia(body.mass, coupling, central + _symmetric(shift))
-
-
-def _symmetric(entry: Callable[[int, int], Scalar]) -> Matrix:
-    """Return a symmetric matrix, whose lower triangle consists of the results of a function of the
-    row and column numbers, 0 to 2."""
-    lower = {(i, j): entry(i, j) for i in range(3) for j in range(i + 1)}
-    return Matrix(*(Vector(*(lower[max(i, j), min(i, j)] for j in range(3))) for i in range(3)))
-
-
 UPRIGHT = EulerParameters(1.0, 0.0, 0.0, 0.0)
 """Euler parameters of a body whose axes are the global ones."""
 BodyPose: TypeAlias = tuple[EulerParameters, Motion]
 """Orientation of a body, as Euler parameters, and the body's motion."""
 
 
+@partial(jax.tree_util.register_dataclass, data_fields=["anchor"], meta_fields=["body"])
 @dataclass(frozen=True)
 class FreeBranch:
     """A free body, the root of a tree, whose variables are a `BodyState`, as in absolute
@@ -206,6 +127,10 @@ class FreeBranch:
     anchor: tuple[Vector, Vector] | None
     parent: ClassVar[str] = GROUND
 
+    def nameless(self) -> "FreeBranch":
+        """Return the branch without names, so that alike branches are traced together."""
+        return replace(self, body="")
+
     def encode(self, parent: BodyPose, body: BodyPose) -> BodyState:
         """Return the state of the body, whose position is the centre of mass or, with an anchor,
         the vector from the anchor's ground point to its body point, m."""
@@ -225,12 +150,13 @@ class FreeBranch:
         ground."""
         return free_motion(state, self.anchor)
 
-    def link(self, parent: Link | None, state: BodyState) -> Link:
-        """Return the body as the root link of its tree. The argument `parent` is ignored."""
+    def link(self, parent: Link | None, state: BodyState, one_point: bool) -> Link:
+        """Return the body as the root link of its tree, with its centre of mass as reference point.
+        The arguments `parent` and `one_point` are ignored."""
         axes = UNIT_X, UNIT_Y, UNIT_Z
         columns = [Twist(ZERO, axis) for axis in axes] + [Twist(axis, ZERO) for axis in axes]
         gradient = _gradient(state.spin, ZERO)
-        return Link(IDENTITY, ZERO, state.spin, ZERO, ZERO, gradient, tuple(columns))
+        return Link(IDENTITY, ZERO, ZERO, state.spin, ZERO, ZERO, gradient, tuple(columns))
 
     def rates(
         self, state: BodyState, speed_rates: Speeds, axes: Matrix, gravity: Vector
@@ -283,6 +209,11 @@ class FreeBranch:
         return replace(state, velocity=other.velocity, spin=other.spin)
 
 
+@partial(
+    jax.tree_util.register_dataclass,
+    data_fields=["motion_subspace"],
+    meta_fields=["body", "parent", "joint"],
+)
 @dataclass(frozen=True)
 class JointedBranch:
     """A body that an ideal joint carries on a parent. The variables are a `JointState`: the
@@ -300,6 +231,10 @@ class JointedBranch:
     parent: str
     joint: str
     motion_subspace: AbstractMotionSubspace
+
+    def nameless(self) -> "JointedBranch":
+        """Return the branch without names, so that alike branches are traced together."""
+        return replace(self, body="", parent="", joint="")
 
     def encode(self, parent: BodyPose, body: BodyPose) -> JointState:
         """Return the joint's coordinates and speeds. Relative motion that the joint forbids is
@@ -331,24 +266,26 @@ class JointedBranch:
         velocity = parent.velocity_at(point) + rotation @ (spin.cross(arm) + twist.linear)
         return Motion(position, rotation, velocity, spin)
 
-    def link(self, parent: Link | None, state: JointState) -> Link:
+    def link(self, parent: Link | None, state: JointState, one_point: bool) -> Link:
         """Return the body as a link of its tree, whose vectors are in the axes of the tree's root
-        body, relative to the tree's origin.
+        body.
 
-        **Arguments:** `parent`: the link of the body's parent; ``None`` if that is the ground.
+        **Arguments:** `parent`: the link of the body's parent, ``None`` if that is the ground;
+        `one_point`: whether the reference point is that of the parent, and so one point for the
+        whole tree. Otherwise it is the joint's point on the parent.
         """
         subspace = self.motion_subspace
-        # Rotation from the body's axes to the tree's, position of the joint's point on the parent,
-        # m, and acceleration of this point at constant speeds, m/s^2. For a root on the ground they
-        # are the identity and zeros, since the tree's axes are those of the root, and its origin is
-        # the joint's point on the ground.
-        rotation, point, bias = IDENTITY, ZERO, ZERO
+        # Rotation from the body's axes to the tree's, the joint's point on the parent relative to
+        # the parent's reference point, m, and acceleration of the former at constant speeds, m/s^2.
+        # For a root on the ground they are the identity and zeros, since the tree's axes are those
+        # of the root.
+        rotation, offset, bias = IDENTITY, ZERO, ZERO
         if parent is None:
             parent = GROUND_LINK
         else:
             rotation = parent.rotation @ subspace.rotation(state.position)
             to_joint = parent.rotation @ subspace.point_parent
-            point, bias = parent.centre + to_joint, parent.bias + parent.gradient @ to_joint
+            offset, bias = parent.arm + to_joint, parent.bias + parent.gradient @ to_joint
         # Relative motion in the joint, and its acceleration at constant speeds. Both are given in
         # the axes of the carried body, so its own rotation leads to the tree's axes.
         twist, joint_bias = subspace.twist(state), subspace.bias(state)
@@ -365,14 +302,16 @@ class JointedBranch:
         displacement = subspace.displacement(state.position)
         arm = rotation @ (displacement - subspace.point_child)
         coriolis = (spin * 2.0).cross(linear) + rotation @ joint_bias.linear
+        bias = bias + coriolis + gradient @ arm
         columns = []
         for column in subspace.columns(state.position):
             # The column has the velocity of the body's point that coincides with the joint's point
-            # on the parent. It is converted to that of the body's point at the tree's origin.
+            # on the parent.
             axis, velocity = rotation @ column.angular, rotation @ column.linear
-            columns.append(Twist(axis, velocity + point.cross(axis)))
-        bias = bias + coriolis + gradient @ arm
-        return Link(rotation, point + arm, spin, angular_bias, bias, gradient, tuple(columns))
+            columns.append(Twist(axis, velocity + offset.cross(axis) if one_point else velocity))
+        if one_point:
+            offset, arm = ZERO, offset + arm
+        return Link(rotation, offset, arm, spin, angular_bias, bias, gradient, tuple(columns))
 
     def rates(
         self, state: JointState, speed_rates: Speeds, axes: Matrix, gravity: Vector
@@ -409,6 +348,57 @@ class JointedBranch:
 TreeBranch: TypeAlias = FreeBranch | JointedBranch
 
 
+class Place(NamedTuple):
+    """Names of a body of a tree, of its parent, and of the joint that carries it, which is ``None``
+    for a free root."""
+
+    body: str
+    parent: str
+    joint: str | None
+
+
+class Topology:
+    """Names in the trees of a scene, see `topology`.
+
+    - `trees`: the places of each tree, the root first and each parent before its children.
+    - `places`: those of all trees, by name of body.
+    """
+
+    def __init__(self, trees: list[list[Place]]):
+        self.trees = trees
+        self.places = {place.body: place for tree in trees for place in tree}
+        self._numbers = {body: number for number, body in enumerate((GROUND, *self.places))}
+
+    def between(self, bodies: Collection[str]) -> frozenset[str]:
+        """Return the names of those bodies on the paths that connect `bodies` whose joints change
+        the poses of `bodies` relative to each other."""
+        # Each parent has a smaller number than its children, so the body of the largest number is
+        # not on the path of another one to the root.
+        ends, passed = set(bodies), set()
+        while len(ends) > 1:
+            body = max(ends, key=self._numbers.__getitem__)
+            ends.remove(body)
+            passed.add(body)
+            ends.add(self.places[body].parent)
+        return frozenset(passed)
+
+
+_known: dict[int, tuple[weakref.ref[Scene], Topology]] = {}
+"""Topology of each scene that exists, by the scene's identity."""
+
+
+def topology(scene: Scene) -> Topology:
+    """Return the names in the trees of a scene, which are found once for each scene object.
+
+    A program needs them at each evaluation of the scene, and for each contact joint.
+    """
+    key = id(scene)
+    if key not in _known or _known[key][0]() is not scene:
+        trees = Topology(_grown_trees(scene))
+        _known[key] = weakref.ref(scene, lambda _: _known.pop(key, None)), trees
+    return _known[key][1]
+
+
 def forest(scene: Scene) -> list[list[TreeBranch]]:
     """Return the trees of a scene, each as a list of branches.
 
@@ -420,6 +410,26 @@ def forest(scene: Scene) -> list[list[TreeBranch]]:
     is preferred as root, since the anchor preserves digits of its position. The trees depend on the
     types and names of joints and bodies, but on no numbers.
     """
+    points = anchors(scene)
+    return [[_branch(scene, points, *place) for place in tree] for tree in topology(scene).trees]
+
+
+def _branch(
+    scene: Scene, points: dict[str, tuple[Vector, Vector]], body: str, parent: str, name: str | None
+) -> TreeBranch:
+    if name is None:
+        return FreeBranch(body, points.get(body))
+    joint = scene.joints[name]
+    subspace = joint.motion_subspace(parent) if isinstance(joint, AbstractConstraint) else None
+    if subspace is None:
+        raise ValueError(
+            f"joints[{name!r}].motion_subspace({parent!r}) is None, but was not for the same scene "
+            "before; let it depend on nothing but the types and names in the scene"
+        )
+    return JointedBranch(body, parent, name, subspace)
+
+
+def _grown_trees(scene: Scene) -> list[list[Place]]:
     # For each body, the ideal joints that may carry another body on it. A body looks only at its
     # own joints, so that the work does not grow with the square of their number.
     joints: _Incident = {body: [] for body in (GROUND, *scene.bodies)}
@@ -429,7 +439,7 @@ def forest(scene: Scene) -> list[list[TreeBranch]]:
                 joints[parent].append((name, joint, body))
     # Each joint on the ground begins a tree of its own, since the ground does not move.
     placed = {GROUND}
-    trees: list[list[TreeBranch]] = [[root] for root in _children(joints, GROUND, placed)]
+    trees = [[root] for root in _children(joints, GROUND, placed)]
     for tree in trees:
         _grow(tree, joints, placed)
     # The bodies that are left have no joint to the ground. Those with an anchor are sorted first.
@@ -437,7 +447,7 @@ def forest(scene: Scene) -> list[list[TreeBranch]]:
     for name in sorted(scene.bodies, key=lambda name: name not in points):
         if name not in placed:
             placed.add(name)
-            trees.append([FreeBranch(name, points.get(name))])
+            trees.append([Place(name, GROUND, None)])
             _grow(trees[-1], joints, placed)
     return trees
 
@@ -447,24 +457,24 @@ _Incident: TypeAlias = dict[str, list[tuple[str, AbstractConstraint, str]]]
 and name of the other body."""
 
 
-def _grow(tree: list[TreeBranch], joints: _Incident, placed: set[str]) -> None:
-    """Append all further branches of a tree to it, breadth first, and add their bodies to
+def _grow(tree: list[Place], joints: _Incident, placed: set[str]) -> None:
+    """Append all further places of a tree to it, breadth first, and add their bodies to
     `placed`."""
-    for branch in tree:  # The loop also visits the branches that it appends.
-        tree += _children(joints, branch.body, placed)
+    for place in tree:  # The loop also visits the places that it appends.
+        tree += _children(joints, place.body, placed)
 
 
-def _children(joints: _Incident, parent: str, placed: set[str]) -> list[JointedBranch]:
-    """Return a branch for each ideal joint that carries another body on the body `parent`.
+def _children(joints: _Incident, parent: str, placed: set[str]) -> list[Place]:
+    """Return a place for each ideal joint that carries another body on the body `parent`.
 
-    Bodies in `placed` are left out; the bodies of the branches are added to it. Ideal joints
-    without a `motion_subspace` get no branch and remain constraints.
+    Bodies in `placed` are left out; the bodies of the places are added to it. Ideal joints
+    without a `motion_subspace` get no place and remain constraints.
     """
     children = []
     for name, joint, body in joints[parent]:
         # The subspace is made last, because that takes operations, which JAX would trace for
         # nothing.
-        if body not in placed and (subspace := joint.motion_subspace(parent)) is not None:
+        if body not in placed and joint.motion_subspace(parent) is not None:
             placed.add(body)
-            children.append(JointedBranch(body, parent, name, subspace))
+            children.append(Place(body, parent, name))
     return children

@@ -40,6 +40,7 @@ from ...math.vectors import (
 )
 
 
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class Twist:
     """Velocity of a child body relative to its parent, in the child's axes.
@@ -59,6 +60,9 @@ class Twist:
 
     def __add__(self, other: "Twist") -> "Twist":
         return Twist(self.angular + other.angular, self.linear + other.linear)
+
+    def __sub__(self, other: "Twist") -> "Twist":
+        return Twist(self.angular - other.angular, self.linear - other.linear)
 
     def __mul__(self, factor: Scalar) -> "Twist":
         return Twist(self.angular * factor, self.linear * factor)
