@@ -2,16 +2,15 @@
 joints with clearances for dynamic analysis of multi-body systems, 2006).
 
 A row is one scalar constraint equation; its Jacobian by the speeds of the coordinates is a list
-with one number for each speed. Small systems of equations are solved by unrolled scalar arithmetic,
-large ones in arrays.
+with one number for each speed.
 """
 
 from collections.abc import Mapping, Sequence
 
 import jax
-import jax.numpy as jnp
 
-from ..math.linear_solvers import LARGEST_UNROLLED, AbstractSolver, inner
+from ..math.block_matrices import gram_matrix
+from ..math.linear_solvers import AbstractSolver
 from ..math.smoothing import where
 from ..math.vectors import Matrix, Scalar, add, is_zero, library, multiply, square_root
 from ..model.bodies import GROUND, Body
@@ -19,65 +18,72 @@ from ..model.joints.base import Motions, Row
 from .coordinates import AbstractMechanics, Speeds
 
 
-def response(
-    mechanics: AbstractMechanics,
-    directions: Sequence[Speeds],
-    targets: Sequence[Scalar],
-    solver: AbstractSolver,
-    weights: Sequence[Scalar] | None = None,
-) -> tuple[Speeds, list[Scalar]]:
-    """Return the smallest change of the speeds' rates that changes the second time derivative of
-    each constraint row by its target, and the multipliers of the rows.
+class ConstraintEquations:
+    """Equations for the multipliers of constraint rows, which are factorised once for any number of
+    right sides.
 
-    With the mass matrix M of the coordinates and the rows D, the change is M^-1 D^T lambda, where D
-    M^-1 D^T lambda = targets. It is the smallest change in the metric of M. Projections use the
-    same function with changes of speeds or positions in place of rates. A row of exact zeros is
-    left out, and its multiplier is zero. An example is the row that closes a planar loop in the
-    direction normal to its plane, since the coordinates always satisfy it.
+    With the mass matrix M of the coordinates and the rows D, the multipliers lambda that cause
+    given changes D u' of the rows solve D M^-1 D^T lambda = targets.
+
+    A row of exact zeros is left out, and its multiplier is zero. An example is the row that closes
+    a planar loop in the direction normal to its plane, since the coordinates always satisfy it.
 
     **Arguments:**
 
     - `mechanics`: equations of motion, which solve linear equations with the mass matrix M.
     - `directions`: the rows of D, one list for each constraint row (at least one), with one
       number for each speed.
-    - `targets`: one number for each constraint row.
     - `solver`: solver of the linear equations.
     - `weights`: one number for each row, by which the row and its target are multiplied before
       `solver` is called, see `row_weights`; ``None``, the default, for a solver whose result
       doesn't depend on them.
-
-    **Returns:** the change, one number for each speed, and one multiplier for each constraint row.
     """
-    # A zero row would make the matrix singular.
-    kept = [k for k, row in enumerate(directions) if not all(map(is_zero, row))]
-    multipliers: list[Scalar] = [0.0] * len(directions)
-    if not kept:
-        return [0.0] * len(directions[0]), multipliers
-    # A solver for singular matrices replaces entries that are rounding errors by zeros.
-    rows = [solver.significant(directions[k]) for k in kept]
-    aims = [targets[k] for k in kept]
-    if weights is not None:
-        rows = [[multiply(weights[k], a) for a in row] for k, row in zip(kept, rows, strict=True)]
-        aims = [multiply(weights[k], aim) for k, aim in zip(kept, aims, strict=True)]
-    # The rows of D M^-1.
-    solved_rows = [mechanics.solved(row) for row in rows]
-    change: Speeds = [0.0] * len(directions[0])
-    if len(rows) > LARGEST_UNROLLED:
-        jacobian, solved = (jnp.stack([*map(as_array, part)]) for part in (rows, solved_rows))
-        solution = solver.dense(jacobian @ solved.T, as_array(aims))
-        change, nonzero = list(solution @ solved), list(solution)
-    else:
-        # The lower triangle of D M^-1 D^T, which is symmetric.
-        schur = [
-            [inner(row, other) for other in solved_rows[: i + 1]] for i, row in enumerate(rows)
+
+    def __init__(
+        self,
+        mechanics: AbstractMechanics,
+        directions: Sequence[Speeds],
+        solver: AbstractSolver,
+        weights: Sequence[Scalar] | None = None,
+    ):
+        self._rows, self._speeds, self._weights = len(directions), len(directions[0]), weights
+        # A zero row would make the matrix singular.
+        self._kept = [k for k, row in enumerate(directions) if not all(map(is_zero, row))]
+        # A solver for singular matrices replaces entries that are rounding errors by zeros.
+        rows = [solver.significant(directions[k]) for k in self._kept]
+        if weights is not None:
+            rows = [
+                [multiply(weights[k], a) for a in row]
+                for k, row in zip(self._kept, rows, strict=True)
+            ]
+        # The rows of D M^-1.
+        self._solved_rows = [mechanics.solved(row) for row in rows]
+        self._solve = solver.solving(gram_matrix(rows, self._solved_rows)) if rows else list
+
+    def response(self, targets: Sequence[Scalar]) -> tuple[Speeds, list[Scalar]]:
+        """Return the smallest change of the speeds' rates that changes the second time derivative
+        of each constraint row by its target, and the multipliers of the rows.
+
+        The change is M^-1 D^T lambda, the smallest in the metric of M. Projections use the same
+        method with changes of speeds or positions in place of rates.
+
+        **Arguments:** `targets`: one number for each constraint row.
+
+        **Returns:** the change, one number for each speed, and one multiplier for each constraint
+        row.
+        """
+        weights = self._weights
+        aims = [
+            targets[k] if weights is None else multiply(weights[k], targets[k]) for k in self._kept
         ]
-        nonzero = solver.unrolled(schur, aims)
-        for part, multiplier in zip(solved_rows, nonzero, strict=True):
+        nonzero, change = self._solve(aims), [0.0] * self._speeds
+        for part, multiplier in zip(self._solved_rows, nonzero, strict=True):
             change = [add(a, multiply(b, multiplier)) for a, b in zip(change, part, strict=True)]
-    # A weighted row has the multiplier of the row itself divided by the weight.
-    for k, multiplier in zip(kept, nonzero, strict=True):
-        multipliers[k] = multiplier if weights is None else multiply(weights[k], multiplier)
-    return change, multipliers
+        multipliers: list[Scalar] = [0.0] * self._rows
+        # A weighted row has the multiplier of the row itself divided by the weight.
+        for k, multiplier in zip(self._kept, nonzero, strict=True):
+            multipliers[k] = multiplier if weights is None else multiply(weights[k], multiplier)
+        return change, multipliers
 
 
 def row_weights(bodies: Mapping[str, Body], rows: Sequence[Row]) -> list[Scalar]:

@@ -31,7 +31,7 @@ from .coordinates import AbstractMechanics, MotionVariables, Speeds
 from .energy import ledger_powers, mechanical_energy
 from .equations_of_motion import Dynamics, applied_wrenches, constraint_rows, flattened
 from .formulation import Formulation
-from .multipliers import response, row_rate, row_weights
+from .multipliers import ConstraintEquations, row_rate, row_weights
 
 FARTHEST = 1e-3
 """Largest violation of a constraint, m or rad, at which a run continues. If the smallest clearance
@@ -286,7 +286,8 @@ class System(eqx.Module):
         if rates is not None:
             targets = [a - inner(d, rates) for a, d in zip(targets, directions, strict=True)]
         weights = row_weights(self.scene.bodies, rows) if self.formulation.redundant else None
-        return response(mechanics, directions, targets, self.formulation.solver(), weights)
+        equations = ConstraintEquations(mechanics, directions, self.formulation.solver(), weights)
+        return equations.response(targets)
 
     def is_constrained(self, variables: MotionVariables, t: Scalar) -> bool:
         """Return whether any constraint remains that the coordinates do not eliminate."""

@@ -1,117 +1,207 @@
 """Solvers for symmetric positive semidefinite systems of linear equations.
 
-Small systems are given by rows of scalars and are solved by unrolled scalar arithmetic, which is
-fast in a stepping loop. The length of the unrolled code, and its compile time, grow with the cube
-of the number of rows (over a minute for 30 rows). Larger systems are therefore given by arrays and
-solved by JAX's Cholesky factorisation.
+The matrix of a system is S = D X^T, where the rows of D and X are lists of scalars. Entries that are
+the Python number zero are structural: operations on them are omitted. A system whose solution takes
+few multiplications is solved by unrolled scalar arithmetic (`ScalarMatrix`), which is fast in a
+stepping loop. The compile time of unrolled code grows faster than its length, so that all other
+systems are solved by loops over blocks (`clearjoint.math.block_matrices`).
 """
 
-from collections.abc import Sequence
+import abc
+from collections.abc import Callable, Sequence
+from typing import TypeAlias
 
-import jax
 import jax.numpy as jnp
-import jax.scipy.linalg
 
 from .vectors import Scalar, add, is_zero, multiply, subtract
 
-LARGEST_UNROLLED = 12
-"""Largest number of rows of a system that is solved by unrolled arithmetic; see the module."""
-Rows = Sequence[Sequence[Scalar]]
+Rows: TypeAlias = Sequence[Sequence[Scalar]]
 """Rows of a matrix; of a symmetric one, only the entries up to the diagonal are read, so that row i
 may have only i + 1 entries."""
+Solve: TypeAlias = Callable[[Sequence[Scalar]], list[Scalar]]
+"""Function of the right side of a system of equations, n scalars, that returns the solution."""
+
+
+def below_diagonal(neighbours: Sequence[set[int]]) -> list[list[int]]:
+    """Return, for each column of the triangular factor of a symmetric matrix, the indices of the
+    rows below the diagonal with an entry that is not a structural zero.
+
+    **Arguments:** `neighbours`: for each unknown, those with which it is coupled: the columns of
+    its row in which the matrix has entries.
+    """
+    columns = [{i for i in others if i > j} for j, others in enumerate(neighbours)]
+    for column in columns:
+        if column:
+            # Eliminating an unknown couples those below it with each other. It suffices to pass
+            # them on to the next one of them.
+            following = min(column)
+            columns[following] |= column - {following}
+    return [sorted(column) for column in columns]
+
+
+def least_degree_order(neighbours: Sequence[set[int]]) -> list[int]:
+    """Return the indices of unknowns in an order of elimination that reduces fill-in.
+
+    The next unknown to be eliminated is always one that is coupled with the fewest remaining ones
+    (W. F. Tinney, J. W. Walker, Direct solutions of sparse network equations, 1967).
+
+    **Arguments:** `neighbours`: as for `below_diagonal`.
+    """
+    remaining = {i: set(others) for i, others in enumerate(neighbours)}
+    order = []
+    while remaining:
+        eliminated = min(remaining, key=lambda i: len(remaining[i]))
+        order.append(eliminated)
+        # Elimination couples all neighbours of an unknown: the fill-in.
+        coupled = remaining.pop(eliminated)
+        for i in coupled:
+            remaining[i] |= coupled
+            remaining[i] -= {i, eliminated}
+    return order
+
+
+def _neighbours(matrix: Rows) -> list[set[int]]:
+    """Return for each row of a symmetric matrix the other columns with structural nonzeros."""
+    found: list[set[int]] = [set() for _ in matrix]
+    for i, row in enumerate(matrix):
+        for j in range(i):
+            if not is_zero(row[j]):
+                found[i].add(j)
+                found[j].add(i)
+    return found
 
 
 class UnrolledFactorisation:
     """Factorisation L D L^T of a symmetric positive definite matrix in scalar arithmetic.
 
-    Entries that are the Python number zero are structural: operations on them are omitted, so that
-    a sparse matrix stays sparse except for fill-in.
+    Operations on structural zeros are omitted, so that a sparse matrix stays sparse except for
+    fill-in.
 
     **Arguments:** `matrix`: the n rows, of which only the lower triangle is read.
     """
 
     def __init__(self, matrix: Rows):
         n = len(matrix)
-        self._lower: list[list[Scalar]] = [[0.0] * n for _ in range(n)]
+        self._below = below_diagonal(_neighbours(matrix))
+        # The entries left of the diagonal, by column: of L, and of the product L D.
+        self._lower: list[dict[int, Scalar]] = [{} for _ in range(n)]
         self._inverse_diagonal: list[Scalar] = []
-        # The product L D, column by column.
-        scaled: list[list[Scalar]] = [[0.0] * n for _ in range(n)]
+        scaled: list[dict[int, Scalar]] = [{} for _ in range(n)]
         # With the pivots d, a_jj = sum_k l_jk^2 d_k + d_j, and for i > j
         # a_ij = sum_k l_ik (l_jk d_k) + l_ij d_j, where k runs from 0 to j - 1.
         for j in range(n):
-            pivot = self._reduced(matrix[j][j], self._lower[j], scaled[j][:j])
+            pivot = _reduced(matrix[j][j], self._lower[j], scaled[j])
             self._inverse_diagonal.append(1.0 / pivot)
-            for i in range(j + 1, n):
-                scaled[i][j] = self._reduced(matrix[i][j], self._lower[i], scaled[j][:j])
-                self._lower[i][j] = multiply(scaled[i][j], self._inverse_diagonal[j])
-
-    @staticmethod
-    def _reduced(start: Scalar, first: Sequence[Scalar], second: Sequence[Scalar]) -> Scalar:
-        """Return `start` minus the inner product of two lists, over the length of the shorter."""
-        for a, b in zip(first, second, strict=False):
-            start = subtract(start, multiply(a, b))
-        return start
+            for i in self._below[j]:
+                entry = _reduced(matrix[i][j], self._lower[i], scaled[j])
+                scaled[i][j] = entry
+                self._lower[i][j] = multiply(entry, self._inverse_diagonal[j])
 
     def solve(self, right: Sequence[Scalar]) -> list[Scalar]:
         """Return the solution x of ``matrix @ x = right``; x and `right` are lists of n scalars."""
         # Solve L z = right, then D L^T x = z.
         n = len(right)
-        z: list[Scalar] = []
+        z: dict[int, Scalar] = {}
         for i in range(n):
-            z.append(self._reduced(right[i], self._lower[i], z))
-        x = [multiply(z[i], self._inverse_diagonal[i]) for i in range(n)]
+            z[i] = _reduced(right[i], self._lower[i], z)
+        x = {i: multiply(z[i], self._inverse_diagonal[i]) for i in range(n)}
         for i in reversed(range(n)):
-            column = [self._lower[k][i] for k in range(i + 1, n)]
-            x[i] = self._reduced(x[i], column, x[i + 1 :])
-        return x
+            x[i] = _reduced(x[i], {k: self._lower[k][i] for k in self._below[i]}, x)
+        return [x[i] for i in range(n)]
+
+
+def _reduced(start: Scalar, first: dict[int, Scalar], second: dict[int, Scalar]) -> Scalar:
+    """Return `start` minus the products of the entries that two dictionaries have in common, in
+    the order of the first one."""
+    for k, a in first.items():
+        if k in second:
+            start = subtract(start, multiply(a, second[k]))
+    return start
 
 
 class OrderedFactorisation:
-    """Factorisation of a sparse matrix whose unknowns are reordered to reduce fill-in.
-
-    The next unknown to be eliminated is always one that is coupled with the fewest remaining ones
-    (W. F. Tinney, J. W. Walker, Direct solutions of sparse network equations, 1967).
+    """Factorisation of a sparse matrix whose unknowns are reordered to reduce fill-in, see
+    `least_degree_order`.
 
     **Arguments:** `matrix`: as for `UnrolledFactorisation`.
     """
 
     def __init__(self, matrix: Rows):
-        self._order = _least_degree_order(matrix)
+        self._order = least_degree_order(_neighbours(matrix))
         full = [[matrix[max(i, j)][min(i, j)] for j in self._order] for i in self._order]
         self._factorisation = UnrolledFactorisation(full)
 
     def solve(self, right: Sequence[Scalar]) -> list[Scalar]:
         """Return the solution x of ``matrix @ x = right``; x and `right` are lists of n scalars in
         the original order of the unknowns."""
+        if all(map(is_zero, right)):
+            return list(right)
         solution = self._factorisation.solve([right[i] for i in self._order])
         by_unknown = dict(zip(self._order, solution, strict=True))
         return [by_unknown[i] for i in range(len(right))]
 
 
-def _least_degree_order(matrix: Rows) -> list[int]:
-    """Return the indices of the unknowns of a matrix in their order of elimination."""
-    n = len(matrix)
-    # Two unknowns are neighbours if their entry of the matrix is not a structural zero.
-    neighbours: dict[int, set[int]] = {
-        i: {j for j in range(n) if i != j and not is_zero(matrix[max(i, j)][min(i, j)])}
-        for i in range(n)
-    }
-    order = []
-    while neighbours:
-        eliminated = min(neighbours, key=lambda i: len(neighbours[i]))
-        order.append(eliminated)
-        # Elimination couples all neighbours of an unknown: the fill-in.
-        coupled = neighbours.pop(eliminated)
-        for i in coupled:
-            neighbours[i] |= coupled
-            neighbours[i] -= {i, eliminated}
-    return order
+class AbstractMatrix(abc.ABC):
+    """A symmetric matrix S of a system of linear equations.
+
+    - `n`: number of rows.
+    """
+
+    n: int
+
+    @abc.abstractmethod
+    def trace(self) -> Scalar:
+        """Return the sum of the diagonal."""
+
+    @abc.abstractmethod
+    def solving(self, shift: Scalar = 0.0, sweeps: int = 1) -> Solve:
+        """Return the function that solves S x = b by the iteration x <- x + (S + `shift` I)^-1 (b -
+        S x) from x = 0.
+
+        S + `shift` I must be positive definite, and is factorised once.
+
+        **Arguments:** `sweeps`: number of iterations; one suffices if `shift` is zero.
+        """
+
+
+class ScalarMatrix(AbstractMatrix):
+    """A matrix whose systems are solved by unrolled scalar arithmetic.
+
+    **Arguments:** `rows`: the n rows, of which only the lower triangle is read.
+    """
+
+    def __init__(self, rows: Rows):
+        self._rows, self.n = rows, len(rows)
+
+    def trace(self) -> Scalar:
+        """Return the sum of the diagonal."""
+        trace: Scalar = 0.0
+        for i, row in enumerate(self._rows):
+            trace = add(trace, row[i])
+        return trace
+
+    def solving(self, shift: Scalar = 0.0, sweeps: int = 1) -> Solve:
+        """Return the function that solves the equations, see the base class."""
+        matrix = self._rows
+        shifted = [[*row[:i], add(row[i], shift)] for i, row in enumerate(matrix)]
+        factorisation = OrderedFactorisation(shifted)
+
+        def solution(right: Sequence[Scalar]) -> list[Scalar]:
+            # The first iteration, from x = 0, needs no product.
+            x = factorisation.solve(right)
+            for _ in range(sweeps - 1):
+                image = product(matrix, x)
+                rest = [subtract(b, s) for b, s in zip(right, image, strict=True)]
+                x = [add(a, d) for a, d in zip(x, factorisation.solve(rest), strict=True)]
+            return x
+
+        return solution
 
 
 class AbstractSolver:
-    """Base class of solvers for ``matrix @ x = right``, with rows of scalars or with arrays.
+    """Base class of solvers for S x = b.
 
-    The matrix is D M^-1 D^T, with the Jacobian D of constraints and a mass matrix M.
+    The matrix is S = D M^-1 D^T, with the Jacobian D of constraints and a mass matrix M.
     """
 
     def significant(self, row: Sequence[Scalar]) -> list[Scalar]:
@@ -123,25 +213,17 @@ class AbstractSolver:
         """
         return list(row)
 
-    def unrolled(self, matrix: Rows, right: Sequence[Scalar]) -> list[Scalar]:
-        """Return the solution, n scalars, for n rows `matrix` and n scalars `right`."""
-        raise NotImplementedError
-
-    def dense(self, matrix: jax.Array, right: jax.Array) -> jax.Array:
-        """Return the solution, (n,), for arrays `matrix`, (n, n), and `right`, (n,)."""
+    def solving(self, matrix: AbstractMatrix) -> Solve:
+        """Return the function that returns the solution x for a right side b."""
         raise NotImplementedError
 
 
 class Exact(AbstractSolver):
     """Direct solver, for nonsingular matrices only."""
 
-    def unrolled(self, matrix: Rows, right: Sequence[Scalar]) -> list[Scalar]:
-        """Return the solution by an L D L^T factorisation in scalar arithmetic."""
-        return UnrolledFactorisation(matrix).solve(right)
-
-    def dense(self, matrix: jax.Array, right: jax.Array) -> jax.Array:
-        """Return the solution by JAX's Cholesky factorisation."""
-        return jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(matrix), right)
+    def solving(self, matrix: AbstractMatrix) -> Solve:
+        """Return the function that solves the equations by a factorisation of S."""
+        return matrix.solving()
 
 
 class LeastNorm(AbstractSolver):
@@ -176,31 +258,9 @@ class LeastNorm(AbstractSolver):
         """Return eps for a matrix with n rows and the given trace; 1 for a matrix of zeros."""
         return jnp.where(trace > 0.0, trace * (self.relative_shift / n), 1.0)
 
-    def unrolled(self, matrix: Rows, right: Sequence[Scalar]) -> list[Scalar]:
-        """Return the solution by an L D L^T factorisation of S + eps I in scalar arithmetic."""
-        trace: Scalar = 0.0
-        for i in range(len(matrix)):
-            trace = add(trace, matrix[i][i])
-        shift = self._shift(trace, len(matrix))
-        shifted = [[*matrix[i][:i], matrix[i][i] + shift] for i in range(len(matrix))]
-        factorisation = UnrolledFactorisation(shifted)
-        # The first iteration, from x = 0, needs no product.
-        x = factorisation.solve(right)
-        for _ in range(self.sweeps - 1):
-            image = product(matrix, x)
-            rest = [subtract(b, s) for b, s in zip(right, image, strict=True)]
-            x = [add(a, d) for a, d in zip(x, factorisation.solve(rest), strict=True)]
-        return x
-
-    def dense(self, matrix: jax.Array, right: jax.Array) -> jax.Array:
-        """Return the solution by a Cholesky factorisation of S + eps I."""
-        n = matrix.shape[0]
-        shift = self._shift(jnp.trace(matrix), n)
-        factor = jax.scipy.linalg.cho_factor(matrix + shift * jnp.eye(n))
-        x = jnp.zeros(n)
-        for _ in range(self.sweeps):
-            x = x + jax.scipy.linalg.cho_solve(factor, right - matrix @ x)
-        return x
+    def solving(self, matrix: AbstractMatrix) -> Solve:
+        """Return the function that solves the equations by a factorisation of S + eps I."""
+        return matrix.solving(self._shift(matrix.trace(), matrix.n), self.sweeps)
 
 
 def inner(first: Sequence[Scalar], second: Sequence[Scalar]) -> Scalar:

@@ -74,7 +74,7 @@ def _cond(lower: Lowering, equation: Equation, condition: Array, *arguments: Arr
         kept = [borrowed(argument) for argument in arguments]
         no_results = lower.inline(no, kept)
         return _selected(lower, condition, lower.inline(yes, kept), no_results)
-    if ops.width == 1:
+    if ops.width == 1 or ops.is_uniform(condition):
         return _branch(lower, condition, yes, no, arguments)
     # In several lanes both branches may be executed, each for the lanes that need it.
     opposite = ops.emit("not", "b", condition)
@@ -350,6 +350,10 @@ def _scan(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array]
             offsets = np.arange(math.prod(memory.shape[1:]))
             first_element = first_of_row(memory, row)
             items.append(read_block(lower, memory, first_element, offsets, memory.shape[1:]))
+            if lower.is_known(memory):
+                # Numbers of a table are the same in all lanes too.
+                for value in lower.values(items[-1]):
+                    ops.mark_uniform(value)
         results = lower.inline(closed, [*consts, *carries[1:], *items])
         for memory, array in zip(outputs, results[carried:], strict=True):
             lower.write(array, memory.start, first_of_row(memory, row))

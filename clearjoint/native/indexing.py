@@ -248,6 +248,9 @@ def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -
     def visit(k: Value) -> None:
         row, first = (Symbol(ops, k) * size for size in (depth, offsets.size))
         starts = [ops.load(table.kind, table.start + j, row.value) for j in range(depth)]
+        if lower.is_known(table):
+            for start in starts:
+                ops.mark_uniform(start)
         for j, value in enumerate(block_at(starts, read)):
             ops.store(value, result.start + j, first.value)
 

@@ -335,6 +335,11 @@ class Lowering:
             return Packed(self.ops.pack(list(values)))
         return np.array(values, dtype=np.int64).reshape(shape)
 
+    def is_known(self, memory: InMemory) -> bool:
+        """Return whether an array in memory consists of numbers known while the program is built,
+        which are the same in all lanes."""
+        return memory.start in self.constants
+
     def new_array(self, shape: tuple[int, ...], kind: str) -> InMemory:
         """Reserve cells for an array and return the array, whose elements are not defined yet."""
         return InMemory(self.ops.allocate(math.prod(shape)), shape, kind, owned=True)

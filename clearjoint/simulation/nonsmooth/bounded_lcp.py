@@ -22,8 +22,8 @@ from functools import reduce
 import jax
 import jax.numpy as jnp
 
-from ...dynamics.multipliers import as_array
-from ...math.linear_solvers import LARGEST_UNROLLED, Exact, Rows, inner, product
+from ...math.block_matrices import gram_matrix
+from ...math.linear_solvers import Exact, Rows, inner, product
 from ...math.vectors import Condition, Scalar, add
 
 ITERATIONS = 30
@@ -192,7 +192,6 @@ def largest(numbers: Sequence[Scalar]) -> Scalar:
 
 def _solved(matrix: Rows, right: Sequence[Scalar]) -> Impulses:
     n = len(right)
-    if n <= LARGEST_UNROLLED:
-        return Exact().unrolled(matrix, right)
-    full = [as_array([matrix[max(i, j)][min(i, j)] for j in range(n)]) for i in range(n)]
-    return list(Exact().dense(jnp.stack(full), as_array(right)))
+    full = [[matrix[max(i, j)][min(i, j)] for j in range(n)] for i in range(n)]
+    identity = [[float(i == j) for j in range(n)] for i in range(n)]
+    return Exact().solving(gram_matrix(full, identity))(right)

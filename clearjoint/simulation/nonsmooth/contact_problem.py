@@ -24,7 +24,7 @@ import jax.numpy as jnp
 from ...dynamics.contact_forces import contact_wrenches
 from ...dynamics.coordinates import AbstractMechanics, Motions, Speeds
 from ...dynamics.equations_of_motion import flattened
-from ...dynamics.multipliers import response, row_rate, row_weights
+from ...dynamics.multipliers import ConstraintEquations, row_rate, row_weights
 from ...dynamics.system import System
 from ...fields.checks import require, require_range
 from ...math.linear_solvers import inner
@@ -208,15 +208,21 @@ class ContactProblem:
         formulation = system.formulation
         weights = row_weights(system.scene.bodies, rows) if formulation.redundant else None
 
+        equations = (
+            ConstraintEquations(mechanics, projected, formulation.solver(), weights)
+            if projected
+            else None
+        )
+
         def free_response(direction: Speeds) -> Speeds:
             """Return the change of the speeds by a unit impulse along a contact's direction, and by
             the impulses of ideal joints that it causes."""
             rates = mechanics.solved(direction)
-            if not projected:
+            if equations is None:
                 return rates
             # The joints' own impulses cancel the velocities that would violate their constraints.
             targets = [-inner(row, rates) for row in projected]
-            change, _ = response(mechanics, projected, targets, formulation.solver(), weights)
+            change, _ = equations.response(targets)
             return [add(a, b) for a, b in zip(rates, change, strict=True)]
 
         self.contacts = contacts

@@ -1,0 +1,435 @@
+"""Sparse symmetric matrices in blocks, for systems of linear equations that are too large for
+unrolled arithmetic.
+
+A matrix S = D X^T is divided into blocks of `SIZE` rows and columns, of which only those that are
+not structural zeros are stored. Which blocks there are, and which operations on blocks have to
+follow each other, is known while JAX traces. The operations are listed in tables, and loops over
+the tables execute them. The length of the program therefore does not depend on the matrix, and its
+run time is proportional to the number of operations on blocks.
+
+Elements of all blocks are in one array, block after block and row by row. An index of a block is
+its place in this array.
+"""
+
+from collections.abc import Callable, Sequence
+from itertools import compress
+from typing import TypeAlias
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .linear_solvers import (
+    AbstractMatrix,
+    Rows,
+    ScalarMatrix,
+    Solve,
+    below_diagonal,
+    inner,
+    least_degree_order,
+)
+from .vectors import Scalar, is_zero
+
+SIZE = 6
+"""Number of rows and columns of a block. The constraints of a joint have at most six rows, and a
+body has six speeds. Native code computes with blocks of up to six rows as separate numbers."""
+ELEMENTS = SIZE * SIZE
+MOST_MULTIPLICATIONS = 2500
+"""Largest number of multiplications of a system of equations that is solved by unrolled arithmetic:
+those of about 15 rows without zeros. Compiling them takes about a second."""
+Place: TypeAlias = tuple[int, int]
+"""Row and column of a block among the blocks."""
+Step: TypeAlias = tuple[int, ...]
+"""A row of a table: numbers for the kind of the operation, and indices of blocks or vectors."""
+_UPDATE, _DIVIDE, _FACTORISE = 0, 1, 2
+
+
+def gram_matrix(first: Rows, second: Rows) -> AbstractMatrix:
+    """Return the matrix S = D X^T, which must be symmetric, in the form that suits its size.
+
+    **Arguments:** `first`, `second`: the n rows of D and X, with equally many columns. Entries that
+    are the Python number zero are structural.
+    """
+    supports = [[_support(row) for row in rows] for rows in (first, second)]
+    neighbours: list[set[int]] = [set() for _ in first]
+    shared: list[list[bool]] = []
+    multiplications = 0
+    for i, of_first in enumerate(supports[0]):
+        counts = [len(of_first & of_second) for of_second in supports[1][: i + 1]]
+        multiplications += sum(counts)
+        shared.append([count > 0 for count in counts])
+        for j in compress(range(i), counts):
+            neighbours[i].add(j)
+            neighbours[j].add(i)
+    order = least_degree_order(neighbours)
+    place = {row: k for k, row in enumerate(order)}
+    below = below_diagonal([{place[other] for other in neighbours[row]} for row in order])
+    multiplications += sum(len(column) * (len(column) + 3) // 2 for column in below)
+    if multiplications > MOST_MULTIPLICATIONS:
+        return BlockMatrix(first, second)
+    return ScalarMatrix(
+        [
+            [inner(row, other) if yes else 0.0 for yes, other in zip(known, second, strict=False)]
+            for row, known in zip(first, shared, strict=True)
+        ]
+    )
+
+
+class _Plan:
+    """Places of the blocks of a symmetric matrix and of its factor, and the operations on them.
+
+    - `sizes`: the number of rows of each group.
+    - `order`: the groups of rows in their order of elimination. All other indices of groups are
+      places in this order.
+    - `slots`: index of each stored block, by its place, in and below the diagonal. Blocks of the
+      factor that are zero in the matrix (fill-in) are included.
+    - `entries`: the places of the blocks of the matrix itself.
+
+    **Arguments:** `neighbours`: for each group of rows, those with which it is coupled; `sizes`:
+    the number of rows of each group.
+    """
+
+    def __init__(self, neighbours: Sequence[set[int]], sizes: Sequence[int]):
+        self.order = least_degree_order(neighbours)
+        self.sizes = [sizes[group] for group in self.order]
+        place = {group: k for k, group in enumerate(self.order)}
+        reordered = [{place[other] for other in neighbours[group]} for group in self.order]
+        self._below = below_diagonal(reordered)
+        places = [(i, j) for j, column in enumerate(self._below) for i in (j, *column)]
+        self.slots = {at: k for k, at in enumerate(places)}
+        self.entries = [(i, j) for i, j in places if i == j or i in reordered[j]]
+
+    def rows(self, group: int, block: int) -> list[int]:
+        """Return the indices, among all rows of blocks, of the rows that a group of rows has in a
+        block."""
+        return [SIZE * block + row for row in range(self.sizes[group])]
+
+    def factorisation(self) -> list[Step]:
+        """Return the table for `_factor`, with one row for each row of a block: kind, indices of
+        the row to be changed and of the row to be multiplied, and index of the block by which it is
+        multiplied."""
+        table: list[Step] = []
+        slots, inverses = self.slots, len(self.slots)
+        for j, column in enumerate(self._below):
+            diagonal, inverse = self.rows(j, slots[j, j]), inverses + j
+            for target, row in zip(self.rows(j, inverse), diagonal, strict=True):
+                table.append((_FACTORISE, target, row, inverse))
+            for i in column:
+                table += [(_DIVIDE, row, row, inverse) for row in self.rows(i, slots[i, j])]
+            for k in column:
+                for i in column:
+                    if i >= k:
+                        targets, rows = (self.rows(i, slots[i, other]) for other in (k, j))
+                        pairs = zip(targets, rows, strict=True)
+                        table += [(_UPDATE, target, row, slots[k, j]) for target, row in pairs]
+        return table
+
+    def solution(self, sweeps: int) -> list[Step]:
+        """Return the table for `_solved`, whose rows are described there.
+
+        The vectors are b, x, which is zero at first, and r, which equals b at first.
+        """
+        count = len(self.order)
+        b, x, r = ([*range(first, first + count)] for first in (0, count, 2 * count))
+        original = 0
+        factor, inverses = len(self.slots), 2 * len(self.slots)
+        identity = inverses + count
+        table: list[Step] = []
+        for sweep in range(sweeps):
+            if sweep:
+                table += [(0, 1, 0, r[k], identity, b[k]) for k in range(count)]
+                for target, slot, source, turned in self.products():
+                    table.append((1, -1, turned, r[target], original + slot, x[source]))
+            for j, column in enumerate(self._below):
+                table.append((0, 1, 0, r[j], inverses + j, r[j]))
+                table += [(1, -1, 0, r[i], factor + self.slots[i, j], r[j]) for i in column]
+            for j, column in reversed([*enumerate(self._below)]):
+                table += [(1, -1, 1, r[j], factor + self.slots[i, j], r[i]) for i in column]
+                table.append((0, 1, 1, r[j], inverses + j, r[j]))
+            table += [(1, 1, 0, x[k], identity, r[k]) for k in range(count)]
+        return table
+
+    def products(self) -> list[tuple[int, int, int, int]]:
+        """Return the products of which a product of the matrix and a vector consists: place of the
+        result, index of the block, place of the factor, and whether the block is transposed."""
+        table = [(i, self.slots[i, j], j, 0) for i, j in self.entries]
+        return table + [(j, slot, i, 1) for i, slot, j, _ in table if i != j]
+
+
+class BlockMatrix(AbstractMatrix):
+    """The matrix S = D X^T, which must be symmetric, in blocks.
+
+    **Arguments:** `first`, `second`: the n rows of D and X, with equally many columns.
+    """
+
+    def __init__(self, first: Sequence[Sequence[Scalar]], second: Sequence[Sequence[Scalar]]):
+        self.n = len(first)
+        supports = [_support(row) for row in first]
+        groups = _groups([{k // SIZE for k in support} for support in supports])
+        columns = [_block_columns(groups, rows) for rows in (first, second)]
+        count = len(groups)
+        neighbours = [
+            {
+                other
+                for other in range(count)
+                if other != group and _coupled(columns, group, other)
+            }
+            for group in range(count)
+        ]
+        self._plan = _Plan(neighbours, [*map(len, groups)])
+        order = self._plan.order
+        self._groups = [groups[k] for k in order]
+        # Place of each row among the elements of a vector in blocks.
+        self._places = np.zeros(self.n, int)
+        for k, group in enumerate(self._groups):
+            self._places[group] = SIZE * k + np.arange(len(group))
+        of_first, of_second = ([part[k] for k in order] for part in columns)
+        steps: list[Step] = []
+        slots: list[dict[Place, int]] = [{}, {}]
+        for i, j in self._plan.entries:
+            for c in sorted(of_first[i] & of_second[j]):
+                a = slots[0].setdefault((i, c), len(slots[0]))
+                b = slots[1].setdefault((j, c), len(slots[1]))
+                targets, rows = (self._plan.rows(i, k) for k in (self._plan.slots[i, j], a))
+                steps += [(target, row, b) for target, row in zip(targets, rows, strict=True)]
+        parts = [
+            _blocks(rows, self._groups, list(by_place))
+            for rows, by_place in zip((first, second), slots, strict=True)
+        ]
+        self._blocks = _sums_of_products(self._padding(), *parts, steps)
+
+    def _padding(self) -> np.ndarray:
+        """Return the blocks of a matrix with ones on the diagonal in rows beyond those of a group,
+        which has fewer than `SIZE`, and zeros elsewhere."""
+        blocks = np.zeros((len(self._plan.slots), SIZE, SIZE))
+        for k, group in enumerate(self._groups):
+            for row in range(len(group), SIZE):
+                blocks[self._plan.slots[k, k], row, row] = 1.0
+        return blocks.ravel()
+
+    def _diagonal(self) -> np.ndarray:
+        """Return the indices of the n elements of the diagonal."""
+        group, row = np.divmod(self._places, SIZE)
+        slots = np.array([self._plan.slots[k, k] for k in group.tolist()])
+        return slots * ELEMENTS + row * (SIZE + 1)
+
+    def _vector(self, numbers: Sequence[Scalar]) -> jax.Array:
+        """Return n scalars, in the order of the rows, as a vector in blocks."""
+        index = np.full(SIZE * len(self._groups), -1)
+        index[self._places] = np.arange(self.n)
+        return _gathered(numbers, index)
+
+    def trace(self) -> Scalar:
+        """Return the sum of the diagonal."""
+        return jnp.sum(_taken(self._blocks, self._diagonal()))
+
+    def solving(self, shift: Scalar = 0.0, sweeps: int = 1) -> Solve:
+        """Factorise S + `shift` I, and return the function that solves equations, see the base
+        class."""
+        shifted = self._blocks
+        if not is_zero(shift):
+            mask = np.zeros(len(self._plan.slots) * ELEMENTS)
+            mask[self._diagonal()] = 1.0
+            shifted = shifted + shift * mask
+        solve = _solving(self._plan, self._blocks, shifted, sweeps)
+        return lambda right: list(_taken(solve(self._vector(right)), self._places))
+
+
+def _support(row: Sequence[Scalar]) -> set[int]:
+    """Return the indices of the entries of a row that are not structural zeros."""
+    return {k for k, entry in enumerate(row) if not is_zero(entry)}
+
+
+def _groups(columns: Sequence[set[int]]) -> list[list[int]]:
+    """Return lists of at most `SIZE` consecutive rows that share a row of blocks.
+
+    A row joins the rows before it if less than half of their columns of blocks differ, as for the
+    rows of one joint. Otherwise, blocks would couple rows that have nothing in common.
+
+    **Arguments:** `columns`: for each row, its columns of blocks with entries.
+    """
+    groups: list[list[int]] = []
+    union: set[int] = set()
+    for row, own in enumerate(columns):
+        differing, joined = own ^ union, own | union
+        if groups and len(groups[-1]) < SIZE and 2 * len(differing) < len(joined):
+            groups[-1].append(row)
+            union = joined
+        else:
+            groups.append([row])
+            union = own
+    return groups
+
+
+def _block_columns(
+    groups: Sequence[Sequence[int]], rows: Sequence[Sequence[Scalar]]
+) -> list[set[int]]:
+    """Return for each group of rows the columns of blocks in which it has entries."""
+    return [{k // SIZE for row in group for k in _support(rows[row])} for group in groups]
+
+
+def _coupled(columns: Sequence[list[set[int]]], i: int, j: int) -> bool:
+    first, second = columns
+    return bool(first[i] & second[j]) or bool(first[j] & second[i])
+
+
+def _blocks(
+    rows: Sequence[Sequence[Scalar]], groups: Sequence[Sequence[int]], places: Sequence[Place]
+) -> jax.Array:
+    """Return the blocks at some places of a matrix with the given rows, which `groups` divide."""
+    entries: list[Scalar] = []
+    index = np.full((len(places), SIZE, SIZE), -1)
+    for block, (group, column) in enumerate(places):
+        for i, row in enumerate(groups[group]):
+            for j, entry in enumerate(rows[row][SIZE * column : SIZE * (column + 1)]):
+                if not is_zero(entry):
+                    index[block, i, j] = len(entries)
+                    entries.append(entry)
+    return _gathered(entries, index.ravel())
+
+
+def _gathered(numbers: Sequence[Scalar], index: np.ndarray) -> jax.Array:
+    """Return an array with the number of each index, or zero where the index is -1."""
+    array = jnp.stack([jnp.asarray(number, dtype=float) for number in (*numbers, 0.0)])
+    return _taken(array, index % len(array))
+
+
+def _taken(array: jax.Array, index: np.ndarray) -> jax.Array:
+    return array.at[index].get(mode="promise_in_bounds")
+
+
+def _block(blocks: jax.Array, index: jax.Array) -> jax.Array:
+    elements = jax.lax.dynamic_slice_in_dim(blocks, index * ELEMENTS, ELEMENTS)
+    return elements.reshape(SIZE, SIZE)
+
+
+def _row(array: jax.Array, index: jax.Array) -> jax.Array:
+    """Return a row of a block, or a part of a vector, of `SIZE` numbers."""
+    return jax.lax.dynamic_slice_in_dim(array, index * SIZE, SIZE)
+
+
+def _looped(
+    step: Callable[[jax.Array, Sequence[jax.Array]], tuple[jax.Array, jax.Array]],
+    start: jax.Array,
+    table: Sequence[Step],
+) -> jax.Array:
+    """Return an array of which each row of a table changes one row of `SIZE` numbers.
+
+    **Arguments:** `step`: function of the array and a row of the table that returns the changed
+    numbers and the index of their row.
+    """
+
+    def changed(array: jax.Array, row: jax.Array) -> tuple[jax.Array, None]:
+        numbers, index = step(array, row)
+        return jax.lax.dynamic_update_slice_in_dim(array, numbers, index * SIZE, 0), None
+
+    return jax.lax.scan(changed, start, np.array(table))[0]
+
+
+def _sums_of_products(
+    start: np.ndarray, first: jax.Array, second: jax.Array, table: Sequence[Step]
+) -> jax.Array:
+    """Return blocks plus products A B^T of blocks of `first` and `second`.
+
+    **Arguments:** `table`: rows (index of the row of the sum, of the row of A, of the block B).
+    """
+
+    def step(sums: jax.Array, row: Sequence[jax.Array]) -> tuple[jax.Array, jax.Array]:
+        target, a, b = row
+        return _row(sums, target) + _block(second, b) @ _row(first, a), target
+
+    return _looped(step, jnp.asarray(start), table)
+
+
+def _factor(plan: _Plan, blocks: jax.Array) -> jax.Array:
+    """Return the blocks of the factor L of L L^T, followed by the inverses of the blocks of its
+    diagonal."""
+    # The inverse W of L in a diagonal block is computed row by row. With the rows of W that are
+    # known, and zeros in the others, W times row i of the block is row i of L without its diagonal
+    # element. Rows beyond those of a group are those of the identity.
+    inverses = np.zeros((len(plan.order), SIZE, SIZE))
+    for j, size in enumerate(plan.sizes):
+        inverses[j, range(size, SIZE), range(size, SIZE)] = 1.0
+
+    def inverse_row(row: jax.Array, lower: jax.Array, known: jax.Array, target: jax.Array):
+        unit = jnp.asarray(np.arange(SIZE) == target % SIZE, float)
+        lower = jnp.where(unit > 0.0, 0.0, lower)
+        pivot = 1.0 / jnp.sqrt(jnp.sum(unit * row) - jnp.sum(lower * lower))
+        return (unit - lower @ known) * pivot
+
+    def step(blocks: jax.Array, entries: Sequence[jax.Array]) -> tuple[jax.Array, jax.Array]:
+        kind, target, source, block = entries
+        here, row, known = _row(blocks, target), _row(blocks, source), _block(blocks, block)
+        image = known @ row
+        numbers = jax.lax.cond(
+            kind == _FACTORISE,
+            lambda: inverse_row(row, image, known, target),
+            lambda: jnp.where(kind == _UPDATE, here - image, image),
+        )
+        return numbers, target
+
+    return _looped(step, jnp.concatenate([blocks, inverses.ravel()]), plan.factorisation())
+
+
+def _combined(blocks: jax.Array, vectors: jax.Array, table: Sequence[Step]) -> jax.Array:
+    """Return vectors, to which products of blocks and vectors are added.
+
+    **Arguments:** `table`: rows (factor of the vector's former content, factor of the product,
+    whether the block is transposed, index of the vector's part, of the block, of the part with
+    which the block is multiplied).
+    """
+
+    def step(vectors: jax.Array, row: Sequence[jax.Array]) -> tuple[jax.Array, jax.Array]:
+        kept, sign, turned, target, block, source = row
+        matrix, vector = _block(blocks, block), _row(vectors, source)
+        image = jax.lax.cond(turned > 0, lambda: matrix.T @ vector, lambda: matrix @ vector)
+        return kept * _row(vectors, target) + sign * image, target
+
+    return _looped(step, vectors, table)
+
+
+def _product(plan: _Plan, blocks: jax.Array, vector: jax.Array) -> jax.Array:
+    """Return the product of a symmetric matrix in blocks and a vector."""
+    count = len(plan.order)
+    table = [
+        (1, 1, turned, target, slot, count + source)
+        for target, slot, source, turned in plan.products()
+    ]
+    vectors = jnp.concatenate([jnp.zeros_like(vector), vector])
+    return _combined(blocks, vectors, table)[: SIZE * count]
+
+
+def _solving(
+    plan: _Plan, blocks: jax.Array, shifted: jax.Array, sweeps: int
+) -> Callable[[jax.Array], jax.Array]:
+    """Factorise a matrix, and return the function that solves equations, see
+    `AbstractMatrix.solving`.
+
+    The factorisation and the iteration are not differentiated, but the solution x of S x = b is: of
+    a nonsingular S, x' = S^-1 (b' - S' x). Of a singular one, of constant rank and with the
+    pseudoinverse P, x' = P (b' - S' x) + (I - P S) S' P x.
+    """
+    fixed = jax.lax.stop_gradient(blocks)
+    # All blocks in one array, in the order that `_Plan.solution` uses.
+    factor = _factor(plan, jax.lax.stop_gradient(shifted))
+    stored = jnp.concatenate([fixed, factor, np.eye(SIZE).ravel()])
+    table, length = plan.solution(sweeps), SIZE * len(plan.order)
+
+    @jax.custom_jvp
+    def solution(blocks: jax.Array, right: jax.Array) -> jax.Array:
+        vectors = jnp.concatenate([right, jnp.zeros_like(right), right])
+        return _combined(stored, vectors, table)[length : 2 * length]
+
+    @solution.defjvp
+    def _(
+        primals: tuple[jax.Array, jax.Array], tangents: tuple[jax.Array, jax.Array]
+    ) -> tuple[jax.Array, jax.Array]:
+        (blocks, right), (matrix_rate, right_rate) = primals, tangents
+        x = solution(blocks, right)
+        rate = solution(blocks, right_rate - _product(plan, matrix_rate, x))
+        if sweeps > 1:
+            across = _product(plan, matrix_rate, solution(blocks, x))
+            rate += across - solution(blocks, _product(plan, blocks, across))
+        return x, rate
+
+    return lambda right: solution(blocks, right)
