@@ -29,7 +29,16 @@ from .lowering import (
     aval_of,
     tangents_of,
 )
-from .machine_code import Code, RecentPrograms, Stopwatch, is_weak, load, load_or_make
+from .machine_code import (
+    FOR_FEW_RUNS,
+    FOR_LOOPS,
+    Code,
+    RecentPrograms,
+    Stopwatch,
+    is_weak,
+    load,
+    load_or_make,
+)
 from .operations import Number, Operations
 
 RULES = structure.RULES | indexing.RULES | control.RULES | linear_algebra.RULES
@@ -56,7 +65,7 @@ class NativeProgram:
     **Arguments:** `closed`: the jaxpr; `tangents`: number of tangents (derivatives of a variable by
     parameters), 0 for none; by default it is found by `tangents_of`. Arrays whose only axis has
     this length are computed as vectors of the processor. `stopwatch`: measures the stages of
-    compilation.
+    compilation. `optimisation`: LLVM's level of optimisation.
 
     **Raises:** `UnsupportedPrimitiveError` for a primitive, or a use of one, without a rule, for an
     unsupported dtype such as float32, and if LLVM rejects the program.
@@ -67,6 +76,7 @@ class NativeProgram:
         closed: core.ClosedJaxpr,
         tangents: int | None = None,
         stopwatch: Stopwatch | None = None,
+        optimisation: int = FOR_LOOPS,
     ):
         stopwatch = Stopwatch() if stopwatch is None else stopwatch
         outs = closed.jaxpr.outvars
@@ -86,7 +96,7 @@ class NativeProgram:
             lowering.stored(array, aval_of(out)) for array, out in zip(results, outs, strict=True)
         ]
         stopwatch.end("lowering")
-        self.code = Code(lowering, stopwatch)
+        self.code = Code(lowering, stopwatch, optimisation=optimisation)
         # All small arguments of floats are written at once, and so are all those of integers and
         # bools. This takes a tenth of the time of separate writes.
         small = {k: r for k, r in enumerate(self.inputs) if r is not None and r.size < LARGE}
@@ -275,11 +285,13 @@ class NativeFunction:
     further program. Arrays in results are NumPy's. A call raises `UnsupportedPrimitiveError` if no
     machine code can be made, as described for `NativeProgram`.
 
-    **Arguments:** `function`: function of PyTrees that JAX can trace.
+    **Arguments:** `function`: function of PyTrees that JAX can trace; `few_runs`: whether the
+    function runs so rarely and briefly that fast compiling counts more than fast machine code.
     """
 
-    def __init__(self, function: Callable[..., PyTree]):
+    def __init__(self, function: Callable[..., PyTree], few_runs: bool = False):
         self._function, self._traced = function, begins_a_program(function)
+        self._optimisation = FOR_FEW_RUNS if few_runs else FOR_LOOPS
         self._programs: RecentPrograms[tuple[NativeProgram, Result]] = RecentPrograms()
         self._count = 0
 
@@ -336,7 +348,10 @@ class NativeFunction:
                 program = self._programs.recent(flat.key)
                 if program is None:
                     program = load_or_make(
-                        self._function, flat.arguments, lambda: self._compiled(flat)
+                        self._function,
+                        flat.arguments,
+                        lambda: self._compiled(flat),
+                        self._optimisation,
                     )
                     self._add(flat, program)
         return program
@@ -351,7 +366,7 @@ class NativeFunction:
 
     def load(self, flat: FlatArguments) -> None:
         """Load the program for flattened arguments from disk, if it is saved there."""
-        program = load(self._function, flat.arguments)
+        program = load(self._function, flat.arguments, self._optimisation)
         if program is not None:
             self._add(flat, cast(tuple[NativeProgram, Result], program))
 
@@ -370,7 +385,8 @@ class NativeFunction:
         stopwatch = Stopwatch()
         closed, _ = program_of(of_arrays, flat.arrays)
         stopwatch.end("tracing")
-        return NativeProgram(closed, stopwatch=stopwatch), Result(result[0])
+        program = NativeProgram(closed, stopwatch=stopwatch, optimisation=self._optimisation)
+        return program, Result(result[0])
 
 
 class Result:

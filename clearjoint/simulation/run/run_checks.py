@@ -275,7 +275,7 @@ class _Starts:
     """
 
     def __init__(self) -> None:
-        self._function = NativeFunction(_passes)
+        self._function = NativeFunction(_passes, few_runs=True)
         # Number of starts so far, by structure; far below zero where native code cannot be used.
         self._seen: Counter[Hashable] = Counter()
         # Caches of the function `dependent`, by structure.

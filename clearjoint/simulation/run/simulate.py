@@ -167,7 +167,7 @@ def simulate(
     return solution
 
 
-begin_compiled = Native(begin)
+begin_compiled = Native(begin, few_runs=True)
 
 
 def _causes(scene: Scene, solution: Solution) -> list[str]:
