@@ -403,14 +403,20 @@ def _folded(tree: FlatArguments, made: ConstantFolded) -> FlatArguments:
 
 def _newly_flattened(argument: PyTree) -> FlatArguments:
     leaves, structure = jax.tree.flatten(argument)
-    # This is the usual case, and the loop takes most of the time after that of flattening.
-    if all([type(leaf) is np.ndarray and leaf.dtype is _FLOAT64 for leaf in leaves]):
-        key = _Key.of((structure, *[leaf.shape for leaf in leaves]))
-        return FlatArguments((argument,), leaves, leaves, False, key, all_floats=True)
-    arrays = [leaf for leaf in leaves if eqx.is_array(leaf)]
-    traced = any(isinstance(array, Tracer) for array in arrays)
-    key = _Key.of((structure, *map(_key_of_leaf, leaves)))
-    return FlatArguments((argument,), leaves, arrays, traced, key)
+    # Nearly all leaves are arrays of float64, of which the shape is the key. This loop takes most
+    # of the time after that of flattening.
+    keys: list[Hashable] = [
+        leaf.shape if type(leaf) is np.ndarray and leaf.dtype is _FLOAT64 else None
+        for leaf in leaves
+    ]
+    others = [k for k, key in enumerate(keys) if key is None]
+    for k in others:
+        keys[k] = _key_of_leaf(leaves[k])
+    static = {k for k in others if not eqx.is_array(leaves[k])}
+    arrays = [leaf for k, leaf in enumerate(leaves) if k not in static] if static else leaves
+    traced = any(isinstance(leaves[k], Tracer) for k in others)
+    key = _Key.of((structure, *keys))
+    return FlatArguments((argument,), leaves, arrays, traced, key, all_floats=not others)
 
 
 def _key_of_leaf(leaf: PyTree) -> Hashable:

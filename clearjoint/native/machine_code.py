@@ -331,9 +331,7 @@ def _place(
     return None
 
 
-def _key(
-    function: Callable[..., PyTree], arguments: tuple[PyTree, ...], optimisation: int
-) -> str:
+def _key(function: Callable[..., PyTree], arguments: tuple[PyTree, ...], optimisation: int) -> str:
     """Return the key of a function's program for the given arguments.
 
     It is a text that is the same in all processes. It depends on the shapes and dtypes of arrays in

@@ -121,7 +121,9 @@ def _segment(
             mass = segment.mass * MASS - balls * ball
             across = mass * (segment.gyration * length) ** 2
             moments = tuple(LONG_AXIS * across if part else across for part in along)
-            yield _link(link, mass, tuple(segment.centre * length * part for part in along), moments)
+            yield _link(
+                link, mass, tuple(segment.centre * length * part for part in along), moments
+            )
         else:
             moment = 0.4 * ball * RADIUS**2
             yield _link(link, ball, ORIGIN, (moment, moment, moment))
@@ -173,7 +175,9 @@ def four_bars(count: int) -> Mechanism:
     turned = math.cos(0.5 * TILT), 0.0, 0.0, math.sin(0.5 * TILT)
     for k in range(count):
         left, right = 2 * k * COUPLER, (2 * k + 1) * COUPLER
-        crank, coupler, rocker = names = [f"{part} {k + 1}" for part in ("crank", "coupler", "rocker")]
+        crank, coupler, rocker = names = [
+            f"{part} {k + 1}" for part in ("crank", "coupler", "rocker")
+        ]
         places = [
             ((left + 0.5 * high[0], 0.5 * high[1], 0.0), turned, CRANK),
             ((left + high[0] + 0.5 * COUPLER, high[1], 0.0), (1.0, 0.0, 0.0, 0.0), COUPLER),
