@@ -475,7 +475,7 @@ def _require_satisfied(
 
 
 # This function is compiled to native code or, if that is not possible, by XLA without a warning.
-@partial(Native, warns=False)
+@partial(Native, warns=False, few_runs=True)
 def _corrected(
     projection: Callable[[System, MotionVariables, Scalar], MotionVariables],
     scene: Scene,

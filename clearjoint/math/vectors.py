@@ -313,13 +313,54 @@ def fold_constants(tree: PyTree, varied: PyTree = None) -> ConstantFolded:
     differ between runs of the same program; ``None``, the default, if there are no such leaves.
     """
     leaves, structure = jax.tree.flatten(tree)
-    tables = _in_tables(structure)
+    shapes = tuple(map(np.shape, leaves))
+    vectors, sizes = _vectors(structure, shapes)
+    arrays = [leaves[k] for k in vectors]
+    if varied is None and arrays and {*map(type, arrays)} == {np.ndarray}:
+        # The numbers of all vectors are compared at once, since a scene has hundreds of vectors.
+        numbers = np.concatenate(arrays, axis=None)
+        is_one = numbers == 1.0
+        digits = (is_one | (numbers == 0.0)).astype(np.uint8) + is_one
+        return ConstantFolded(tree, _patterns(digits.tobytes(), vectors, sizes, len(leaves)))
     changing = [False] * len(leaves) if varied is None else jax.tree.leaves(varied)
-    rows = zip(leaves, tables, changing, strict=True)
-    # `unpack` leaves the arrays of tables as they are, so they have no components to mark.
-    return ConstantFolded(
-        tree, tuple(None if table or varies else _pattern(leaf) for leaf, table, varies in rows)
-    )
+    patterns: list[Pattern] = [None] * len(leaves)
+    for k in vectors:
+        patterns[k] = None if changing[k] else _pattern(leaves[k])
+    return ConstantFolded(tree, tuple(patterns))
+
+
+_DIGITS = (None, 0.0, 1.0)
+"""Structural components by the digits that stand for them in the arguments of `_patterns`."""
+
+
+@lru_cache(maxsize=1024)
+def _patterns(
+    digits: bytes, vectors: tuple[int, ...], sizes: tuple[int, ...], leaves: int
+) -> tuple[Pattern, ...]:
+    """Return the patterns of all leaves of a PyTree.
+
+    **Arguments:** `digits`: for each component of all vectors, one after the other, its index in
+    `_DIGITS`; `vectors`, `sizes`: indices of the vectors among the leaves, and their numbers of
+    components; `leaves`: number of leaves.
+    """
+    patterns: list[Pattern] = [None] * leaves
+    components = iter(digits)
+    for k, size in zip(vectors, sizes, strict=True):
+        patterns[k] = tuple(_DIGITS[next(components)] for _ in range(size))
+    return tuple(patterns)
+
+
+@lru_cache(maxsize=1024)
+def _vectors(
+    structure: jax.tree_util.PyTreeDef,  # pyright: ignore
+    shapes: tuple[tuple[int, ...], ...],
+) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Return the indices of the leaves whose components may be marked, those of shape (3,) and
+    (3, 3), and their numbers of components. `unpack` leaves the arrays of tables as they are, so
+    they have no components to mark."""
+    rows = enumerate(zip(shapes, _in_tables(structure), strict=True))
+    vectors = tuple(k for k, (shape, table) in rows if not table and shape in ((3,), (3, 3)))
+    return vectors, tuple(math.prod(shapes[k]) for k in vectors)
 
 
 @lru_cache(maxsize=1024)

@@ -52,14 +52,16 @@ class Native(Generic[Arguments, Result]):
     - `native`: the function in native code.
 
     **Arguments:** `function`: function of PyTrees; `warns`: whether a `NativeFallbackWarning` is
-    issued if native code cannot be made.
+    issued if native code cannot be made; `few_runs`: as in `NativeFunction`.
     """
 
     __wrapped__: Callable[Arguments, Result]
 
-    def __init__(self, function: Callable[Arguments, Result], warns: bool = True):
+    def __init__(
+        self, function: Callable[Arguments, Result], warns: bool = True, few_runs: bool = False
+    ):
         self._compiled, self._warns = Compiled(function), warns
-        self.native = NativeFunction(function)
+        self.native = NativeFunction(function, few_runs)
         self._refused: RecentPrograms[bool] = RecentPrograms()
         update_wrapper(self, function)
 

@@ -1,8 +1,10 @@
 """Compile functions of PyTrees to machine code, and call them."""
 
+import math
 import threading
 from collections.abc import Callable, Hashable, Iterable, Sequence
-from typing import NamedTuple, cast
+from functools import cached_property
+from typing import cast
 
 import equinox as eqx
 import jax
@@ -19,9 +21,9 @@ from ..compilation.xla import (
     program_is_made_inside,
     program_of,
 )
-from ..math.vectors import ConstantFolded
+from ..math.vectors import ConstantFolded, fold_constants
 from . import control, indexing, linear_algebra, structure
-from .cells import Cells, Memory
+from .cells import Cells, Memory, Region
 from .lowering import (
     LARGEST_UNROLLED,
     Lowering,
@@ -29,7 +31,16 @@ from .lowering import (
     aval_of,
     tangents_of,
 )
-from .machine_code import Code, RecentPrograms, Stopwatch, is_weak, load, load_or_make
+from .machine_code import (
+    FOR_FEW_RUNS,
+    FOR_LOOPS,
+    Code,
+    RecentPrograms,
+    Stopwatch,
+    is_weak,
+    load,
+    load_or_make,
+)
 from .operations import Number, Operations
 
 RULES = structure.RULES | indexing.RULES | control.RULES | linear_algebra.RULES
@@ -56,7 +67,7 @@ class NativeProgram:
     **Arguments:** `closed`: the jaxpr; `tangents`: number of tangents (derivatives of a variable by
     parameters), 0 for none; by default it is found by `tangents_of`. Arrays whose only axis has
     this length are computed as vectors of the processor. `stopwatch`: measures the stages of
-    compilation.
+    compilation. `optimisation`: LLVM's level of optimisation.
 
     **Raises:** `UnsupportedPrimitiveError` for a primitive, or a use of one, without a rule, for an
     unsupported dtype such as float32, and if LLVM rejects the program.
@@ -67,6 +78,7 @@ class NativeProgram:
         closed: core.ClosedJaxpr,
         tangents: int | None = None,
         stopwatch: Stopwatch | None = None,
+        optimisation: int = FOR_LOOPS,
     ):
         stopwatch = Stopwatch() if stopwatch is None else stopwatch
         outs = closed.jaxpr.outvars
@@ -86,38 +98,93 @@ class NativeProgram:
             lowering.stored(array, aval_of(out)) for array, out in zip(results, outs, strict=True)
         ]
         stopwatch.end("lowering")
-        self.code = Code(lowering, stopwatch)
+        self.code = Code(lowering, stopwatch, optimisation=optimisation)
         # All small arguments of floats are written at once, and so are all those of integers and
-        # bools. This takes a tenth of the time of separate writes.
-        small = {k: r for k, r in enumerate(self.inputs) if r is not None and r.size < LARGE}
-        floats = [k for k, region in small.items() if region.dtype.kind == "f"]
-        integers = [k for k in small if k not in floats]
-        self._small = [(ks, _indices(small[k].cells for k in ks)) for ks in (floats, integers)]
-        self._large = {k: r for k, r in enumerate(self.inputs) if r is not None and k not in small}
+        # bools. This takes a tenth of the time of separate writes. Of the numbers of all small
+        # arguments, one after the other, `_small` has the cells and the indices of those used.
+        avals = [aval_of(variable) for variable in closed.jaxpr.invars]
+        small = [k for k, aval in enumerate(avals) if aval.size < LARGE]
+        floats = [k for k in small if avals[k].dtype.kind == "f"]
+        self._small = []
+        for ks in (floats, [k for k in small if k not in set(floats)]):
+            ends = np.cumsum([0, *(avals[k].size for k in ks)]).tolist()
+            used_here = [(self.inputs[k], slice(*ends[n : n + 2])) for n, k in enumerate(ks)]
+            pairs = [(r.cells, source) for r, source in used_here if r is not None]
+            cells, sources = (_indices(pair[side] for pair in pairs) for side in (0, 1))
+            self._small.append((ks, cells, sources))
+        self._large = {
+            k: r for k, r in enumerate(self.inputs) if r is not None and avals[k].size >= LARGE
+        }
+        self._read = _Reading(self.outputs)
 
-    def memory(self, leaves: Sequence[ArrayLike]) -> Memory:
+    def memory(self, leaves: Sequence[ArrayLike], floats: np.ndarray | None = None) -> Memory:
         """Return new memory that contains the program's constants and its arguments.
 
-        **Arguments:** `leaves`: an array for each argument of the jaxpr, also for unused ones.
+        **Arguments:** `leaves`: an array for each argument of the jaxpr, also for unused ones;
+        `floats`: the numbers of all small arrays of floats among them (`FlatArguments.floats`), if
+        they are known already.
         """
         memory = self.code.memory()
-        by_type = zip((memory.floats, memory.integers), self._small, strict=True)
-        for numbers, (arguments, cells) in by_type:
-            if arguments:
-                numbers[cells, 0] = np.concatenate([leaves[k] for k in arguments], axis=None)
+        joined = floats, None
+        for target, known, (ks, cells, sources) in zip(
+            (memory.floats, memory.integers), joined, self._small, strict=True
+        ):
+            if len(cells):
+                if known is None:
+                    known = np.concatenate([leaves[k] for k in ks], axis=None)
+                target[cells, 0] = known[sources]
         for k, region in self._large.items():
             memory.write(region, leaves[k])
         return memory
 
-    def __call__(self, leaves: Sequence[ArrayLike]) -> list[np.ndarray]:
+    def __call__(
+        self, leaves: Sequence[ArrayLike], floats: np.ndarray | None = None
+    ) -> list[np.ndarray]:
         """Return the results of the jaxpr.
 
-        **Arguments:** `leaves`: an array for each argument of the jaxpr, with its shape and dtype.
+        **Arguments:** `leaves`: an array for each argument of the jaxpr, with its shape and dtype;
+        `floats`: as in `memory`.
         """
-        # The results are views of the memory, so each call has its own.
-        memory = self.memory(leaves)
+        # The results may be views of the memory, so each call has its own.
+        memory = self.memory(leaves, floats)
         self.code.run(memory)
-        return [memory.read(region) for region in self.outputs]
+        return self._read(memory)
+
+
+class _Reading:
+    """Reads arrays of a program's memory, those of few floats and of equal shape at once.
+
+    A separate read of an array takes a microsecond, and results have hundreds of them.
+
+    **Arguments:** `regions`: those of the arrays.
+    """
+
+    def __init__(self, regions: Sequence[Region]):
+        by_shape: dict[tuple[int, ...], list[int]] = {}
+        for k, region in enumerate(regions):
+            if region.dtype == np.float64 and region.size < LARGE:
+                by_shape.setdefault(region.shape, []).append(k)
+        order = [k for ks in by_shape.values() for k in ks]
+        self._cells = _indices(regions[k].cells for k in order)
+        self._groups = [(shape, len(ks)) for shape, ks in by_shape.items()]
+        others = [k for k in range(len(regions)) if k not in set(order)]
+        self._others = [regions[k] for k in others]
+        self._places = np.argsort([*order, *others]).tolist() if regions else []
+
+    def __call__(self, memory: Memory) -> list[np.ndarray]:
+        """Return the arrays in the order of their regions."""
+        block, start = memory.floats[self._cells, 0], 0
+        arrays: list[np.ndarray] = []
+        for shape, count in self._groups:
+            end = start + count * math.prod(shape)
+            if shape:
+                arrays += list(block[start:end].reshape(count, *shape))
+            else:
+                # Indexed by a number alone, an array gives no array but a number.
+                arrays += [block[k, ...] for k in range(start, end)]
+            start = end
+        arrays += [memory.read(region) for region in self._others]
+        return [arrays[k] for k in self._places]
 
 
 def _indices(cells: Iterable[slice]) -> np.ndarray:
@@ -213,59 +280,153 @@ def evaluated(
     return results
 
 
-class FlatArguments(NamedTuple):
+class _Key:
+    """Key of flattened arguments: structure, shapes and types of the arrays, and all other leaves
+    with their types.
+
+    The hash is computed once, and equal keys are mostly the same object: for thirty joints,
+    comparing two keys part by part takes as long as flattening.
+    """
+
+    __slots__ = ("_hash", "parts")
+
+    def __init__(self, parts: tuple[Hashable, ...], number: int):
+        self.parts, self._hash = parts, number
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    def __eq__(self, other: object) -> bool:
+        return self is other or (isinstance(other, _Key) and self.parts == other.parts)
+
+    @staticmethod
+    def of(parts: tuple[Hashable, ...]) -> "_Key":
+        """Return the key of these parts, the same object as before if it is among the recent."""
+        key = _KEYS.get(parts)
+        if key is None:
+            key = _Key(parts, hash(parts))
+            _KEYS.add(parts, key)
+        return key
+
+
+_KEYS: RecentPrograms[_Key] = RecentPrograms()
+"""Recent keys by their parts."""
+
+
+class FlatArguments:
     """Arguments of a function, flattened.
 
     - `arguments`: the arguments as given.
-    - `leaves`, `structure`: their leaves and structure, as `jax.tree.flatten` returns them.
+    - `parts`: one object of this class for each argument; none if this is such a part.
+    - `leaves`: their leaves, as `jax.tree.flatten` returns them.
     - `arrays`: the arrays of NumPy and JAX among the leaves.
     - `traced`: whether JAX traces any of them.
     - `key`: structure, shapes and types of the arrays, and all other leaves with their types.
       Arguments with equal keys need the same program.
+    - `all_floats`: whether all leaves are 64-bit NumPy arrays of floats.
     """
 
-    arguments: tuple[PyTree, ...]
-    leaves: list[PyTree]
-    structure: PyTree
-    arrays: list[ArrayLike]
-    traced: bool
-    key: Hashable
+    def __init__(
+        self,
+        arguments: tuple[PyTree, ...],
+        leaves: list[PyTree],
+        arrays: list[ArrayLike],
+        traced: bool,
+        key: Hashable,
+        parts: "tuple[FlatArguments, ...]" = (),
+        all_floats: bool = False,
+    ):
+        self.arguments, self.leaves, self.arrays = arguments, leaves, arrays
+        self.traced, self.key, self.parts, self.all_floats = traced, key, parts, all_floats
 
     @staticmethod
     def of(arguments: tuple[PyTree, ...]) -> "FlatArguments":
         """Flatten arguments."""
-        parts = list(map(_flattened, arguments))
-        structure = jax.tree_util.treedef_tuple([part.structure for part in parts])
+        return FlatArguments.joined(tuple(map(flattened, arguments)))
+
+    @staticmethod
+    def joined(parts: "tuple[FlatArguments, ...]") -> "FlatArguments":
+        """Return several arguments that are flattened already as those of one call."""
         leaves = [leaf for part in parts for leaf in part.leaves]
         arrays = [array for part in parts for array in part.arrays]
         traced, key = any(part.traced for part in parts), tuple(part.key for part in parts)
-        return FlatArguments(arguments, leaves, structure, arrays, traced, key)
+        arguments = tuple(part.arguments[0] for part in parts)
+        all_floats = all(part.all_floats for part in parts)
+        return FlatArguments(arguments, leaves, arrays, traced, key, parts, all_floats)
+
+    @cached_property
+    def structure(self) -> PyTree:
+        """The structure of the arguments, as `jax.tree.flatten` returns it. Only programs that are
+        compiled need it."""
+        return jax.tree.structure(self.arguments)
+
+    @cached_property
+    def floats(self) -> np.ndarray:
+        """The numbers of all arrays of floats with fewer than `LARGE` elements, one array after the
+        other. Those of a scene are joined once for all programs of a run."""
+        if self.parts:
+            return np.concatenate([part.floats for part in self.parts])
+        small = [a for a in self.arrays if a.size < LARGE and a.dtype.kind == "f"]  # pyright: ignore
+        return np.concatenate(small, axis=None) if small else np.zeros(0)
 
 
-def _flattened(argument: PyTree) -> FlatArguments:
+_FLOAT64 = np.dtype(np.float64)
+
+
+def flattened(argument: PyTree) -> FlatArguments:
     """Flatten a single argument."""
+    if not isinstance(argument, ConstantFolded):
+        return _newly_flattened(argument)
     # The folded scene is an argument of each program of a run, so its parts are kept with it.
-    kept = vars(argument) if isinstance(argument, ConstantFolded) else {}
+    kept = vars(argument)
     if "flattened" not in kept:
-        leaves, structure = jax.tree.flatten(argument)
-        arrays, key, traced = [], [], False
-        for leaf in leaves:
-            if type(leaf) is np.ndarray:
-                arrays.append(leaf)
-                key.append((leaf.shape, leaf.dtype))
-            elif eqx.is_array(leaf):
-                arrays.append(leaf)
-                # A weak type is the same as a strong one only for the numbers themselves.
-                weak = (True,) if is_weak(leaf) else ()
-                key.append((leaf.shape, leaf.dtype, *weak))
-                traced = traced or isinstance(leaf, Tracer)
-            else:
-                # By their digits, since 0.0 == -0.0 and NaN != NaN.
-                key.append((type(leaf), leaf.hex() if type(leaf) is float else leaf))
-        kept["flattened"] = FlatArguments(
-            (argument,), leaves, structure, arrays, traced, (structure, tuple(key))
-        )
+        kept["flattened"] = _folded(flattened(argument.tree), argument)
     return kept["flattened"]
+
+
+def folded(tree: FlatArguments) -> ConstantFolded:
+    """Return `fold_constants` of a single argument that is flattened already, without flattening it
+    again here or when the result becomes an argument."""
+    made = fold_constants(*tree.arguments)
+    vars(made)["flattened"] = _folded(tree, made)
+    return made
+
+
+def _folded(tree: FlatArguments, made: ConstantFolded) -> FlatArguments:
+    flat = FlatArguments(
+        (made,), tree.leaves, tree.arrays, tree.traced, _Key.of((tree.key, made.patterns))
+    )
+    if not tree.traced:
+        vars(flat)["floats"] = tree.floats
+    return flat
+
+
+def _newly_flattened(argument: PyTree) -> FlatArguments:
+    leaves, structure = jax.tree.flatten(argument)
+    # Nearly all leaves are arrays of float64, of which the shape is the key. This loop takes most
+    # of the time after that of flattening.
+    keys: list[Hashable] = [
+        leaf.shape if type(leaf) is np.ndarray and leaf.dtype is _FLOAT64 else None
+        for leaf in leaves
+    ]
+    others = [k for k, key in enumerate(keys) if key is None]
+    for k in others:
+        keys[k] = _key_of_leaf(leaves[k])
+    static = {k for k in others if not eqx.is_array(leaves[k])}
+    arrays = [leaf for k, leaf in enumerate(leaves) if k not in static] if static else leaves
+    traced = any(isinstance(leaves[k], Tracer) for k in others)
+    key = _Key.of((structure, *keys))
+    return FlatArguments((argument,), leaves, arrays, traced, key, all_floats=not others)
+
+
+def _key_of_leaf(leaf: PyTree) -> Hashable:
+    if not eqx.is_array(leaf):
+        # By their digits, since 0.0 == -0.0 and NaN != NaN.
+        return type(leaf), leaf.hex() if type(leaf) is float else leaf
+    # A weak type is the same as a strong one only for the numbers themselves.
+    if leaf.dtype == _FLOAT64 and not is_weak(leaf):
+        return leaf.shape
+    return (leaf.shape, leaf.dtype, True) if is_weak(leaf) else (leaf.shape, leaf.dtype)
 
 
 class NativeFunction:
@@ -275,11 +436,13 @@ class NativeFunction:
     further program. Arrays in results are NumPy's. A call raises `UnsupportedPrimitiveError` if no
     machine code can be made, as described for `NativeProgram`.
 
-    **Arguments:** `function`: function of PyTrees that JAX can trace.
+    **Arguments:** `function`: function of PyTrees that JAX can trace; `few_runs`: whether the
+    function runs so rarely and briefly that fast compiling counts more than fast machine code.
     """
 
-    def __init__(self, function: Callable[..., PyTree]):
+    def __init__(self, function: Callable[..., PyTree], few_runs: bool = False):
         self._function, self._traced = function, begins_a_program(function)
+        self._optimisation = FOR_FEW_RUNS if few_runs else FOR_LOOPS
         self._programs: RecentPrograms[tuple[NativeProgram, Result]] = RecentPrograms()
         self._count = 0
 
@@ -294,7 +457,7 @@ class NativeFunction:
     def run(self, flat: FlatArguments) -> PyTree:
         """Return the function's result for flattened arguments."""
         program, result = self.program(flat)
-        return result(program(flat.arrays))
+        return result(program(flat.arrays, flat.floats))
 
     def rows(self, arguments: tuple[PyTree, ...], columns: Sequence[np.ndarray | None]) -> PyTree:
         """Return the results of n calls as one PyTree, with a leading axis of length n in each
@@ -336,7 +499,10 @@ class NativeFunction:
                 program = self._programs.recent(flat.key)
                 if program is None:
                     program = load_or_make(
-                        self._function, flat.arguments, lambda: self._compiled(flat)
+                        self._function,
+                        flat.arguments,
+                        lambda: self._compiled(flat),
+                        self._optimisation,
                     )
                     self._add(flat, program)
         return program
@@ -351,7 +517,7 @@ class NativeFunction:
 
     def load(self, flat: FlatArguments) -> None:
         """Load the program for flattened arguments from disk, if it is saved there."""
-        program = load(self._function, flat.arguments)
+        program = load(self._function, flat.arguments, self._optimisation)
         if program is not None:
             self._add(flat, cast(tuple[NativeProgram, Result], program))
 
@@ -370,7 +536,8 @@ class NativeFunction:
         stopwatch = Stopwatch()
         closed, _ = program_of(of_arrays, flat.arrays)
         stopwatch.end("tracing")
-        return NativeProgram(closed, stopwatch=stopwatch), Result(result[0])
+        program = NativeProgram(closed, stopwatch=stopwatch, optimisation=self._optimisation)
+        return program, Result(result[0])
 
 
 class Result:

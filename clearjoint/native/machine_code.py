@@ -38,8 +38,12 @@ from .lowering import Lowering, UnsupportedPrimitiveError
 from .operations import Value
 
 Program = TypeVar("Program")
-OPTIMISATION = 2
-"""LLVM's level of optimisation, of 0 to 3."""
+FOR_LOOPS, FOR_FEW_RUNS = 2, 0
+"""LLVM's levels of optimisation, of 0 to 3: for programs that spend their time running, and for
+those that run once in a call of the package. For a chain of ten joints with backlash, the program
+of the checks takes 0.7 s to compile at level 0 and 5 s at level 2, and then runs for 15 and 9 µs.
+Results do not depend on the level, because `.llvm_text` decides which products are fused, and LLVM
+gets no permission to rearrange operations on floats."""
 _PACKAGES = (*NUMERIC, "beartype", "jax", "jaxlib", "jaxtyping", "ml_dtypes", "numpy")
 """Packages on whose versions programs depend."""
 _IRRELEVANT = ("cache_dir", "persistent_cache", "compilation_cache", "log", "traceback", "dump")
@@ -131,15 +135,22 @@ class Code:
     **Arguments:** `lowering`: lowering of the whole program; `stopwatch`: measures the stages;
     `result`: value of the program, an int64, that `run` returns; ``None`` if `run` is to return 0.
     If the program computes several runs (lanes) at once, `run` returns the value of the first lane.
+    `optimisation`: LLVM's level of optimisation, `FOR_LOOPS` or `FOR_FEW_RUNS`.
 
     **Raises:** `UnsupportedPrimitiveError` if LLVM rejects the program.
     """
 
-    def __init__(self, lowering: Lowering, stopwatch: Stopwatch, result: Value | None = None):
+    def __init__(
+        self,
+        lowering: Lowering,
+        stopwatch: Stopwatch,
+        result: Value | None = None,
+        optimisation: int = FOR_LOOPS,
+    ):
         operations = lowering.ops
         self.text = llvm_text(operations, result)
         stopwatch.end("writing")
-        self._object_file = _saved_object_file(self.text)
+        self._object_file = _saved_object_file(self.text, optimisation)
         stopwatch.end("compiling")
         self.seconds = stopwatch.seconds
         self._constants, self._lanes = lowering.constants, operations.width
@@ -173,14 +184,15 @@ class Code:
         # Each object has its own engine, which takes over the target machine given to it. From
         # Python 3.12 on `cached_property` has no lock, so that concurrent first calls make an
         # engine each, which does no harm.
-        engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _new_target_machine())
+        machine = _new_target_machine(FOR_LOOPS)  # The level matters only to a compilation.
+        engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
         engine.add_object_file(llvm.ObjectFileRef.from_data(self._object_file))
         engine.finalize_object()
         address = engine.get_function_address("program")
         return engine, ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(address)
 
 
-def _new_target_machine() -> llvm.TargetMachine:
+def _new_target_machine(optimisation: int) -> llvm.TargetMachine:
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     if sys.platform == "linux":
@@ -191,23 +203,24 @@ def _new_target_machine() -> llvm.TargetMachine:
     return llvm.Target.from_default_triple().create_target_machine(
         cpu=llvm.get_host_cpu_name(),
         features=llvm.get_host_cpu_features().flatten(),
-        opt=OPTIMISATION,
+        opt=optimisation,
     )
 
 
 _target_machine = functools.cache(_new_target_machine)
 
 
-def _saved_object_file(text: str) -> bytes:
+def _saved_object_file(text: str, optimisation: int) -> bytes:
     """Return the object file of a program's text from disk, or compile and save it.
 
     **Raises:** `UnsupportedPrimitiveError` if LLVM rejects the text.
     """
-    key = hashlib.sha256("\n".join((text, *_target())).encode()).hexdigest()
+    parts = text, str(optimisation), *_target()
+    key = hashlib.sha256("\n".join(parts).encode()).hexdigest()
     store = _store()
     code = None if store is None else store.read(key)
     if code is None:
-        code = _object_file(text)
+        code = _object_file(text, optimisation)
         if store is not None:
             # The program can be used even if it cannot be saved.
             with system_errors_suppressed():
@@ -215,17 +228,17 @@ def _saved_object_file(text: str) -> bytes:
     return code
 
 
-def _object_file(text: str) -> bytes:
+def _object_file(text: str, optimisation: int) -> bytes:
     """Compile a program's text to an object file for the processor of this machine.
 
     **Raises:** `UnsupportedPrimitiveError` if LLVM rejects the text.
     """
-    machine = _target_machine()
+    machine = _target_machine(optimisation)
     try:
         module = llvm.parse_assembly(text)
     except RuntimeError as error:
         raise UnsupportedPrimitiveError(f"a program that LLVM rejects ({error})") from error
-    options = llvm.create_pipeline_tuning_options(speed_level=OPTIMISATION)
+    options = llvm.create_pipeline_tuning_options(speed_level=optimisation)
     # Programs are mostly straight code with few loops, on which these passes only take time.
     options.loop_vectorization = options.slp_vectorization = options.loop_unrolling = False
     # The builder keeps results of analyses of the module, and must be freed before it. After an
@@ -252,7 +265,10 @@ def _store() -> ProgramStore | None:
 
 
 def load_or_make(
-    function: Callable[..., PyTree], arguments: tuple[PyTree, ...], make: Callable[[], Program]
+    function: Callable[..., PyTree],
+    arguments: tuple[PyTree, ...],
+    make: Callable[[], Program],
+    optimisation: int = FOR_LOOPS,
 ) -> Program:
     """Load the program of a function from disk, or make and save it.
 
@@ -267,16 +283,17 @@ def load_or_make(
     - if the program cannot be pickled or written.
 
     **Arguments:** `function`, `arguments`: function of PyTrees, and arguments with the structure,
-    shapes, dtypes and static values for which the program is valid; `make`: makes the program.
+    shapes, dtypes and static values for which the program is valid; `make`: makes the program, at
+    LLVM's level `optimisation`.
 
     **Raises:** what `make` raises.
     """
-    kept = load(function, arguments)
+    kept = load(function, arguments, optimisation)
     if kept is not None:
         return cast(Program, kept)
     # The place is determined after the program is made, so that it is `None` if the package's code
     # has changed in the meantime.
-    program, place = make(), _place(function, arguments)
+    program, place = make(), _place(function, arguments, optimisation)
     if place is not None:
         store, key = place
         with suppress(*_NOT_PICKLED), system_errors_suppressed():
@@ -284,12 +301,14 @@ def load_or_make(
     return program
 
 
-def load(function: Callable[..., PyTree], arguments: tuple[PyTree, ...]) -> object:
+def load(
+    function: Callable[..., PyTree], arguments: tuple[PyTree, ...], optimisation: int = FOR_LOOPS
+) -> object:
     """Load the program that `load_or_make` has saved for the same function and arguments.
 
     **Returns:** the program; ``None`` if there is none, or if it cannot be read.
     """
-    place = _place(function, arguments)
+    place = _place(function, arguments, optimisation)
     if place is None:
         return None
     store, key = place
@@ -300,7 +319,7 @@ def load(function: Callable[..., PyTree], arguments: tuple[PyTree, ...]) -> obje
 
 
 def _place(
-    function: Callable[..., PyTree], arguments: tuple[PyTree, ...]
+    function: Callable[..., PyTree], arguments: tuple[PyTree, ...], optimisation: int
 ) -> tuple[ProgramStore, str] | None:
     """Return the store and the key of a program; ``None`` if it cannot or shall not be saved."""
     store = _store() if keeps_programs() else None
@@ -308,11 +327,11 @@ def _place(
         return None
     # A value that cannot be described has no key.
     with suppress(*_NOT_DESCRIBED), system_errors_suppressed():
-        return store, _key(function, arguments)
+        return store, _key(function, arguments, optimisation)
     return None
 
 
-def _key(function: Callable[..., PyTree], arguments: tuple[PyTree, ...]) -> str:
+def _key(function: Callable[..., PyTree], arguments: tuple[PyTree, ...], optimisation: int) -> str:
     """Return the key of a function's program for the given arguments.
 
     It is a text that is the same in all processes. It depends on the shapes and dtypes of arrays in
@@ -328,7 +347,8 @@ def _key(function: Callable[..., PyTree], arguments: tuple[PyTree, ...]) -> str:
         for name, value in sorted(jax.config.values.items())
         if not any(part in name for part in _IRRELEVANT)
     }
-    return digest_of([function, shapes, source_digest(), _versions(), settings, _target()])
+    machine = optimisation, *_target()
+    return digest_of([function, shapes, source_digest(), _versions(), settings, machine])
 
 
 def _form(leaf: PyTree) -> PyTree:

@@ -377,7 +377,7 @@ def _all_hold(scene: Scene, state: State, changed: tuple[bool, ...]) -> Conditio
     return None if conditions is None else reduce(and_, conditions, jnp.asarray(True))
 
 
-_checks = NativeFunction(_all_hold)
+_checks = NativeFunction(_all_hold, few_runs=True)
 
 
 def variable_leaves(lanes: Lanes, axes: Mapping[str, Axis]) -> PyTree[bool]:

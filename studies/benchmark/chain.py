@@ -1,4 +1,4 @@
-"""Chain of rods on the ground, connected by joints with clearance."""
+"""Chain of rods on the ground, connected by joints with clearance or by ideal hinges."""
 
 import clearjoint as cj
 
@@ -28,3 +28,17 @@ def chain(rods: int) -> tuple[cj.Scene, cj.State]:
         )
         before, end = name, (0.5 * LENGTH, 0.0, 0.0)
     return cj.Scene(bodies, joints, gravity=(0.0, -9.81, 0.0)), cj.State(states)
+
+
+def ideal_chain(rods: int) -> tuple[cj.Scene, cj.State]:
+    """Return slender rods in a row along X, at rest, hinged about Z, with gravity along -Y."""
+    scene, state = chain(rods)
+    names, end, axis = ["ground", *scene.bodies], (0.5 * LENGTH, 0.0, 0.0), (0.0, 0.0, 1.0)
+    before = [(0.0, 0.0, 0.0), *[end] * (rods - 1)]
+    hinges = {
+        f"hinge {k + 1}": cj.RevoluteJoint(
+            names[k], names[k + 1], before[k], (-0.5 * LENGTH, 0.0, 0.0), axis, axis
+        )
+        for k in range(rods)
+    }
+    return cj.Scene(scene.bodies, hinges, gravity=scene.gravity), state

@@ -151,15 +151,16 @@ def on_cores(count: int) -> Iterator[None]:
             os.sched_setaffinity(0, present)
 
 
-def replace_table(file: Path, table: str) -> None:
-    """Replace the table between the two markers of a file.
+def replace_table(file: Path, table: str, name: str = "table") -> None:
+    """Replace the table between the two markers of a file that have its name.
 
     **Raises:** `ValueError` if the file does not have both.
     """
+    begin, end = BEGIN.replace("table", name), END.replace("table", name)
     text = file.read_text(encoding="utf-8")
-    pattern = re.compile(f"(?<={re.escape(BEGIN)}\n).*(?={re.escape(END)})", re.DOTALL)
+    pattern = re.compile(f"(?<={re.escape(begin)}\n).*(?={re.escape(end)})", re.DOTALL)
     if not pattern.search(text):
-        raise ValueError(f"{file} must have the lines {BEGIN!r} and {END!r}, but has not.")
+        raise ValueError(f"{file} must have the lines {begin!r} and {end!r}, but has not.")
     file.write_text(pattern.sub(lambda _: f"\n{table}\n\n", text), encoding="utf-8")
 
 

@@ -560,7 +560,7 @@ def _on_device(number: int) -> AbstractContextManager[object]:
     return jax.default_device(jax.local_devices()[number % jax.local_device_count()])
 
 
-@Native
+@partial(Native, few_runs=True)
 def _begun(common: Common, task: Task) -> Lane:
     """Return a lane before its first step. Its start needs no times to save at."""
     request = LaneRequest(
@@ -570,7 +570,7 @@ def _begun(common: Common, task: Task) -> Lane:
     return begin_lane(common.plan, scene, task.state, common.start_time, request)
 
 
-@Native
+@partial(Native, few_runs=True)
 def _outcome(common: Common, task: Task, lane: Lane) -> Outcome:
     """Return the outcome of a lane, with the vectors of its final state as arrays (3,)."""
     return pack(outcome(common.plan, common.scene(task), lane, task.end_time))

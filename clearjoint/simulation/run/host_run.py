@@ -361,7 +361,7 @@ def _end_of(
     return pack(final), final_result(step, end), slid_out, results
 
 
-_end_compiled = Native(_end_of)
+_end_compiled = Native(_end_of, few_runs=True)
 
 
 def _first_rows(tree: T, count: int) -> T:

@@ -50,7 +50,7 @@ from ...dynamics.journals import (
 )
 from ...fields.caching import cached_by_numbers
 from ...fields.checks import conditions_of, conditions_of_changes, recheck, require
-from ...fields.objects import is_float_array, on_device, with_arrays
+from ...fields.objects import on_device, with_arrays
 from ...math.vectors import Condition, Scalar
 from ...model.bodies import State
 from ...model.scene import Scene
@@ -115,12 +115,17 @@ def in_domain(check: Callable[[], None]) -> Condition | None:
 
 
 def check_start(
-    scene: Scene, state: State, start_time: Scalar, coordinates: AbstractCoordinates
+    scene: Scene,
+    state: State,
+    start_time: Scalar,
+    coordinates: AbstractCoordinates,
+    flat: FlatArguments | None = None,
 ) -> tuple[str, ...]:
     """Check all numbers of a scene and a state, and the state against the constraints.
 
     **Arguments:** `start_time`: s, the time at which constraints are evaluated; `coordinates`: the
-    coordinates of the run, which must be able to represent the state.
+    coordinates of the run, which must be able to represent the state; `flat`: scene and state, if
+    they are flattened already and all of their leaves are arrays of floats.
 
     **Returns:** the names of the redundant constraints.
 
@@ -129,7 +134,7 @@ def check_start(
     # The native check is fast, but cannot say why a start fails. A start that fails is therefore
     # checked again in Python, which raises the error.
     if isinstance(scene, Scene) and isinstance(state, State):
-        redundant = starts.redundant(scene, state, start_time, coordinates)
+        redundant = starts.redundant(scene, state, start_time, coordinates, flat)
         if redundant is not None:
             return redundant
     check_numbers(scene, state)
@@ -275,7 +280,7 @@ class _Starts:
     """
 
     def __init__(self) -> None:
-        self._function = NativeFunction(_passes)
+        self._function = NativeFunction(_passes, few_runs=True)
         # Number of starts so far, by structure; far below zero where native code cannot be used.
         self._seen: Counter[Hashable] = Counter()
         # Caches of the function `dependent`, by structure.
@@ -286,20 +291,26 @@ class _Starts:
         return self._function.count()
 
     def redundant(
-        self, scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
+        self,
+        scene: Scene,
+        state: State,
+        t: Scalar,
+        coordinates: AbstractCoordinates,
+        flat: FlatArguments | None = None,
     ) -> tuple[str, ...] | None:
         """Return the names of the redundant constraints of a start that passes all checks.
 
         The result is ``None`` if the start fails a check, if redundancy is uncertain, or if there
         is no native program for its structure, as for the first starts of a structure. `t` is the
-        start time, s.
+        start time, s; `flat` is as in `check_start`.
 
         **Raises:** the error of a user-defined class in the scene whose check fails.
         """
-        given = FlatArguments.of((scene, state, np.asarray(t, float), coordinates))
-        if not all(map(is_float_array, given.leaves)):
+        if flat is None:
             scene, state = with_arrays((scene, state))
-            given = FlatArguments.of((scene, state, *given.arguments[2:]))
+            flat = FlatArguments.of((scene, state))
+        rest = FlatArguments.of((np.asarray(t, float), coordinates))
+        given = FlatArguments.joined((*flat.parts, *rest.parts))
         self._seen[given.key] += 1
         if not is_native():
             return None
