@@ -22,10 +22,10 @@ from .package_code import remember_contents as remember_contents
 from .program_store import keep_programs as keep_programs
 from .program_store import keeps_programs as keeps_programs
 from .program_store import prepare_folder as prepare_folder
-from .xla import FEWEST as FEWEST
 from .xla import Compiled as Compiled
 from .xla import HostFirst as HostFirst
 from .xla import NotSharedError as NotSharedError
+from .xla import are_many as are_many
 from .xla import program_of as program_of
 from .xla import seconds_of_compiling as seconds_of_compiling
 from .xla import shared_by_many as shared_by_many

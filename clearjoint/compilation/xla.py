@@ -182,13 +182,19 @@ out: the program is faster, because what several of them compute is computed onc
 because no arguments are passed."""
 
 
+def are_many(calls: int) -> bool:
+    """Return whether a function is shared by its calls or by elements of a class, given their
+    number."""
+    return calls >= FEWEST
+
+
 def shared_by_many(calls: int, function: Callable[..., Result], *arguments: PyTree) -> Result:
     """Evaluate a function of PyTrees as `traced_for_a_kind` does if there are many calls of it and
     they can share a jaxpr; otherwise call it.
 
     **Arguments:** `calls`: number of calls with different arguments in the program.
     """
-    if calls >= FEWEST:
+    if are_many(calls):
         with suppress(NotSharedError):
             return traced_for_a_kind(function, *arguments)
     return function(*arguments)

@@ -15,7 +15,7 @@ from typing import TypeVar
 import equinox as eqx
 import jax
 
-from ..compilation import FEWEST, NotSharedError, traced_for_a_kind
+from ..compilation import NotSharedError, are_many, traced_for_a_kind
 from ..model.bodies import GROUND
 from ..model.joints.base import AbstractElement, Motions
 from ..model.scene import Scene
@@ -23,12 +23,24 @@ from ..model.scene import Scene
 Element = TypeVar("Element", bound=AbstractElement)
 Result = TypeVar("Result")
 _PROBE = "<probe>"
+_NOT_RENAMED = (
+    ArithmeticError,
+    AttributeError,
+    LookupError,
+    NotImplementedError,
+    NotSharedError,
+    TypeError,
+    ValueError,
+)
+"""Errors of elements that are evaluated with other names, such as those that look up a body on
+which they don't act. Others are raised at once: a handler of signals may raise one, for instance
+`TimeoutError` to end a run."""
 
 
 class Kinds:
     """Evaluates functions of the elements of a scene.
 
-    Elements of a class with at least `FEWEST` elements are evaluated by functions of native code.
+    Elements of a class with many elements are evaluated by functions of native code.
     The class counts, rather than the kind, so that the choice does not depend on which numbers are
     folded as constants: products are rounded at other places in functions, and a lane of a sweep
     must have the bits of a single run.
@@ -56,7 +68,7 @@ class Kinds:
 
         **Raises:** what the function raises.
         """
-        if self._counts[type(element)] >= FEWEST:
+        if are_many(self._counts[type(element)]):
             names = {
                 name: name if name == GROUND else f"<body {k}>"
                 for k, name in enumerate(dict.fromkeys(element.body_names()))
@@ -66,7 +78,7 @@ class Kinds:
                 alike = _renamed(element, names)
                 under = {new: motions[old] for old, new in names.items()}
                 result = traced_for_a_kind(function, alike, under, *others)
-            except Exception:  # noqa: BLE001
+            except _NOT_RENAMED:
                 return function(element, motions, *others)
             true_names = {new: old for old, new in names.items()}
             return jax.tree.map(

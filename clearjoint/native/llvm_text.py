@@ -104,6 +104,8 @@ class _Writer:
         """Return the text of the module; `result` is as in `llvm_text`."""
         if result is not None:
             self._uses[result] += 1
+        for _, results in self._program.signatures.values():
+            self._uses.update(results)
         # The last block is the program itself.
         blocks = [*self._program.functions, self._program.block]
         for block in reversed(blocks):  # A function is called only by later ones.
@@ -111,8 +113,11 @@ class _Writer:
         for number, block in enumerate(blocks):
             self._fuse(block)
             last = block is blocks[-1]
+            parameters, results = self._program.signatures.get(number, ([], []))
             returned = _BASES["i"] if last else ir.VoidType()
-            form = ir.FunctionType(returned, [ir.PointerType()])
+            if results:
+                returned = ir.LiteralStructType(list(map(self._type_of, results)))
+            form = ir.FunctionType(returned, [ir.PointerType(), *map(self._type_of, parameters)])
             function = ir.Function(self._module, form, "program" if last else f"f{number}")
             # On an unaligned stack, vectors would extend across two cache lines.
             function.attributes.alignstack = 64
@@ -120,14 +125,24 @@ class _Writer:
                 # Functions save time of compilation. Inlined, one would be compiled for each call.
                 function.linkage = "internal"
                 function.attributes.add("noinline")
-            (self._memory,) = function.args
+            self._memory, *arguments = function.args
+            self._values.update(zip(parameters, arguments, strict=True))
+            if number in self._program.signatures and not _uses_memory(block):
+                # Calls with equal arguments may be joined, and moved across writes to memory.
+                function.attributes.add("readnone")
+                function.attributes.add("nounwind")
             # A function reaches its memory by this pointer only, which LLVM cannot see by itself.
             self._memory.add_attribute("noalias")
             self._memory.attributes.align = 64
             self._functions.append(function)
             self._builder = ir.IRBuilder(function.append_basic_block())
             self._write(block)
-            if not last:
+            if results:
+                together = returned(ir.Undefined)
+                for k, value in enumerate(results):
+                    together = self._builder.insert_value(together, self._value(value), k)
+                self._builder.ret(together)
+            elif not last:
                 self._builder.ret_void()
         if result is None:
             returned = _BASES["i"](0)
@@ -225,6 +240,9 @@ class _Writer:
         base = _BASES[kind[0]]
         return base if count == 1 and not kind.endswith("p") else ir.VectorType(base, count)
 
+    def _type_of(self, value: Value) -> Form:
+        return self._type(self._program.kinds[value])
+
     def _value(self, value: Value) -> Word:
         """Return LLVM's value for a value of the program, in the function that is being written: a
         constant, or the result of an instruction."""
@@ -317,6 +335,13 @@ class _Writer:
         name, arguments, builder = entry.name, entry.arguments, self._builder
         if name == "call":
             return builder.call(self._functions[entry.number], [self._memory])
+        if name == "evaluate":
+            number, *values = arguments
+            function = self._functions[int(self._program.constants[number])]
+            return builder.call(function, [self._memory, *map(self._value, values)])
+        if name == "result":
+            together, k = arguments
+            return builder.extract_value(self._value(together), int(self._program.constants[k]))
         if name == "load":
             return self._load(entry)
         if name == "store":
@@ -537,6 +562,16 @@ class _Writer:
             phi.add_incoming(self._value(following), builder.block)
         builder.branch(head)
         builder.position_at_end(end)
+
+
+def _uses_memory(block: Block) -> bool:
+    """Return whether a block reads or writes memory, or calls a function, which may do so."""
+    names = ("load", "store", "call", "evaluate")
+    return any(
+        (isinstance(entry, Operation) and entry.name in names)
+        or any(map(_uses_memory, entry.blocks))
+        for entry in block
+    )
 
 
 def _mangled(form: Form) -> str:

@@ -236,6 +236,20 @@ class Function:
     cells: dict[Value, int]
 
 
+@dataclass(frozen=True)
+class PureFunction:
+    """A function of machine code for a jaxpr, of values that are passed as arguments.
+
+    - `number`: number of the function, for `Operations.called`.
+    - `results`: arrays that the function returns, with the values as they are named inside of it.
+    - `computed`: the values in `results` that the function computes. The others are constants.
+    """
+
+    number: int
+    results: list[Array]
+    computed: list[Value]
+
+
 def repeated_calls(jaxpr: core.Jaxpr) -> dict[int, RepeatedCall]:
     """Return those equations of `jaxpr` that call an inner jaxpr for which a function of machine
     code may be made.
@@ -292,7 +306,7 @@ class Lowering:
         self._repeated: dict[int, RepeatedCall] = {}
         # Functions that every block can call: those of shared jaxprs by the jaxpr and the forms of
         # its arguments, and elementary functions by their names and the kind of their arguments.
-        self._shared: dict[Hashable, Function] = {}
+        self._shared: dict[Hashable, PureFunction] = {}
         self._jaxprs: list[core.Jaxpr] = []
         self._count_of_elementary = 0
 
@@ -687,43 +701,32 @@ class Lowering:
 
     def _shared_function(
         self, add: Callable[[list[Array]], list[Array]], like: list[Array], kinds: list[str]
-    ) -> Function:
+    ) -> PureFunction:
         """Add a function that every block can call.
 
         **Arguments:** `add`: adds the function's operations, and returns its results for its
         arguments; `like`: arrays of the forms of the arguments; `kinds`: kinds of the values in
         them.
         """
-        ops = self.ops
-        parameters = [ops.allocate_for(kind) for kind in kinds]
         results: list[Array] = []
-        cells: dict[Value, int] = {}
+        computed: list[Value] = []
 
-        def build() -> None:
-            loaded = [ops.load(*row) for row in zip(kinds, parameters, strict=True)]
-            results[:] = add(self.unflatten(loaded, like))
-            for value in self.flatten(results):
-                if value not in cells and ops.number(value) is None:
-                    cells[value] = ops.pass_on(value)
+        def build(parameters: list[Value]) -> list[Value]:
+            results[:] = add(self.unflatten(parameters, like))
+            values = dict.fromkeys(self.flatten(results))
+            computed[:] = [value for value in values if self.ops.number(value) is None]
+            return computed
 
-        return Function(ops.separate_function(build), parameters, results, cells)
+        return PureFunction(self.ops.pure_function(kinds, build), results, computed)
 
-    def _called(self, function: Function, values: list[Value]) -> list[Value]:
+    def _called(self, function: PureFunction, values: list[Value]) -> list[Value]:
         """Add a call of a function that every block can call, and return the values of its
         results.
 
         **Arguments:** `values`: values of the function's arguments.
         """
-        ops = self.ops
-
-        def call() -> list[Value]:
-            for value, cell in zip(values, function.parameters, strict=True):
-                ops.pass_on(value, cell)
-            ops.call(function.number)
-            return [ops.load(ops.kinds[v], cell) for v, cell in function.cells.items()]
-
-        loaded = ops.once(("call", function.number, *values), call)
-        found = dict(zip(function.cells, loaded, strict=True))
+        computed = self.ops.called(function.number, values)
+        found = dict(zip(function.computed, computed, strict=True))
         return [found.get(value, value) for value in self.flatten(function.results)]
 
     def _elementary(self, name: str, argument: Value) -> Value:

@@ -152,6 +152,7 @@ class Operations:
     - `cells`: number of cells of memory that the program uses.
     - `block`: the block to which entries are added.
     - `functions`: blocks of the program's functions.
+    - `signatures`: for pure functions, by their numbers, the values of arguments and results.
     - `packed_length`: number of tangents, which is the length of the arrays that are kept
       ("packed") as vectors of tangents; 0 for none.
     - `packed`: number of elements of such a vector, and so of the cells that it occupies: the
@@ -171,6 +172,7 @@ class Operations:
         self.cells = 0
         self.block: Block = []
         self.functions: list[Block] = []
+        self.signatures: dict[int, tuple[list[Value], list[Value]]] = {}
         # For each function that is being built, from the outermost one on: the block around it, and
         # the index of this block's keys in `_scopes`.
         self._outside: list[tuple[Block, int]] = []
@@ -478,25 +480,41 @@ class Operations:
         self.functions.append(inner)
         return len(self.functions) - 1
 
-    def separate_function(self, build: Callable[[], None]) -> int:
-        """Add a function to the program that every block can call.
+    def pure_function(
+        self, kinds: list[str], build: Callable[[list[Value]], list[Value]]
+    ) -> int:
+        """Add a function of values to the program, which `called` calls in any block.
 
-        **Arguments:** `build`: adds the entries of the function, which must use no values from
-        outside besides constants. They write in all lanes.
+        **Arguments:** `kinds`: kinds of its arguments; `build`: adds the entries of the function,
+        for the values of its arguments, and returns the values of its results. It must use no other
+        values from outside than constants. What it writes to memory must not be read outside.
 
         **Returns:** the number of the function.
         """
         # Nothing from outside is reused in the function, and nothing is moved out of it.
-        outside, known = (self._outside, self._scopes), self._known
-        (self._outside, self._scopes), self._known = ([], [[]]), {}
-        inner = []
+        outside, scopes, known = self._outside, self._scopes, self._known
+        self._outside, self._scopes, self._known = [], [[]], {}
+        inner, parameters = [], [self._new(kind) for kind in kinds]
         try:
+            # All lanes compute, whatever the conditions at the calls.
             with self.inside(inner), self.masked(None):
-                build()
+                results = build(parameters)
         finally:
-            (self._outside, self._scopes), self._known = outside, known
+            self._outside, self._scopes, self._known = outside, scopes, known
         self.functions.append(inner)
-        return len(self.functions) - 1
+        number = len(self.functions) - 1
+        self.signatures[number] = parameters, results
+        return number
+
+    def called(self, function: int, arguments: list[Value]) -> list[Value]:
+        """Return the results of a pure function, whose call is an operation like any other."""
+        _, results = self.signatures[function]
+        number = self.constant("i", function)
+        together = self.emit("evaluate", "results", number, *arguments)
+        return [
+            self.emit("result", self.kinds[value], together, self.constant("i", k))
+            for k, value in enumerate(results)
+        ]
 
     def once(self, key: tuple, add: Callable[[], list[Value]]) -> list[Value]:
         """Add entries unless the same ones have been added already in this block or in one that

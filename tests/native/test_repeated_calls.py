@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from jax import lax
 
+from clearjoint.compilation.xla import SHARED
 from clearjoint.native import lowering
 from clearjoint.native.cells import Cells
 from clearjoint.native.functions import NativeProgram
@@ -21,6 +22,16 @@ def inner(x, k):
     return x * jnp.sin(k) + jnp.cos(k) * x**2
 
 
+def alike(x, v, k):
+    """An element of which a program has many."""
+    slope = jnp.where(x > 0.0, jnp.exp(-x * k), 1.0)
+    return 0.01 * jnp.sin(x + k) * slope - 0.02 * jnp.tanh(v * k), 0.5
+
+
+alike.__name__ = SHARED
+alike = jax.jit(alike)
+
+
 @jax.jit
 def rates(x, v, k, scale):
     """Invariant arithmetic, a branch, a table in memory, and calls of another function."""
@@ -29,6 +40,9 @@ def rates(x, v, k, scale):
     for _ in range(3):
         force = inner(force, k)
     read = TABLE[jnp.clip(jnp.floor(x * 10.0).astype(int), 0, 99)]
+    for factor in (0.5, 1.0, 2.0):
+        pull, half = alike(x, factor * v, k)
+        force = force + half * pull
     return v, 0.1 * force + read, scale * k, k
 
 
@@ -56,6 +70,8 @@ def derivatives(k, x, v):
 def way(request, monkeypatch):
     size = 1 if request.param == "functions" else 10**9
     monkeypatch.setattr(lowering, "SMALLEST_FUNCTION", size)
+    monkeypatch.setattr(lowering, "SMALLEST_SHARED", size)
+    monkeypatch.setattr(lowering, "MOST_ELEMENTARY", 0 if size == 1 else size)
     return request.param
 
 
@@ -69,9 +85,13 @@ def test_functions_have_the_bits_of_inlined_code(function, tangents, monkeypatch
     found = {}
     for size in (1, 10**9):
         monkeypatch.setattr(lowering, "SMALLEST_FUNCTION", size)
+        monkeypatch.setattr(lowering, "SMALLEST_SHARED", size)
+        monkeypatch.setattr(lowering, "MOST_ELEMENTARY", 0 if size == 1 else size)
         made = program(function, *arguments, tangents=tangents)
         found[size] = made(arguments)
         assert ('call void @"f' in made.code.text) == (size == 1)
+        # Those of `alike`, and of elementary functions.
+        assert (made.code.text.count("define internal {") >= 3) == (size == 1)
     for one, other in zip(found[1], found[10**9], strict=True):
         np.testing.assert_array_equal(one, other)
     expected = jax.tree.leaves(jax.jit(function)(*arguments))
