@@ -39,7 +39,7 @@ from functools import cached_property, reduce
 from itertools import accumulate, chain, pairwise
 from typing import TypeAlias
 
-from ...math.vectors import ZERO, Matrix, Scalar, Vector, add
+from ...math.vectors import ZERO, EulerParameters, Matrix, Scalar, Vector, add
 from ...model.bodies import GROUND, GROUND_MOTION, NO_WRENCH, Body, BodyState, Motion, Wrench
 from ...model.joints.base import Motions, Row
 from ...model.joints.motion_subspaces import REST, Twist
@@ -62,7 +62,16 @@ from .inertia import (
     is_small,
     tree_solver,
 )
-from .trees import UPRIGHT, FreeBranch, JointedBranch, Link, TreeBranch, forest, topology
+from .trees import (
+    UPRIGHT,
+    BodyPose,
+    FreeBranch,
+    JointedBranch,
+    Link,
+    TreeBranch,
+    forest,
+    topology,
+)
 
 ForceAndMoment: TypeAlias = tuple[Vector, Vector]
 """Force, N, and moment about the centre of mass of the body, N m, in the tree's axes."""
@@ -338,18 +347,23 @@ class JointCoordinates(AbstractCoordinates):
         """
         poses = {GROUND: (UPRIGHT, GROUND_MOTION)}
         poses |= {n: (body.orientation, free_motion(body, None)) for n, body in bodies.items()}
-        return {
-            branch.body: branch.encode(poses[branch.parent], poses[branch.body])
-            for branch in _branches(scene)
-        }
+        variables = {}
+        for tree in forest(scene):
+            evaluate = evaluation(len(tree))
+            for branch in tree:
+                given = branch.nameless(), poses[branch.parent], poses[branch.body]
+                variables[branch.body] = evaluate(_encoded, *given)
+        return variables
 
     def decode(self, scene: Scene, variables: TreeVariables) -> dict[str, BodyState]:
         """Return the states of the bodies, by name."""
         trees, orientations = forest(scene), {GROUND: UPRIGHT}
         motions = _motions(trees, variables)
-        for branch in chain(*trees):
-            state = variables[branch.body]
-            orientations[branch.body] = branch.orientation(orientations[branch.parent], state)
+        for tree in trees:
+            evaluate = evaluation(len(tree))
+            for branch in tree:
+                given = branch.nameless(), orientations[branch.parent], variables[branch.body]
+                orientations[branch.body] = evaluate(_orientation, *given)
         bodies = {}
         for name in scene.bodies:
             at, orientation = motions[name], orientations[name]
@@ -417,3 +431,13 @@ def _motions(trees: Sequence[Sequence[TreeBranch]], variables: TreeVariables) ->
 
 def _motion(branch: TreeBranch, parent: Motion, state: MotionVariables) -> Motion:
     return branch.motion(parent, state)
+
+
+def _encoded(branch: TreeBranch, parent: BodyPose, body: BodyPose) -> MotionVariables:
+    return branch.encode(parent, body)
+
+
+def _orientation(
+    branch: TreeBranch, parent: EulerParameters, state: MotionVariables
+) -> EulerParameters:
+    return branch.orientation(parent, state)

@@ -15,12 +15,12 @@ from dataclasses import dataclass
 from functools import partial
 from heapq import heapify, heappop, heappush
 from itertools import accumulate, chain, pairwise
-from typing import Any, TypeAlias, TypeVar
+from typing import TypeAlias, TypeVar
 
 import jax
 from jaxtyping import PyTree
 
-from ...compilation import NotSharedError, traced_for_a_kind
+from ...compilation import shared_by_many
 from ...math.linear_solvers import OrderedFactorisation, UnrolledFactorisation
 from ...math.vectors import IDENTITY, ZERO, Matrix, Scalar, Vector, add, multiply, subtract
 from ...model.bodies import Body
@@ -368,7 +368,7 @@ def is_small(bodies: int) -> bool:
     return bodies <= LARGEST_DENSE
 
 
-Evaluate: TypeAlias = Callable[..., Any]
+Evaluate: TypeAlias = Callable[..., PyTree]
 """Function that returns the result of a function, its first argument, for all other arguments."""
 
 
@@ -379,18 +379,11 @@ def evaluation(bodies: int) -> Evaluate:
     decides, so that a lane of a sweep, which has fewer constants than a single run, computes its
     results alike.
     """
-    return _written_out if is_small(bodies) else _by_kind
+    return _written_out if is_small(bodies) else partial(shared_by_many, bodies)
 
 
 def _written_out(function: Callable[..., Result], *arguments: PyTree) -> Result:
     return function(*arguments)
-
-
-def _by_kind(function: Callable[..., Result], *arguments: PyTree) -> Result:
-    try:
-        return traced_for_a_kind(function, *arguments)
-    except NotSharedError:
-        return function(*arguments)
 
 
 class AbstractTreeSolver(abc.ABC):
@@ -402,6 +395,7 @@ class AbstractTreeSolver(abc.ABC):
 
     def __init__(self, links: Sequence[Link], parents: Parents, inertias: Sequence[Inertia]):
         self._links, self._parents = links, parents
+        self._evaluate = evaluation(len(links))
         self._prepare(list(inertias))
 
     @abc.abstractmethod
@@ -454,8 +448,8 @@ class MassMatrix(AbstractTreeSolver):
 
     def rates(self, loads: Mapping[int, Twist], forces: Sequence[Speeds]) -> list[Speeds]:
         """Return the rates r of each link's joint."""
-        every = [_written_out] * len(self._links)
-        along = along_columns(self._links, self._parents, loads, every)
+        evaluate = [self._evaluate] * len(self._links)
+        along = along_columns(self._links, self._parents, loads, evaluate)
         pairs = zip(chain(*forces), chain(*along), strict=True)
         rates = self._factors.solve([add(force, part) for force, part in pairs])
         return [rates[i:j] for i, j in pairwise(self._firsts)]
@@ -472,7 +466,7 @@ class ArticulatedBodies(AbstractTreeSolver):
                 self._joints.append(LoadedJoint.of_root(link.columns, carried[k]))
             else:
                 given = link.columns, link.offset, carried[k], carried[parent]
-                joint, carried[parent] = _by_kind(LoadedJoint.under, *given)
+                joint, carried[parent] = self._evaluate(LoadedJoint.under, *given)
                 self._joints.append(joint)
         self._joints.reverse()
 
@@ -485,7 +479,7 @@ class ArticulatedBodies(AbstractTreeSolver):
         for k in reversed(range(len(self._links))):
             parent = self._parents[k]
             carrier = REST if parent is None else totals[parent]
-            part, total = _by_kind(absorbed, self._joints[k], totals[k], carrier, forces[k])
+            part, total = self._evaluate(absorbed, self._joints[k], totals[k], carrier, forces[k])
             alone.append(part)
             if parent is not None:
                 totals[parent] = total
@@ -493,7 +487,7 @@ class ArticulatedBodies(AbstractTreeSolver):
         twists: list[Twist] = []
         for parent, joint, part in zip(self._parents, self._joints, reversed(alone), strict=True):
             carrier = REST if parent is None else twists[parent]
-            part, twist = _by_kind(followed, joint, part, carrier)
+            part, twist = self._evaluate(followed, joint, part, carrier)
             rates.append(part)
             twists.append(twist)
         return rates
