@@ -12,6 +12,7 @@ its place in this array.
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import compress
 from typing import TypeAlias
 
@@ -125,13 +126,14 @@ class _Plan:
         return table
 
     def solution(self, sweeps: int) -> list[Step]:
-        """Return the table for `_solved`, whose rows are described there.
+        """Return the table for `_iterated`, with rows (factor of the former content of a part of a
+        vector, factor of the product that is added, whether the block is transposed, index of the
+        part, of the block, of the part with which the block is multiplied).
 
         The vectors are b, x, which is zero at first, and r, which equals b at first.
         """
         count = len(self.order)
         b, x, r = ([*range(first, first + count)] for first in (0, count, 2 * count))
-        original = 0
         factor, inverses = len(self.slots), 2 * len(self.slots)
         identity = inverses + count
         table: list[Step] = []
@@ -139,7 +141,7 @@ class _Plan:
             if sweep:
                 table += [(0, 1, 0, r[k], identity, b[k]) for k in range(count)]
                 for target, slot, source, turned in self.products():
-                    table.append((1, -1, turned, r[target], original + slot, x[source]))
+                    table.append((1, -1, turned, r[target], slot, x[source]))
             for j, column in enumerate(self._below):
                 table.append((0, 1, 0, r[j], inverses + j, r[j]))
                 table += [(1, -1, 0, r[i], factor + self.slots[i, j], r[j]) for i in column]
@@ -290,7 +292,7 @@ def _blocks(
 
 def _gathered(numbers: Sequence[Scalar], index: np.ndarray) -> jax.Array:
     """Return an array with the number of each index, or zero where the index is -1."""
-    array = jnp.stack([jnp.asarray(number, dtype=float) for number in (*numbers, 0.0)])
+    array = jnp.stack([*map(jnp.asarray, (*numbers, 0.0))])
     return _taken(array, index % len(array))
 
 
@@ -371,32 +373,36 @@ def _factor(plan: _Plan, blocks: jax.Array) -> jax.Array:
     return _looped(step, jnp.concatenate([blocks, inverses.ravel()]), plan.factorisation())
 
 
-def _combined(blocks: jax.Array, vectors: jax.Array, table: Sequence[Step]) -> jax.Array:
-    """Return vectors, to which products of blocks and vectors are added.
-
-    **Arguments:** `table`: rows (factor of the vector's former content, factor of the product,
-    whether the block is transposed, index of the vector's part, of the block, of the part with
-    which the block is multiplied).
-    """
-
-    def step(vectors: jax.Array, row: Sequence[jax.Array]) -> tuple[jax.Array, jax.Array]:
-        kept, sign, turned, target, block, source = row
-        matrix, vector = _block(blocks, block), _row(vectors, source)
-        image = jax.lax.cond(turned > 0, lambda: matrix.T @ vector, lambda: matrix @ vector)
-        return kept * _row(vectors, target) + sign * image, target
-
-    return _looped(step, vectors, table)
+def _image(
+    blocks: jax.Array, block: jax.Array, turned: jax.Array, vectors: jax.Array, source: jax.Array
+) -> jax.Array:
+    """Return the product of a block, transposed where `turned` is 1, and a part of a vector."""
+    matrix = _block(blocks, block)
+    return jnp.where(turned > 0, matrix.T, matrix) @ _row(vectors, source)
 
 
 def _product(plan: _Plan, blocks: jax.Array, vector: jax.Array) -> jax.Array:
     """Return the product of a symmetric matrix in blocks and a vector."""
-    count = len(plan.order)
-    table = [
-        (1, 1, turned, target, slot, count + source)
-        for target, slot, source, turned in plan.products()
-    ]
-    vectors = jnp.concatenate([jnp.zeros_like(vector), vector])
-    return _combined(blocks, vectors, table)[: SIZE * count]
+
+    # The vector is not a part of the array that the loop changes, so that JAX can transpose the
+    # loop where the blocks are derivatives.
+    def step(sums: jax.Array, row: Sequence[jax.Array]) -> tuple[jax.Array, jax.Array]:
+        target, block, source, turned = row
+        return _row(sums, target) + _image(blocks, block, turned, vector, source), target
+
+    return _looped(step, jnp.zeros_like(vector), plan.products())
+
+
+def _iterated(blocks: jax.Array, right: jax.Array, table: Sequence[Step]) -> jax.Array:
+    """Return the solution of a system of equations, see `_Plan.solution`."""
+
+    def step(vectors: jax.Array, row: Sequence[jax.Array]) -> tuple[jax.Array, jax.Array]:
+        kept, sign, turned, target, block, source = row
+        image = _image(blocks, block, turned, vectors, source)
+        return kept * _row(vectors, target) + sign * image, target
+
+    start = jnp.concatenate([right, jnp.zeros_like(right), right])
+    return _looped(step, start, table)[right.size : 2 * right.size]
 
 
 def _solving(
@@ -413,23 +419,24 @@ def _solving(
     # All blocks in one array, in the order that `_Plan.solution` uses.
     factor = _factor(plan, jax.lax.stop_gradient(shifted))
     stored = jnp.concatenate([fixed, factor, np.eye(SIZE).ravel()])
-    table, length = plan.solution(sweeps), SIZE * len(plan.order)
+    table = plan.solution(sweeps)
 
     @jax.custom_jvp
-    def solution(blocks: jax.Array, right: jax.Array) -> jax.Array:
-        vectors = jnp.concatenate([right, jnp.zeros_like(right), right])
-        return _combined(stored, vectors, table)[length : 2 * length]
+    def solution(stored: jax.Array, blocks: jax.Array, right: jax.Array) -> jax.Array:
+        return _iterated(stored, right, table)
 
     @solution.defjvp
     def _(
-        primals: tuple[jax.Array, jax.Array], tangents: tuple[jax.Array, jax.Array]
+        primals: tuple[jax.Array, jax.Array, jax.Array],
+        tangents: tuple[jax.Array, jax.Array, jax.Array],
     ) -> tuple[jax.Array, jax.Array]:
-        (blocks, right), (matrix_rate, right_rate) = primals, tangents
-        x = solution(blocks, right)
-        rate = solution(blocks, right_rate - _product(plan, matrix_rate, x))
+        (stored, blocks, right), (_, matrix_rate, right_rate) = primals, tangents
+        solve = partial(solution, stored, blocks)
+        x = solve(right)
+        rate = solve(right_rate - _product(plan, matrix_rate, x))
         if sweeps > 1:
-            across = _product(plan, matrix_rate, solution(blocks, x))
-            rate += across - solution(blocks, _product(plan, blocks, across))
+            across = _product(plan, matrix_rate, solve(x))
+            rate += across - solve(_product(plan, blocks, across))
         return x, rate
 
-    return lambda right: solution(blocks, right)
+    return partial(solution, stored, blocks)

@@ -191,8 +191,7 @@ def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -
     In the mode "fill", all elements of a block that does not lie wholly inside of the array become
     the fill value (see `_fill_value`). In all other modes, the block is moved inside.
 
-    **Raises:** `UnsupportedPrimitiveError` for arrays with batching dimensions, and for a large
-    result in which the axes of the blocks do not come last.
+    **Raises:** `UnsupportedPrimitiveError` for arrays with batching dimensions.
     """
     ops, parameters = lower.ops, equation.params
     numbers, sizes = parameters["dimension_numbers"], parameters["slice_sizes"]
@@ -238,9 +237,11 @@ def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -
         values = np.moveaxis(values, range(len(batch), values.ndim), numbers.offset_dims)
         return [lower.array(values.ravel().tolist(), tuple(out.shape))]
 
-    # A large result is written by a loop over the blocks, each after the previous one.
-    if tuple(numbers.offset_dims) != tuple(range(len(batch), len(out.shape))):
-        raise UnsupportedPrimitiveError("gather of large transposed arrays")
+    # A large result is written by a loop over the blocks. Unless their axes come last, a table has
+    # the place of each element in the result.
+    elements = np.arange(out.size).reshape([*batch, *block])
+    elements = np.moveaxis(elements, range(len(batch), elements.ndim), numbers.offset_dims)
+    places = None if is_contiguous(elements.ravel()) else _table(lower, np.argsort(elements, None))
     table, memory = lower.in_memory(indices, index_shape), lower.in_memory(array, shape)
     result = lower.new_array(tuple(out.shape), memory.kind)
     read = _block_reader(lower, memory, shape, offsets)
@@ -252,10 +253,21 @@ def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -
             for start in starts:
                 ops.mark_uniform(start)
         for j, value in enumerate(block_at(starts, read)):
-            ops.store(value, result.start + j, first.value)
+            if places is None:
+                ops.store(value, result.start + j, first.value)
+            else:
+                place = ops.load(places.kind, places.start + j, first.value)
+                ops.mark_uniform(place)
+                ops.store(value, result.start, place)
 
     ops.repeat(math.prod(batch), visit)
     return [result]
+
+
+def _table(lower: Lowering, numbers: np.ndarray) -> InMemory:
+    table = lower.constant(numbers)
+    assert isinstance(table, InMemory)
+    return table
 
 
 def _block_reader(
@@ -308,31 +320,32 @@ def _scatter(
     updates: Array,
     name: str,
 ) -> list[Array]:
-    """Return a small array in which updates replace elements, or are combined with them
+    """Return an array in which updates replace elements, or are combined with them
     (see `jax.lax.scatter`).
 
-    If the program computes the index of an update, any element may be the one to change, so for
-    each element the program selects its old or its new value. A window is the part of the array
+    If the program computes the index of an update of a small array, any element may be the one to
+    change, so for each element the program selects its old or its new value. A window is the part of the array
     that the updates for one row of indices change. If a window does not lie wholly inside of the
     array, all its updates are dropped; in the mode "clip" it is moved inside instead.
 
     **Arguments:** `name`: primitive that combines an element and an update, such as "add"; "" for
     the primitive "scatter", which has none.
 
-    **Raises:** `UnsupportedPrimitiveError` if the array, the indices or the updates are large, and
-    for arrays with batching dimensions.
+    **Raises:** `UnsupportedPrimitiveError` for arrays with batching dimensions.
     """
     shape, index_shape, update_shape = (aval_of(v).shape for v in equation.invars)
     numbers, depth = equation.params["dimension_numbers"], index_shape[-1]
     if numbers.operand_batching_dims:
         raise UnsupportedPrimitiveError(f"{equation.primitive.name} of batches")
-    if any(isinstance(a, InMemory) for a in (array, indices, updates)):
-        raise UnsupportedPrimitiveError(f"{equation.primitive.name} of large arrays")
     # An array without elements has no index at which something could be replaced.
     if not math.prod(shape):
         return [array]
     combine = _combination(lower, equation, name)
-    ops, values, strides = lower.ops, lower.values(array), _strides(shape)
+    memory = array if isinstance(array, InMemory) else None
+    if memory is not None and not memory.owned:
+        memory = lower.copied(memory)
+    values = lower.values(array) if memory is None else []
+    ops, strides = lower.ops, _strides(shape)
     starts = lower.values(indices)
     clips = "CLIP" in str(equation.params["mode"])
     # A row, which is the last axis of the indices, has the start of a window along these axes.
@@ -356,6 +369,13 @@ def _scatter(
         along = [start + offsets.pop(axis) for start, axis in zip(inside, axes, strict=True)]
         rest = sum(strides[axis] * offset for axis, offset in offsets.items())
         target = _flat_index(lower, along, [strides[axis] for axis in axes]) + rest
+        if memory is not None:
+            # Moved inside, the target is an element of the array even if nothing is to change.
+            old = Symbol(ops, ops.load(memory.kind, memory.start, target.value))
+            combined = Symbol(ops, combine(old.value, new))
+            changed = combined if clips else fits.select(combined, old)
+            ops.store(changed.value, memory.start, target.value)
+            continue
         # The element with the index `target` changes; unless that is known, it may be any element.
         known = ops.number(target.value)
         for k in range(len(values)) if known is None else [int(known)]:
@@ -363,6 +383,8 @@ def _scatter(
             replaced = is_target if clips else fits & is_target
             combined = Symbol(ops, combine(values[k], new))
             values[k] = replaced.select(combined, Symbol(ops, values[k])).value
+    if memory is not None:
+        return [replace(memory, owned=True)]
     return [lower.array(values, tuple(shape))]
 
 

@@ -104,9 +104,6 @@ def _joined(lower: Lowering, equation: Equation, *arrays: Array, join: Join) -> 
     """Return one array with the elements of several arrays.
 
     **Arguments:** `join`: gives the order of the elements, which are numbered through all arrays.
-
-    **Raises:** `UnsupportedPrimitiveError` for a large result, unless it has the elements of all
-    arrays one after another. Only such a result can be copied by loops over the arrays.
     """
     avals = [aval_of(v) for v in equation.invars]
     starts = np.cumsum([0, *(aval.size for aval in avals)]).tolist()
@@ -116,12 +113,32 @@ def _joined(lower: Lowering, equation: Equation, *arrays: Array, join: Join) -> 
     if indices.size <= LARGEST_UNROLLED:
         values = [value for array in arrays for value in lower.values(array)]
         return [lower.array([values[k] for k in indices.ravel()], indices.shape)]
-    if not is_contiguous(indices.ravel()):
-        raise UnsupportedPrimitiveError(f"{equation.primitive.name} of large arrays")
     memory = lower.new_array(tuple(out.shape), kind_of(out))
-    for start, array in zip(starts, arrays, strict=False):
-        lower.write(array, memory.start + start)
+    # For each element, its place in the result.
+    places = np.argsort(indices, axis=None)
+    for start, aval, array in zip(starts, avals, arrays, strict=False):
+        own = places[start : start + aval.size]
+        if is_contiguous(own):
+            lower.write(array, memory.start + int(own[0]))
+        elif isinstance(array, InMemory):
+            _copied_to(lower, array, memory, own)
+        else:
+            for place, value in zip(own.tolist(), lower.values(array), strict=True):
+                lower.ops.store(value, memory.start + place)
     return [memory]
+
+
+def _copied_to(lower: Lowering, array: InMemory, target: InMemory, places: np.ndarray) -> None:
+    """Add a loop that copies the elements of a large array to known places of another one."""
+    table = lower.constant(places)
+    assert isinstance(table, InMemory)
+
+    def visit(k: Value) -> None:
+        place = lower.ops.load(table.kind, table.start, k)
+        lower.ops.mark_uniform(place)
+        lower.ops.store(lower.ops.load(array.kind, array.start, k), target.start, place)
+
+    lower.ops.repeat(array.size, visit)
 
 
 def _pad(lower: Lowering, equation: Equation, array: Array, padding: Array) -> list[Array]:

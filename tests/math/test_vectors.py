@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from clearjoint.math.block_matrices import BlockMatrix
 from clearjoint.math.linear_solvers import (
     Exact,
     LeastNorm,
     OrderedFactorisation,
+    ScalarMatrix,
     UnrolledFactorisation,
     inner,
 )
@@ -238,14 +240,15 @@ def lower_triangle(matrix):
 
 
 def unrolled(solver, s, b):
-    return np.array(solver.unrolled(lower_triangle(s), list(b)))
+    return np.array(solver.solving(ScalarMatrix(lower_triangle(s)))(list(b)))
 
 
-def dense(solver, s, b):
-    return np.asarray(solver.dense(jnp.asarray(s), jnp.asarray(b)))
+def in_blocks(solver, s, b):
+    rows = [[float(x) for x in row] for row in s]
+    return np.array(solver.solving(BlockMatrix(rows, np.eye(len(s)).tolist()))(list(b)))
 
 
-both_forms = pytest.mark.parametrize("solved", [unrolled, dense])
+both_forms = pytest.mark.parametrize("solved", [unrolled, in_blocks])
 
 
 @both_forms

@@ -25,10 +25,10 @@ from clearjoint import (
     SphericalJoint,
     body_state,
 )
-from clearjoint.dynamics import multipliers
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.system import System
 from clearjoint.extend import rows_from_residual
+from clearjoint.math import block_matrices
 from clearjoint.math.rotations import transverse_axes
 from clearjoint.math.vectors import Matrix, Vector, pack, unpack
 from clearjoint.model.bodies import GROUND_MOTION, Motion
@@ -331,7 +331,7 @@ def test_a_tilted_joint_violates_its_rows(case):
 
 @pytest.mark.parametrize("redundant", [False, True])
 def test_large_systems_solve_the_same_equations(monkeypatch, redundant):
-    """Systems beyond the unrolled size go to LAPACK; here a small one is sent there as well.
+    """Large systems are solved in blocks; here a small one is as well.
 
     The revolute joint is there twice where redundant multipliers of least norm are sought.
     """
@@ -343,14 +343,14 @@ def test_large_systems_solve_the_same_equations(monkeypatch, redundant):
         for name, p in (("a", P1), ("b", P2))
     }
 
-    def found(largest_unrolled):
-        monkeypatch.setattr(multipliers, "LARGEST_UNROLLED", largest_unrolled)
+    def found(most_multiplications):
+        monkeypatch.setattr(block_matrices, "MOST_MULTIPLICATIONS", most_multiplications)
         formulation = Formulation(AbsoluteCoordinates(), redundant=redundant)
         return System(scene, formulation).dynamics(variables, {}, 0.0)
 
-    unrolled, dense = found(99), found(0)
+    unrolled, blocks = found(1e9), found(0)
     close = functools.partial(np.testing.assert_allclose, rtol=1e-4, atol=1e-4)
-    jax.tree.map(close if redundant else compare, unrolled.multipliers, dense.multipliers)
-    jax.tree.map(compare, unrolled.accelerations, dense.accelerations)
+    jax.tree.map(close if redundant else compare, unrolled.multipliers, blocks.multipliers)
+    jax.tree.map(compare, unrolled.accelerations, blocks.accelerations)
     if redundant:
-        jax.tree.map(close, dense.multipliers["hinge"], dense.multipliers["again"])
+        jax.tree.map(close, blocks.multipliers["hinge"], blocks.multipliers["again"])
