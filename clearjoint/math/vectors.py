@@ -302,7 +302,11 @@ class ConstantFolded:
         return {"tree": self.tree, "patterns": self.patterns}
 
 
-def fold_constants(tree: PyTree, varied: PyTree = None) -> ConstantFolded:
+def fold_constants(
+    tree: PyTree,
+    varied: PyTree = None,
+    flattened: tuple[list[PyTree], jax.tree_util.PyTreeDef] | None = None,  # pyright: ignore
+) -> ConstantFolded:
     """Mark exact zeros and ones in arrays of shape (3,) and (3, 3) of a PyTree as structural.
 
     Components of tracers, and of arrays in fields with the metadata ``{"table": True}``, are not
@@ -311,9 +315,10 @@ def fold_constants(tree: PyTree, varied: PyTree = None) -> ConstantFolded:
     **Arguments:** `tree`: PyTree of numbers and arrays; `varied`: PyTree of the same structure with
     a bool for each leaf, true for leaves whose components must not be marked, because their numbers
     differ between runs of the same program; ``None``, the default, if there are no such leaves.
+    `flattened`: leaves and structure of `tree`, if they are known already.
     """
-    leaves, structure = jax.tree.flatten(tree)
-    shapes = tuple(map(np.shape, leaves))
+    leaves, structure = jax.tree.flatten(tree) if flattened is None else flattened
+    shapes = tuple([leaf.shape if type(leaf) is np.ndarray else np.shape(leaf) for leaf in leaves])
     vectors, sizes = _vectors(structure, shapes)
     arrays = [leaves[k] for k in vectors]
     if varied is None and arrays and {*map(type, arrays)} == {np.ndarray}:

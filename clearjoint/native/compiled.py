@@ -12,9 +12,12 @@ from functools import update_wrapper
 from typing import Generic, ParamSpec, TypeVar
 
 import jax
+import jax.numpy as jnp
+from jax.lax import dynamic_index_in_dim, dynamic_update_index_in_dim
 from jaxtyping import PyTree
+from numpy.typing import ArrayLike
 
-from ..compilation import Compiled
+from ..compilation import Compiled, traced_once
 from ..compilation.xla import is_tracing
 from .functions import FlatArguments, NativeFunction
 from .lowering import UnsupportedPrimitiveError
@@ -95,19 +98,36 @@ def is_native() -> bool:
     return os.environ.get(SWITCH, "1") != "0" and jax.default_backend() == "cpu"
 
 
-def over_rows(function: Callable[..., Result], *rows: PyTree) -> Result:
-    """Return the results of a function for each of n rows, stacked in arrays (n, ...).
+def over_rows(function: Callable[..., Result], count: ArrayLike, *rows: PyTree) -> Result:
+    """Return the results of a function for the first of n rows, stacked in arrays (n, ...).
 
     If `is_native()` is true, a loop computes one row after another: native code consists of scalar
     operations, and would contain all operations of a mapped function once for each row. Otherwise
     `jax.vmap` computes all rows at once.
 
     **Arguments:** `function`: takes one row of each of the PyTrees `rows`, as PyTrees of arrays
-    (...). `rows`: PyTrees of arrays (n, ...), whose index along the first axis is the row.
+    (...). `count`: number of rows to compute; the results of the others have no meaning. `rows`:
+    PyTrees of arrays (n, ...), whose index along the first axis is the row.
     """
-    if is_native():
-        return jax.lax.map(lambda row: function(*row), rows)
-    return jax.vmap(function)(*rows)
+    if not is_native():
+        return jax.vmap(function)(*rows)
+    call, first = traced_once(function), jax.tree.map(lambda leaf: leaf[0], rows)
+    length = len(jax.tree.leaves(rows)[0])
+    arrays = jax.tree.map(
+        lambda of_row: jnp.zeros((length, *of_row.shape), of_row.dtype),
+        jax.eval_shape(call, *first),
+    )
+
+    def add(k: jax.Array, arrays: Result) -> Result:
+        # Native code has rules for these functions with large arrays, unlike for ``array[k]``.
+        row = jax.tree.map(lambda leaf: dynamic_index_in_dim(leaf, k, keepdims=False), rows)
+        return jax.tree.map(
+            lambda array, result: dynamic_update_index_in_dim(array, result, k, 0),
+            arrays,
+            call(*row),
+        )
+
+    return jax.lax.fori_loop(0, count, add, arrays)
 
 
 def report_fallback(error: UnsupportedPrimitiveError) -> None:

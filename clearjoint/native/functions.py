@@ -347,18 +347,29 @@ class FlatArguments:
     @staticmethod
     def joined(parts: "tuple[FlatArguments, ...]") -> "FlatArguments":
         """Return several arguments that are flattened already as those of one call."""
-        leaves = [leaf for part in parts for leaf in part.leaves]
-        arrays = [array for part in parts for array in part.arrays]
-        traced, key = any(part.traced for part in parts), tuple(part.key for part in parts)
-        arguments = tuple(part.arguments[0] for part in parts)
-        all_floats = all(part.all_floats for part in parts)
-        return FlatArguments(arguments, leaves, arrays, traced, key, parts, all_floats)
+        leaves, arrays, arguments, keys = [], [], [], []
+        traced, all_floats = False, True
+        for part in parts:
+            leaves += part.leaves
+            arrays += part.arrays
+            arguments += part.arguments
+            keys.append(part.key)
+            traced, all_floats = traced or part.traced, all_floats and part.all_floats
+        return FlatArguments(
+            tuple(arguments), leaves, arrays, traced, tuple(keys), parts, all_floats
+        )
 
     @cached_property
     def structure(self) -> PyTree:
         """The structure of the arguments, as `jax.tree.flatten` returns it. Only programs that are
         compiled need it."""
         return jax.tree.structure(self.arguments)
+
+    @property
+    def tree_structure(self) -> PyTree:
+        """The structure of the only argument, if this is a part and no folded scene."""
+        assert isinstance(self.key, _Key)
+        return self.key.parts[0]
 
     @cached_property
     def floats(self) -> np.ndarray:
@@ -387,7 +398,7 @@ def flattened(argument: PyTree) -> FlatArguments:
 def folded(tree: FlatArguments) -> ConstantFolded:
     """Return `fold_constants` of a single argument that is flattened already, without flattening it
     again here or when the result becomes an argument."""
-    made = fold_constants(*tree.arguments)
+    made = fold_constants(*tree.arguments, flattened=(tree.leaves, tree.tree_structure))
     vars(made)["flattened"] = _folded(tree, made)
     return made
 

@@ -2,6 +2,7 @@
 
 import cProfile
 import pstats
+import sys
 
 import jax
 import numpy as np
@@ -12,6 +13,8 @@ from clearjoint.compilation import HostFirst
 from clearjoint.dynamics.joint_coordinates import trees
 from clearjoint.fields.objects import with_arrays
 from clearjoint.math.vectors import unpack
+from clearjoint.native import NativeFunction
+from clearjoint.native.functions import FlatArguments, folded
 from clearjoint.simulation.run.run_checks import check_structure
 from studies.benchmark.backlash_chain import chain
 
@@ -83,7 +86,8 @@ def test_repeated_calls_trace_nothing(monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_repeated_call_grows_linearly():
+def test_a_repeated_call_grows_linearly_and_little():
+    """Some calls for each object of the scene; arrays are read and written together."""
     counts = []
     for joints in (1, 2, 4):
         scene, state = chain(joints)
@@ -93,9 +97,62 @@ def test_a_repeated_call_grows_linearly():
 
         for _ in range(10):  # native code checks the last of these starts
             call()
-        counts.append(calls(call))
+        counts.append(frames(call))
     first, second = np.diff(counts)
     assert second < 2.2 * first, counts
+    assert first < 80, counts
+
+
+def frames(function) -> int:
+    """How many functions written in Python are called in a call of a function."""
+    count = 0
+
+    def counted(frame, event, argument):
+        nonlocal count
+        count += event == "call"
+
+    sys.setprofile(counted)
+    try:
+        function()
+    finally:
+        sys.setprofile(None)
+    return count
+
+
+def test_flattening_and_folding_call_python_for_no_array():
+    """JAX flattens the objects of the package by a function in Python for each; a joint has five
+    objects here, and some ten arrays."""
+    counts = []
+    for joints in (10, 20):
+        scene, state = chain(joints)
+
+        def prepare(scene=scene, state=state):
+            flat = FlatArguments.of((scene, state))
+            return FlatArguments.of((folded(flat.parts[0]), state)).floats
+
+        prepare()  # the first one finds what depends on structure
+        counts.append(frames(prepare))
+    objects = 7 + 2  # of a joint with its bodies; the states of the bodies are flattened twice
+    assert counts[1] - counts[0] <= 10 * (objects + 3), counts
+
+
+def test_results_are_read_in_groups():
+    def parts(x):
+        return (
+            [x[k] * 2.0 for k in range(100)],
+            [x[k : k + 3] for k in range(0, 90, 3)],
+            x.sum() > 1,
+        )
+
+    function, x = NativeFunction(parts), np.arange(100.0)
+    scalars, vectors, flag = function(x)
+    assert [(one.shape, float(one)) for one in scalars] == [((), 2.0 * k) for k in range(100)]
+    np.testing.assert_array_equal(np.concatenate(vectors), x[:90])
+    assert flag.dtype == bool and flag
+    scalars[0][...] = 7.0  # arrays share no memory
+    vectors[0][0] = 8.0
+    assert scalars[1] == 2.0 and vectors[1][0] == 3.0 and function(x)[0][0] == 0.0
+    assert frames(lambda: function(x)) < 150  # three for each array when read one by one
 
 
 def random_scene(random: np.random.Generator) -> cj.Scene:

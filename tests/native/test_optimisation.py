@@ -1,0 +1,89 @@
+"""Levels of LLVM's optimisation: results do not depend on them, but saved programs do."""
+
+import jax
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint.native import Native, NativeFunction, over_rows
+from clearjoint.native.machine_code import FOR_FEW_RUNS, FOR_LOOPS, _key
+from clearjoint.simulation.results import observe
+from clearjoint.simulation.run import host_run, simulate
+from studies.benchmark.backlash_chain import chain
+from studies.benchmark.chain import ideal_chain
+from studies.benchmark.first_calls import four_bar
+
+SCENES = [
+    pytest.param(lambda: ideal_chain(1), id="rod"),
+    pytest.param(
+        lambda: cj.mechanisms.double_pendulum(0.5e-3, 0.9), id="pendulum", marks=pytest.mark.slow
+    ),
+    pytest.param(four_bar, id="four-bar", marks=pytest.mark.slow),
+    pytest.param(lambda: chain(2), id="backlash", marks=pytest.mark.slow),
+]
+
+
+@pytest.mark.parametrize("make", SCENES)
+def test_bits_of_a_run_do_not_depend_on_the_level(make, monkeypatch):
+    scene, state = make()
+    found = {}
+    for few_runs in (False, True):
+        programs = Native(host_run.segment, few_runs=few_runs)
+        monkeypatch.setattr(host_run, "segment_compiled", programs)
+        begun = Native(host_run.begin, few_runs=few_runs)
+        monkeypatch.setattr(simulate, "begin_compiled", begun)
+        solution = cj.simulate(scene, state, 0.02, save=cj.Saving(impacts=True), progress=False)
+        assert programs.native.count() == begun.native.count() == 1
+        arrays = jax.tree.leaves((solution.final, solution.time, solution.attempts))
+        bits = b"".join(np.ascontiguousarray(one).tobytes() for one in arrays)
+        found[few_runs] = bits, solution.impacts.to_dataframe().to_csv()
+    assert found[False] == found[True]
+
+
+def product_and_sum(x):
+    return x * x + 1.0
+
+
+def test_programs_of_both_levels_are_saved_apart(tmp_path):
+    before = jax.config.jax_compilation_cache_dir  # pyright: ignore
+    jax.config.update("jax_compilation_cache_dir", str(tmp_path))
+    try:
+        for few_runs in (False, True, False, True):
+            # Each is made as in another process.
+            assert NativeFunction(product_and_sum, few_runs)(np.asarray(3.0)) == 10.0
+    finally:
+        jax.config.update("jax_compilation_cache_dir", before)
+    assert len([file for file in (tmp_path / "native").rglob("*") if file.is_file()]) == 2
+    keys = {_key(host_run.begin, (np.zeros(3),), level) for level in (FOR_FEW_RUNS, FOR_LOOPS)}
+    assert len(keys) == 2
+
+
+def test_only_the_first_rows_are_computed():
+    def shifted(number, row):
+        return {"sum": number + row.sum(), "row": row * number, "low": number < 2.0}
+
+    def all_rows(count, numbers, rows):
+        return over_rows(shifted, count, numbers, rows)
+
+    random = np.random.default_rng(0)
+    numbers, rows = np.arange(600.0), random.uniform(size=(600, 3))
+    function = NativeFunction(all_rows)
+    for count in (0, 1, 7, 600):
+        found = function(np.asarray(count), numbers, rows)
+        expected = shifted(numbers[:, None], rows)["row"]
+        np.testing.assert_array_equal(found["row"][:count], expected[:count])
+        np.testing.assert_array_equal(found["low"], (numbers < 2.0) & (numbers < count))
+        assert not found["sum"][count:].any()
+
+
+@pytest.mark.slow
+def test_observations_of_few_and_many_states_have_equal_bits(monkeypatch):
+    scene, state = cj.mechanisms.double_pendulum(0.5e-3, 0.9)
+    times = np.linspace(0.0, 0.02, 700)
+    solution = cj.simulate(scene, state, 0.02, save=cj.Saving(times), progress=False)
+    bits = []
+    for few in (0, 1000):
+        monkeypatch.setattr(observe, "FEW", few)
+        leaves = jax.tree.leaves(cj.observe(scene, solution))
+        bits.append(b"".join(np.ascontiguousarray(leaf).tobytes() for leaf in leaves))
+    assert bits[0] == bits[1]
