@@ -96,7 +96,7 @@ def test_a_run_with_more_impacts_than_the_capacity_is_repeated(monkeypatch):
         assert kept.impacts is not None
         rooms.append(kept.impacts)
         end = cj.RESULTS.successful
-        return module.Sampled({}, {}, 0, 0, end, 0, 0, None, _counted(20, kept.impacts))
+        return module.Sampled({}, {}, 0, 0, end, 0, 0, 0, None, _counted(20, kept.impacts))
 
     monkeypatch.setattr(module, "sampled_compiled", run)
     monkeypatch.setattr(module, "IMPACTS_AT_FIRST", 2)

@@ -55,13 +55,11 @@ class Kept(eqx.Module):
     - `impacts`: number of impacts of each contact for which the buffers have room, or ``None`` to
       record no impacts. Further impacts of a contact are counted, but not kept.
     - `sections`: recorders of the crossings of Poincaré sections, by name of the section.
-    - `amplification`: whether to keep `Sampled.amplification`.
     """
 
     states: bool = eqx.field(default=False, static=True)
     impacts: int | None = eqx.field(default=None, static=True)
     sections: dict[str, SectionRecorder] = eqx.field(default_factory=dict)
-    amplification: bool = eqx.field(default=False, static=True)
 
 
 NOTHING_ELSE = Kept()
@@ -84,14 +82,14 @@ class Sampled(eqx.Module):
       that it did not reach are meaningless.
     - `time`: s, the time at which the run ended; `result`: its result code.
     - `attempts`, `accepted`: numbers of steps that were tried, and that were accepted.
+    - `amplification`: (p,), an upper bound of the ratio of the relative error of the positions'
+      derivatives to that of the speeds' derivatives at their peak: this peak times the time since
+      then, over the largest derivative of a position since then.
     - `states`: the state at each time. Its leaves have an additional first axis of length N, and
       each vector is three separate arrays. ``None`` unless kept.
     - `impacts`: the record of impacts, with times since the start of the run; ``None`` unless kept.
     - `sections`: the records of crossings, by name of the section, with times on the clock of the
       scene, to which drivers and loads refer.
-    - `amplification`: (p,), an upper bound of the ratio of the relative error of the positions'
-      derivatives to that of the speeds' derivatives at their peak: this peak times the time since
-      then, over the largest derivative of a position since then. ``None`` unless kept.
     """
 
     values: dict[str, Numbers]
@@ -101,10 +99,10 @@ class Sampled(eqx.Module):
     result: RESULTS
     attempts: Scalar
     accepted: Scalar
+    amplification: jax.Array
     states: State | None = None
     impacts: ImpactRecord | None = None
     sections: dict[str, SectionRecord] = eqx.field(default_factory=dict)
-    amplification: jax.Array | None = None
 
 
 def start_with_tangents(
@@ -229,11 +227,13 @@ def run_with_tangents(
     # than the rounding errors of large times.
     own_end, own_times = t_end - t0, times - t0
     first = start_with_tangents(method, systems, jnp.zeros_like(t0), own_end, first_step)
-    recorders: dict[str, Recorders] = {LATEST: LatestAttempt(), SECTIONS: kept.sections}
+    recorders: dict[str, Recorders] = {
+        LATEST: LatestAttempt(),
+        PEAK: TangentPeakRecorder(),
+        SECTIONS: kept.sections,
+    }
     if kept.impacts is not None:
         recorders[IMPACTS] = ImpactRecorder(capacity=kept.impacts)
-    if kept.amplification:
-        recorders[PEAK] = TangentPeakRecorder()
     # JAX would otherwise trace an attempt again wherever `loop` calls it.
     tried = traced_once(attempt)
     loop = RunLoop(method, system, own_end, recorders, family=systems, attempt=tried)
@@ -301,7 +301,7 @@ def run_with_tangents(
         states=states,
         impacts=records.get(IMPACTS),
         sections=records[SECTIONS],
-        amplification=_amplification(step, records[PEAK]) if kept.amplification else None,
+        amplification=_amplification(step, records[PEAK]),
     )
 
 
@@ -346,7 +346,7 @@ def recorded_run(
     """
     room = IMPACTS_AT_FIRST if impacts else None
     while True:
-        kept = Kept(states, room, sections, amplification=True)
+        kept = Kept(states, room, sections)
         sampled: Sampled = jax.device_get(sampled_compiled(*arguments, kept))
         if sampled.impacts is None or room is None or most(sampled.impacts) <= room:
             return sampled

@@ -272,20 +272,20 @@ nothing is amplified."""
 
 
 def _caution_amplified(
-    amplification: np.ndarray | None, names: tuple[str, ...], settings: Settings
+    amplification: np.ndarray, names: tuple[str, ...], settings: Settings
 ) -> None:
     """Warn of derivatives that were far larger in between, as those of a speed are in a short and
     stiff impact: their relative error there is a large one of what is left at the end."""
     tolerance = settings.rtol * settings.derivative_tolerance
     # A tolerance of one or more asks for derivatives without control of their errors.
-    if amplification is None or settings.controller is not None or tolerance >= 1.0:
+    if settings.controller is not None or tolerance >= 1.0:
         return
     for name, factor in zip(names, np.asarray(amplification), strict=True):
         if tolerance * factor > AMPLIFIED:
             tight = 0.02 * settings.rtol / (tolerance * factor)
             caution(
-                f"The derivatives by {name!r} may be wrong by percents: in an impact those of speeds "
-                f"were {factor:.1g} times as large as what followed, and they were computed to "
+                f"The derivatives by {name!r} may be wrong by percents: in an impact, those of "
+                f"speeds were {factor:.1g} times as large as what followed, and were computed to "
                 f"{tolerance:.1g} of their size: tighten `rtol` to {tight:.0e}.",
                 UnusualValueWarning,
             )
