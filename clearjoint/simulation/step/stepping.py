@@ -157,7 +157,7 @@ def _initial_ledger(
     # Only the names of the powers are needed: the equations are traced and not computed. Without a
     # ledger, the solver uses the same trace.
     system, entry_speeds = args
-    powers = shapes_of(lambda: term.vf(t, replace(y, work={}), args), derivatives).work
+    powers = shapes_of(lambda: term.vector_field(t, replace(y, work={}), args), derivatives).work
     work = {name: y.work.get(name, jnp.zeros_like(t)) for name in powers}
     if y.bristles and "friction" in powers.keys() - y.work.keys():
         forces = system.contact_forces(y.motion, entry_speeds, y.bristles)
