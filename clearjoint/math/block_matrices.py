@@ -171,11 +171,7 @@ class BlockMatrix(AbstractMatrix):
         columns = [_block_columns(groups, rows) for rows in (first, second)]
         count = len(groups)
         neighbours = [
-            {
-                other
-                for other in range(count)
-                if other != group and _coupled(columns, group, other)
-            }
+            {other for other in range(count) if other != group and _coupled(columns, group, other)}
             for group in range(count)
         ]
         self._plan = _Plan(neighbours, [*map(len, groups)])

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import diffrax
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -16,6 +17,7 @@ from clearjoint.dynamics.system import System
 from clearjoint.math.vectors import Vector, unpack
 from clearjoint.simulation.step.step_state import Variables
 from clearjoint.simulation.step.stepping import _initial_ledger
+from clearjoint.simulation.step.trial_step import rates_of
 from tests.support.sliding_block import DEPTH, MASS, WEIGHT, along, block, deflections
 
 Q = cj.quantities
@@ -201,10 +203,11 @@ def test_a_ledger_without_integrals_starts_at_the_energy_stored_in_the_bristles(
     bristles = {"floor": {"belt": Vector(3e-6, -4e-6, 0.0)}}
     motion = system.encode(unpack(state.bodies))
     time = jnp.zeros(())
-    work = _initial_ledger(system, time, Variables(motion, {}, bristles), {}, False)
+    term, args = diffrax.ODETerm(lambda t, y, args: rates_of(args[0], y, args[1], t)), (system, {})
+    work = _initial_ledger(term, args, time, Variables(motion, {}, bristles), False)
     assert float(work["friction"]) == pytest.approx(0.5 * WEIGHT * 1e4 * 5e-6**2, rel=1e-9)
     given = Variables(motion, {"friction": 0.7}, bristles)
-    assert float(_initial_ledger(system, time, given, {}, False)["friction"]) == 0.7
+    assert float(_initial_ledger(term, args, time, given, False)["friction"]) == 0.7
 
 
 def test_run_without_bristles_has_none():
