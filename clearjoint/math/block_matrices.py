@@ -190,11 +190,11 @@ class BlockMatrix(AbstractMatrix):
                 b = slots[1].setdefault((j, c), len(slots[1]))
                 targets, rows = (self._plan.rows(i, k) for k in (self._plan.slots[i, j], a))
                 steps += [(target, row, b) for target, row in zip(targets, rows, strict=True)]
-        parts = [
+        left, right = (
             _blocks(rows, self._groups, list(by_place))
             for rows, by_place in zip((first, second), slots, strict=True)
-        ]
-        self._blocks = _sums_of_products(self._padding(), *parts, steps)
+        )
+        self._blocks = _sums_of_products(self._padding(), left, right, steps)
 
     def _padding(self) -> np.ndarray:
         """Return the blocks of a matrix with ones on the diagonal in rows beyond those of a group,
@@ -307,7 +307,7 @@ def _row(array: jax.Array, index: jax.Array) -> jax.Array:
 
 
 def _looped(
-    step: Callable[[jax.Array, Sequence[jax.Array]], tuple[jax.Array, jax.Array]],
+    step: Callable[[jax.Array, jax.Array], tuple[jax.Array, jax.Array]],
     start: jax.Array,
     table: Sequence[_Step],
 ) -> jax.Array:
@@ -321,7 +321,7 @@ def _looped(
         numbers, index = step(array, row)
         return jax.lax.dynamic_update_slice_in_dim(array, numbers, index * SIZE, 0), None
 
-    return jax.lax.scan(changed, start, np.array(table))[0]
+    return jax.lax.scan(changed, start, jnp.asarray(table))[0]
 
 
 def _sums_of_products(
@@ -332,7 +332,7 @@ def _sums_of_products(
     **Arguments:** `table`: rows (index of the row of the sum, of the row of A, of the block B).
     """
 
-    def step(sums: jax.Array, row: Sequence[jax.Array]) -> tuple[jax.Array, jax.Array]:
+    def step(sums: jax.Array, row: jax.Array) -> tuple[jax.Array, jax.Array]:
         target, a, b = row
         return _row(sums, target) + _block(second, b) @ _row(first, a), target
 
@@ -355,7 +355,7 @@ def _factor(plan: _Plan, blocks: jax.Array) -> jax.Array:
         pivot = 1.0 / jnp.sqrt(jnp.sum(unit * row) - jnp.sum(lower * lower))
         return (unit - lower @ known) * pivot
 
-    def step(blocks: jax.Array, entries: Sequence[jax.Array]) -> tuple[jax.Array, jax.Array]:
+    def step(blocks: jax.Array, entries: jax.Array) -> tuple[jax.Array, jax.Array]:
         kind, target, source, block = entries
         here, row, known = _row(blocks, target), _row(blocks, source), _block(blocks, block)
         image = known @ row
@@ -382,7 +382,7 @@ def _product(plan: _Plan, blocks: jax.Array, vector: jax.Array) -> jax.Array:
 
     # The vector is not a part of the array that the loop changes, so that JAX can transpose the
     # loop where the blocks are derivatives.
-    def step(sums: jax.Array, row: Sequence[jax.Array]) -> tuple[jax.Array, jax.Array]:
+    def step(sums: jax.Array, row: jax.Array) -> tuple[jax.Array, jax.Array]:
         target, block, source, turned = row
         return _row(sums, target) + _image(blocks, block, turned, vector, source), target
 
@@ -392,7 +392,7 @@ def _product(plan: _Plan, blocks: jax.Array, vector: jax.Array) -> jax.Array:
 def _iterated(blocks: jax.Array, right: jax.Array, table: Sequence[_Step]) -> jax.Array:
     """Return the solution of a system of equations, see `_Plan.solution`."""
 
-    def step(vectors: jax.Array, row: Sequence[jax.Array]) -> tuple[jax.Array, jax.Array]:
+    def step(vectors: jax.Array, row: jax.Array) -> tuple[jax.Array, jax.Array]:
         kept, sign, turned, target, block, source = row
         image = _image(blocks, block, turned, vectors, source)
         return kept * _row(vectors, target) + sign * image, target

@@ -196,8 +196,15 @@ def test_systems_of_any_size_are_lowered_natively(rows, kind, solver):
     np.testing.assert_allclose(found, np.linalg.solve(d @ d.T, right), rtol=1e-7)
 
 
-@pytest.mark.parametrize("kind", [ScalarMatrix, BlockMatrix])
-@pytest.mark.parametrize("solver", [Exact(), LeastNorm()])
+@pytest.mark.parametrize(
+    ("kind", "solver"),
+    [
+        (BlockMatrix, LeastNorm()),
+        pytest.param(BlockMatrix, Exact(), marks=SLOW),
+        pytest.param(ScalarMatrix, LeastNorm(), marks=SLOW),
+        pytest.param(ScalarMatrix, Exact(), marks=SLOW),
+    ],
+)
 def test_derivatives_of_solutions(kind, solver):
     """Forward, in reverse, and of several parameters at once in native code."""
     random = np.random.default_rng(3)
