@@ -76,7 +76,8 @@ class ConstraintEquations:
         aims = [
             targets[k] if weights is None else multiply(weights[k], targets[k]) for k in self._kept
         ]
-        nonzero, change = self._solve(aims), [0.0] * self._speeds
+        nonzero = self._solve(aims)
+        change: Speeds = [0.0] * self._speeds
         for part, multiplier in zip(self._solved_rows, nonzero, strict=True):
             change = [add(a, multiply(b, multiplier)) for a, b in zip(change, part, strict=True)]
         multipliers: list[Scalar] = [0.0] * self._rows

@@ -38,9 +38,9 @@ ELEMENTS = SIZE * SIZE
 MOST_MULTIPLICATIONS = 2500
 """Largest number of multiplications of a system of equations that is solved by unrolled arithmetic:
 those of about 15 rows without zeros. Compiling them takes about a second."""
-Place: TypeAlias = tuple[int, int]
+_Place: TypeAlias = tuple[int, int]
 """Row and column of a block among the blocks."""
-Step: TypeAlias = tuple[int, ...]
+_Step: TypeAlias = tuple[int, ...]
 """A row of a table: numbers for the kind of the operation, and indices of blocks or vectors."""
 _UPDATE, _DIVIDE, _FACTORISE = 0, 1, 2
 
@@ -105,11 +105,11 @@ class _Plan:
         block."""
         return [SIZE * block + row for row in range(self.sizes[group])]
 
-    def factorisation(self) -> list[Step]:
+    def factorisation(self) -> list[_Step]:
         """Return the table for `_factor`, with one row for each row of a block: kind, indices of
         the row to be changed and of the row to be multiplied, and index of the block by which it is
         multiplied."""
-        table: list[Step] = []
+        table: list[_Step] = []
         slots, inverses = self.slots, len(self.slots)
         for j, column in enumerate(self._below):
             diagonal, inverse = self.rows(j, slots[j, j]), inverses + j
@@ -125,7 +125,7 @@ class _Plan:
                         table += [(_UPDATE, target, row, slots[k, j]) for target, row in pairs]
         return table
 
-    def solution(self, sweeps: int) -> list[Step]:
+    def solution(self, sweeps: int) -> list[_Step]:
         """Return the table for `_iterated`, with rows (factor of the former content of a part of a
         vector, factor of the product that is added, whether the block is transposed, index of the
         part, of the block, of the part with which the block is multiplied).
@@ -136,7 +136,7 @@ class _Plan:
         b, x, r = ([*range(first, first + count)] for first in (0, count, 2 * count))
         factor, inverses = len(self.slots), 2 * len(self.slots)
         identity = inverses + count
-        table: list[Step] = []
+        table: list[_Step] = []
         for sweep in range(sweeps):
             if sweep:
                 table += [(0, 1, 0, r[k], identity, b[k]) for k in range(count)]
@@ -177,24 +177,24 @@ class BlockMatrix(AbstractMatrix):
         self._plan = _Plan(neighbours, [*map(len, groups)])
         order = self._plan.order
         self._groups = [groups[k] for k in order]
-        # Place of each row among the elements of a vector in blocks.
+        # _Place of each row among the elements of a vector in blocks.
         self._places = np.zeros(self.n, int)
         for k, group in enumerate(self._groups):
             self._places[group] = SIZE * k + np.arange(len(group))
         of_first, of_second = ([part[k] for k in order] for part in columns)
-        steps: list[Step] = []
-        slots: list[dict[Place, int]] = [{}, {}]
+        steps: list[_Step] = []
+        slots: list[dict[_Place, int]] = [{}, {}]
         for i, j in self._plan.entries:
             for c in sorted(of_first[i] & of_second[j]):
                 a = slots[0].setdefault((i, c), len(slots[0]))
                 b = slots[1].setdefault((j, c), len(slots[1]))
                 targets, rows = (self._plan.rows(i, k) for k in (self._plan.slots[i, j], a))
                 steps += [(target, row, b) for target, row in zip(targets, rows, strict=True)]
-        parts = [
+        left, right = (
             _blocks(rows, self._groups, list(by_place))
             for rows, by_place in zip((first, second), slots, strict=True)
-        ]
-        self._blocks = _sums_of_products(self._padding(), *parts, steps)
+        )
+        self._blocks = _sums_of_products(self._padding(), left, right, steps)
 
     def _padding(self) -> np.ndarray:
         """Return the blocks of a matrix with ones on the diagonal in rows beyond those of a group,
@@ -272,7 +272,7 @@ def _coupled(columns: Sequence[list[set[int]]], i: int, j: int) -> bool:
 
 
 def _blocks(
-    rows: Sequence[Sequence[Scalar]], groups: Sequence[Sequence[int]], places: Sequence[Place]
+    rows: Sequence[Sequence[Scalar]], groups: Sequence[Sequence[int]], places: Sequence[_Place]
 ) -> jax.Array:
     """Return the blocks at some places of a matrix with the given rows, which `groups` divide."""
     entries: list[Scalar] = []
@@ -307,9 +307,9 @@ def _row(array: jax.Array, index: jax.Array) -> jax.Array:
 
 
 def _looped(
-    step: Callable[[jax.Array, Sequence[jax.Array]], tuple[jax.Array, jax.Array]],
+    step: Callable[[jax.Array, jax.Array], tuple[jax.Array, jax.Array]],
     start: jax.Array,
-    table: Sequence[Step],
+    table: Sequence[_Step],
 ) -> jax.Array:
     """Return an array of which each row of a table changes one row of `SIZE` numbers.
 
@@ -321,18 +321,18 @@ def _looped(
         numbers, index = step(array, row)
         return jax.lax.dynamic_update_slice_in_dim(array, numbers, index * SIZE, 0), None
 
-    return jax.lax.scan(changed, start, np.array(table))[0]
+    return jax.lax.scan(changed, start, jnp.asarray(table))[0]
 
 
 def _sums_of_products(
-    start: np.ndarray, first: jax.Array, second: jax.Array, table: Sequence[Step]
+    start: np.ndarray, first: jax.Array, second: jax.Array, table: Sequence[_Step]
 ) -> jax.Array:
     """Return blocks plus products A B^T of blocks of `first` and `second`.
 
     **Arguments:** `table`: rows (index of the row of the sum, of the row of A, of the block B).
     """
 
-    def step(sums: jax.Array, row: Sequence[jax.Array]) -> tuple[jax.Array, jax.Array]:
+    def step(sums: jax.Array, row: jax.Array) -> tuple[jax.Array, jax.Array]:
         target, a, b = row
         return _row(sums, target) + _block(second, b) @ _row(first, a), target
 
@@ -355,7 +355,7 @@ def _factor(plan: _Plan, blocks: jax.Array) -> jax.Array:
         pivot = 1.0 / jnp.sqrt(jnp.sum(unit * row) - jnp.sum(lower * lower))
         return (unit - lower @ known) * pivot
 
-    def step(blocks: jax.Array, entries: Sequence[jax.Array]) -> tuple[jax.Array, jax.Array]:
+    def step(blocks: jax.Array, entries: jax.Array) -> tuple[jax.Array, jax.Array]:
         kind, target, source, block = entries
         here, row, known = _row(blocks, target), _row(blocks, source), _block(blocks, block)
         image = known @ row
@@ -382,17 +382,17 @@ def _product(plan: _Plan, blocks: jax.Array, vector: jax.Array) -> jax.Array:
 
     # The vector is not a part of the array that the loop changes, so that JAX can transpose the
     # loop where the blocks are derivatives.
-    def step(sums: jax.Array, row: Sequence[jax.Array]) -> tuple[jax.Array, jax.Array]:
+    def step(sums: jax.Array, row: jax.Array) -> tuple[jax.Array, jax.Array]:
         target, block, source, turned = row
         return _row(sums, target) + _image(blocks, block, turned, vector, source), target
 
     return _looped(step, jnp.zeros_like(vector), plan.products())
 
 
-def _iterated(blocks: jax.Array, right: jax.Array, table: Sequence[Step]) -> jax.Array:
+def _iterated(blocks: jax.Array, right: jax.Array, table: Sequence[_Step]) -> jax.Array:
     """Return the solution of a system of equations, see `_Plan.solution`."""
 
-    def step(vectors: jax.Array, row: Sequence[jax.Array]) -> tuple[jax.Array, jax.Array]:
+    def step(vectors: jax.Array, row: jax.Array) -> tuple[jax.Array, jax.Array]:
         kept, sign, turned, target, block, source = row
         image = _image(blocks, block, turned, vectors, source)
         return kept * _row(vectors, target) + sign * image, target

@@ -1,24 +1,23 @@
 """Solvers for symmetric positive semidefinite systems of linear equations.
 
-The matrix of a system is S = D X^T, where the rows of D and X are lists of scalars. Entries that are
-the Python number zero are structural: operations on them are omitted. A system whose solution takes
-few multiplications is solved by unrolled scalar arithmetic (`ScalarMatrix`), which is fast in a
-stepping loop. The compile time of unrolled code grows faster than its length, so that all other
-systems are solved by loops over blocks (`clearjoint.math.block_matrices`).
+The matrix of a system is S = D X^T, where the rows of D and X are lists of scalars. Entries that
+are the Python number zero are structural: operations on them are omitted. A system whose solution
+takes few multiplications is solved by unrolled scalar arithmetic (`ScalarMatrix`), which is fast in
+a stepping loop. The compile time of unrolled code grows faster than its length, so that all other
+systems are solved by loops over blocks (`.block_matrices`).
 """
 
 import abc
 from collections.abc import Callable, Sequence
-from typing import TypeAlias
 
 import jax.numpy as jnp
 
 from .vectors import Scalar, add, is_zero, multiply, subtract
 
-Rows: TypeAlias = Sequence[Sequence[Scalar]]
+Rows = Sequence[Sequence[Scalar]]
 """Rows of a matrix; of a symmetric one, only the entries up to the diagonal are read, so that row i
 may have only i + 1 entries."""
-Solve: TypeAlias = Callable[[Sequence[Scalar]], list[Scalar]]
+Solve = Callable[[Sequence[Scalar]], list[Scalar]]
 """Function of the right side of a system of equations, n scalars, that returns the solution."""
 
 

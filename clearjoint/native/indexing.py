@@ -324,9 +324,9 @@ def _scatter(
     (see `jax.lax.scatter`).
 
     If the program computes the index of an update of a small array, any element may be the one to
-    change, so for each element the program selects its old or its new value. A window is the part of the array
-    that the updates for one row of indices change. If a window does not lie wholly inside of the
-    array, all its updates are dropped; in the mode "clip" it is moved inside instead.
+    change, so for each element the program selects its old or its new value. A window is the part
+    of the array that the updates for one row of indices change. If a window does not lie wholly
+    inside of the array, all its updates are dropped; in the mode "clip" it is moved inside instead.
 
     **Arguments:** `name`: primitive that combines an element and an update, such as "add"; "" for
     the primitive "scatter", which has none.
