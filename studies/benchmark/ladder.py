@@ -42,10 +42,10 @@ QUICK_SIZES: dict[str, tuple[int, ...]] = {"ideal": (1, 2)}
 SIMULATE, SWEEP, SENSITIVITIES = "simulate", "sweep", "sensitivities"
 CALLS = (SIMULATE, SWEEP, *(f"{SENSITIVITIES} {count}" for count in (1, 3, 8)))
 """Calls that are measured; the number is that of the parameters."""
-SHORT, LONG, LONGEST = 1e-4, 0.05, 1.6
+SHORT, LONG, LONGEST = 1e-4, 0.05, 12.8
 """Simulated times, s: so short that only the preparation counts, and for the time of a step, of
 which the shortest with at least `MANY_STEPS` is taken, if there is one up to `LONGEST`."""
-MANY_STEPS = 200
+MANY_STEPS = 2000
 LANES = 8
 LIMIT = 120.0
 """Processor time, s, after which a measurement ends."""
