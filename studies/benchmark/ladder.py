@@ -42,8 +42,10 @@ QUICK_SIZES: dict[str, tuple[int, ...]] = {"ideal": (1, 2)}
 SIMULATE, SWEEP, SENSITIVITIES = "simulate", "sweep", "sensitivities"
 CALLS = (SIMULATE, SWEEP, *(f"{SENSITIVITIES} {count}" for count in (1, 3, 8)))
 """Calls that are measured; the number is that of the parameters."""
-SHORT, LONG = 1e-4, 0.05
-"""Simulated times, s: so short that only the preparation counts, and of many steps."""
+SHORT, LONG, LONGEST = 1e-4, 0.05, 12.8
+"""Simulated times, s: so short that only the preparation counts, and for the time of a step, of
+which the shortest with at least `MANY_STEPS` is taken, if there is one up to `LONGEST`."""
+MANY_STEPS = 2000
 LANES = 8
 LIMIT = 120.0
 """Processor time, s, after which a measurement ends."""
@@ -148,13 +150,16 @@ def print_costs(scene: str, size: str, call: str, which: str) -> None:
         return
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / MEGABYTE
     say(memory=memory)
-    short, few = _timed(run, SHORT)
-    long, many = min(_timed(run, LONG) for _ in range(2))
-    if many > few:
-        say(step=(long - short) / (many - few))
     for _ in range(CALLS_BEFORE if call == SIMULATE else 1):
         run(SHORT)
-    say(again=median(_timed(run, SHORT)[0] for _ in range(CALLS_COUNTED)))
+    short, few = zip(*(_timed(run, SHORT) for _ in range(CALLS_COUNTED)), strict=True)
+    say(again=median(short))
+    # Smooth motions take few steps, which noise of the calls would hide.
+    span, steps = LONG, 0
+    while (steps := _timed(run, span)[1] - few[0]) < MANY_STEPS and span < LONGEST:
+        span *= 2.0
+    if steps > 0:
+        say(step=(min(_timed(run, span)[0] for _ in range(2)) - min(short)) / steps)
 
 
 def _timed(run: Callable[[float], int], span: float) -> tuple[float, int]:

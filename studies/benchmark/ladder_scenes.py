@@ -11,6 +11,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import clearjoint as cj
 from studies.benchmark import backlash_chain
@@ -218,7 +219,7 @@ def scissor(stages: int) -> Mechanism:
     width, height = ARM * math.cos(ANGLE), ARM * math.sin(ANGLE)
     near, far = (-half, 0.0, 0.0), (half, 0.0, 0.0)
     bodies, states = {}, {}
-    joints: dict[str, cj.extend.AbstractJoint] = {
+    joints: dict[str, Any] = {
         "foot": cj.RevoluteJoint("ground", "up 1", ORIGIN, near, Z, Z),
         "slider": cj.InlineJoint("ground", "down 1", ORIGIN, far, X),
     }

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
+from typing import TypeAlias
 
 import numpy as np
 
@@ -33,7 +34,7 @@ EVALUATIONS = 2000
 DOWN = -9.81
 """Component Y of gravity in the chain, m/s^2."""
 
-Positions = np.ndarray
+Positions: TypeAlias = np.ndarray
 """(bodies, 3), m."""
 
 

@@ -36,6 +36,7 @@ def test_bits_of_a_run_do_not_depend_on_the_level(make, monkeypatch):
         assert programs.native.count() == begun.native.count() == 1
         arrays = jax.tree.leaves((solution.final, solution.time, solution.attempts))
         bits = b"".join(np.ascontiguousarray(one).tobytes() for one in arrays)
+        assert solution.impacts is not None
         found[few_runs] = bits, solution.impacts.to_dataframe().to_csv()
     assert found[False] == found[True]
 
