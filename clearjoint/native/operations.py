@@ -480,9 +480,7 @@ class Operations:
         self.functions.append(inner)
         return len(self.functions) - 1
 
-    def pure_function(
-        self, kinds: list[str], build: Callable[[list[Value]], list[Value]]
-    ) -> int:
+    def pure_function(self, kinds: list[str], build: Callable[[list[Value]], list[Value]]) -> int:
         """Add a function of values to the program, which `called` calls in any block.
 
         **Arguments:** `kinds`: kinds of its arguments; `build`: adds the entries of the function,

@@ -125,9 +125,7 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         if not tableau.fsal:
             last = terms.vf(t1, y1, args)
         # The weights are the differences between those of the two embedded methods.
-        error = jax.tree.map(
-            lambda *rates: multiply(h, _weighted(tableau.b_error, rates)), *stages
-        )
+        error = jax.tree.map(lambda *rates: multiply(h, _weighted(tableau.b_error, rates)), *stages)
         information = {"y0": y0, "stages": tuple(stages)}
         return y1, error, information, last, diffrax.RESULTS.successful
 
