@@ -22,7 +22,7 @@ from tests.support.elements import elements
 from tests.support.symmetry_transformations import renamed
 
 SEEDS = (3, 11)
-SAMPLE = ["bearing with bristles", "bushing"]
+SAMPLE = ["backlash", "bushing"]
 NEVER = 10**9
 
 
