@@ -12,7 +12,7 @@ device.
 import gc
 import threading
 import time
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
@@ -107,40 +107,42 @@ class _Shared:
     """
 
     def __init__(self, function: Callable[..., PyTree], arguments: tuple[PyTree, ...]):
-        leaves, structure = jax.tree.flatten(arguments)
-        statics = [None if _is_array(leaf) else leaf for leaf in leaves]
-        varied = [_is_array(leaf) for leaf in leaves]
+        arrays, given = _divided(arguments)
+        # The results of the function with placeholders for arrays, once JAX has traced it.
+        # Structural zeros stay Python numbers, which the caller leaves out of its formulas.
+        self._results: PyTree = None
 
         def shared_function(*arrays: PyTree) -> list[PyTree]:
-            remaining = iter(arrays)
-            mixed = [
-                next(remaining) if varies else static
-                for varies, static in zip(varied, statics, strict=True)
-            ]
-            results, self._structure = jax.tree.flatten(
-                function(*jax.tree.unflatten(structure, mixed))
-            )
-            # Structural zeros stay Python numbers, which the caller leaves out of its formulas.
-            self._statics = [None if _is_array(leaf) else leaf for leaf in results]
-            self._varied = [_is_array(leaf) for leaf in results]
-            return [leaf for leaf in results if _is_array(leaf)]
+            traced, self._results = _divided(function(*_joined(given, arrays)))
+            return traced
 
         shared_function.__name__ = SHARED
         self._function = jax.jit(shared_function)
-        arrays = [leaf for leaf in leaves if _is_array(leaf)]
         # A traced value from outside belongs to one call, but the jaxpr to all of them.
         constants = self._function.trace(*arrays).jaxpr.consts
         if any(isinstance(constant, Tracer) for constant in constants):
             raise NotSharedError
 
     def __call__(self, arguments: tuple[PyTree, ...]) -> PyTree:
-        arrays = [leaf for leaf in jax.tree.leaves(arguments) if _is_array(leaf)]
-        remaining = iter(self._function(*arrays))
-        mixed = [
-            next(remaining) if varies else static
-            for varies, static in zip(self._varied, self._statics, strict=True)
-        ]
-        return jax.tree.unflatten(self._structure, mixed)
+        arrays, _ = _divided(arguments)
+        return _joined(self._results, self._function(*arrays))
+
+
+_ARRAY = ...
+"""Stands for an array in a PyTree."""
+
+
+def _divided(tree: PyTree) -> tuple[list[PyTree], PyTree]:
+    """Return the arrays of a PyTree, and the PyTree with `_ARRAY` in their places."""
+    leaves, structure = jax.tree.flatten(tree)
+    others = [_ARRAY if _is_array(leaf) else leaf for leaf in leaves]
+    return list(filter(_is_array, leaves)), jax.tree.unflatten(structure, others)
+
+
+def _joined(tree: PyTree, arrays: Iterable[PyTree]) -> PyTree:
+    """Return a PyTree with arrays in the places of `_ARRAY`: the inverse of `_divided`."""
+    remaining = iter(arrays)
+    return jax.tree.map(lambda leaf: next(remaining) if leaf is _ARRAY else leaf, tree)
 
 
 def _is_array(leaf: PyTree) -> bool:

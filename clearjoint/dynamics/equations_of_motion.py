@@ -11,12 +11,19 @@ is the inner dictionary of one joint.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from ..math.vectors import Scalar
 from ..model.bodies import GROUND, NO_WRENCH, Wrench
-from ..model.joints.base import AbstractContactJoint, AbstractForce, ByLabel, Motions, Row
+from ..model.joints.base import (
+    AbstractConstraint,
+    AbstractContactJoint,
+    AbstractForce,
+    ByLabel,
+    Motions,
+    Row,
+)
 from ..model.scene import Scene
 from .contact_forces import LoadedContact, contact_wrenches
 from .coordinates import (
@@ -122,8 +129,24 @@ def constraint_rows(
     that the coordinates eliminate. A joint without rows has no entry."""
     eliminated = coordinates.eliminated(scene)
     kept = {name: joint for name, joint in scene.joints.items() if name not in eliminated}
-    rows = {name: joint.rows(motions, t) for name, joint in kept.items()}
+    kinds = Kinds(scene)
+    rows = {
+        name: {
+            label: replace(row, jacobian=dict(jacobian))
+            for label, row, jacobian in kinds.evaluate(_rows_of_joint, joint, motions, t)
+        }
+        for name, joint in kept.items()
+    }
     return {name: family for name, family in rows.items() if family}
+
+
+def _rows_of_joint(
+    joint: AbstractConstraint | AbstractContactJoint, motions: Motions, t: Scalar
+) -> list[tuple[str, Row, list[tuple[str, Wrench]]]]:
+    """Return label, row and Jacobian of each constraint row of a joint. The names of bodies in the
+    Jacobian are no keys, so that their order is kept."""
+    rows = joint.rows(motions, t).items()
+    return [(label, replace(row, jacobian={}), list(row.jacobian.items())) for label, row in rows]
 
 
 def flattened(rows: ByLabel[Row]) -> list[Row]:

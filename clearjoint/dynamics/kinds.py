@@ -21,6 +21,7 @@ from ..model.joints.base import AbstractElement, Motions
 from ..model.scene import Scene
 
 Element = TypeVar("Element", bound=AbstractElement)
+Module = TypeVar("Module", bound=eqx.Module)
 Result = TypeVar("Result")
 _PROBE = "<probe>"
 _NOT_RENAMED = (
@@ -55,7 +56,7 @@ class Kinds:
     def evaluate(
         self,
         function: Callable[..., Result],
-        element: Element,
+        element: AbstractElement,
         motions: Motions,
         *others: object,
     ) -> Result:
@@ -117,7 +118,7 @@ def _texts(node: eqx.Module) -> Iterator[tuple[tuple[str, ...], str]]:
                 yield (field.name, *path), text
 
 
-def _changed(node: Element, path: tuple[str, ...], text: str) -> Element:
+def _changed(node: Module, path: tuple[str, ...], text: str) -> Module:
     """Return a copy of a module with another text at a path."""
     first, *rest = path
     copy = object.__new__(type(node))

@@ -96,6 +96,8 @@ class _Writer:
         self._uses: Counter[Value] = Counter()
         # Identities of the entries that are needed, as returned by `id`.
         self._live: set[int] = set()
+        # For each pure function, the indices of the results that any call needs.
+        self._needed_results: dict[int, set[int]] = {}
         # Sums that absorb a product, and the factors of these products.
         self._fused: set[Value] = set()
         self._products: dict[Value, tuple[Value, ...]] = {}
@@ -104,16 +106,17 @@ class _Writer:
         """Return the text of the module; `result` is as in `llvm_text`."""
         if result is not None:
             self._uses[result] += 1
-        for _, results in self._program.signatures.values():
-            self._uses.update(results)
         # The last block is the program itself.
         blocks = [*self._program.functions, self._program.block]
-        for block in reversed(blocks):  # A function is called only by later ones.
+        # A function is called only by later ones, so its needed results are known.
+        for number, block in reversed(list(enumerate(blocks))):
+            self._uses.update(self._results(number))
             self._mark(block)
         for number, block in enumerate(blocks):
             self._fuse(block)
             last = block is blocks[-1]
-            parameters, results = self._program.signatures.get(number, ([], []))
+            parameters, _ = self._program.signatures.get(number, ([], []))
+            results = self._results(number)
             returned = _BASES["i"] if last else ir.VoidType()
             if results:
                 returned = ir.LiteralStructType(list(map(self._type_of, results)))
@@ -154,6 +157,11 @@ class _Writer:
 
     # Which operations are needed, and which products are fused.
 
+    def _results(self, function: int) -> list[Value]:
+        """Return the results of a pure function that any call needs; none for other functions."""
+        needed = sorted(self._needed_results.get(function, ()))
+        return [self._program.signatures[function][1][k] for k in needed]
+
     def _mark(self, block: Block) -> bool:
         """Count the uses of values in a block, from its end backwards, and find needed entries.
 
@@ -178,6 +186,9 @@ class _Writer:
             if entry.out is not None and not uses[entry.out]:
                 return False
             uses.update(entry.arguments)
+            if entry.name == "result":
+                number, k = (int(self._program.constants[value]) for value in entry.arguments[1:])
+                self._needed_results.setdefault(number, set()).add(k)
         elif isinstance(entry, Branch):
             # Values that nothing uses are removed, with all that is computed only for them.
             kept = [k for k, out in enumerate(entry.outs) if uses[out]]
@@ -340,8 +351,11 @@ class _Writer:
             function = self._functions[int(self._program.constants[number])]
             return builder.call(function, [self._memory, *map(self._value, values)])
         if name == "result":
-            together, k = arguments
-            return builder.extract_value(self._value(together), int(self._program.constants[k]))
+            together, *place = arguments
+            number, k = (int(self._program.constants[value]) for value in place)
+            return builder.extract_value(
+                self._value(together), sorted(self._needed_results[number]).index(k)
+            )
         if name == "load":
             return self._load(entry)
         if name == "store":

@@ -510,7 +510,7 @@ class Operations:
         number = self.constant("i", function)
         together = self.emit("evaluate", "results", number, *arguments)
         return [
-            self.emit("result", self.kinds[value], together, self.constant("i", k))
+            self.emit("result", self.kinds[value], together, number, self.constant("i", k))
             for k, value in enumerate(results)
         ]
 

@@ -151,8 +151,8 @@ def _initial_ledger(
     in the bristles, because the ledger counts under "friction" all energy that friction takes from
     the motion, including the part that bristles will return. The rest start at zero.
 
-    **Arguments:** `term`: the differential equations; `args`: the system and the entry speeds at the
-    start; `t`: s, the start; `y`: variables there; `derivatives`: whether the run has tangents.
+    **Arguments:** `term`: the differential equations; `args`: the system and the entry speeds at
+    the start; `t`: s, the start; `y`: variables there; `derivatives`: whether the run has tangents.
     """
     # Only the names of the powers are needed: the equations are traced and not computed. Without a
     # ledger, the solver uses the same trace.
