@@ -106,7 +106,9 @@ class _Shared:
     its arguments; what the function raises.
     """
 
-    def __init__(self, function: Callable[..., PyTree], arguments: tuple[PyTree, ...]):
+    def __init__(
+        self, function: Callable[..., PyTree], arguments: tuple[PyTree, ...], is_called: bool
+    ):
         leaves, structure = jax.tree.flatten(arguments)
         statics = [None if _is_array(leaf) else leaf for leaf in leaves]
         varied = [_is_array(leaf) for leaf in leaves]
@@ -125,7 +127,7 @@ class _Shared:
             self._varied = [_is_array(leaf) for leaf in results]
             return [leaf for leaf in results if _is_array(leaf)]
 
-        shared_function.__name__ = SHARED
+        shared_function.__name__ = SHARED if is_called else "traced_for_a_kind"
         self._function = jax.jit(shared_function)
         arrays = [leaf for leaf in leaves if _is_array(leaf)]
         # A traced value from outside belongs to one call, but the jaxpr to all of them.
@@ -147,7 +149,9 @@ def _is_array(leaf: PyTree) -> bool:
     return eqx.is_array(leaf) or isinstance(leaf, np.ndarray)
 
 
-def traced_for_a_kind(function: Callable[..., Result], *arguments: PyTree) -> Result:
+def traced_for_a_kind(
+    function: Callable[..., Result], *arguments: PyTree, is_called: bool = True
+) -> Result:
     """Evaluate a function of PyTrees by a jaxpr that all calls with arguments of one kind share.
 
     Arguments are of one kind if they have equal structures, equal leaves that are no arrays, and
@@ -156,7 +160,8 @@ def traced_for_a_kind(function: Callable[..., Result], *arguments: PyTree) -> Re
     function returned them at the first call, so they must not depend on anything else.
 
     **Arguments:** `function`: a function that is defined once, since its identity tells it from
-    others; `arguments`: its arguments.
+    others; `arguments`: its arguments; `is_called`: whether native code may have a function for it,
+    rather than the equations at the place of each call.
 
     **Raises:** `NotSharedError` if no program is being made, or if the calls cannot share a jaxpr:
     if a static part of the arguments is not hashable, or contains a value that JAX traces; what the
@@ -166,13 +171,13 @@ def traced_for_a_kind(function: Callable[..., Result], *arguments: PyTree) -> Re
     if programs is None:
         raise NotSharedError
     leaves, structure = jax.tree.flatten(arguments)
-    key = function, structure, tuple(map(_kind_of, leaves))
+    key = function, is_called, structure, tuple(map(_kind_of, leaves))
     try:
         shared = programs.get(key)
     except TypeError as error:
         raise NotSharedError from error
     if shared is None:
-        shared = programs[key] = _Shared(function, arguments)
+        shared = programs[key] = _Shared(function, arguments, is_called)
     return shared(arguments)
 
 
