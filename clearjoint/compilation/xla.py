@@ -106,7 +106,9 @@ class _Shared:
     its arguments; what the function raises.
     """
 
-    def __init__(self, function: Callable[..., PyTree], arguments: tuple[PyTree, ...]):
+    def __init__(
+        self, function: Callable[..., PyTree], arguments: tuple[PyTree, ...], is_called: bool
+    ):
         arrays, given = _divided(arguments)
         # The results of the function with placeholders for arrays, once JAX has traced it.
         # Structural zeros stay Python numbers, which the caller leaves out of its formulas.
@@ -116,7 +118,7 @@ class _Shared:
             traced, self._results = _divided(function(*_joined(given, arrays)))
             return traced
 
-        shared_function.__name__ = SHARED
+        shared_function.__name__ = SHARED if is_called else "traced_for_a_kind"
         self._function = jax.jit(shared_function)
         # A traced value from outside belongs to one call, but the jaxpr to all of them.
         constants = self._function.trace(*arrays).jaxpr.consts
@@ -149,7 +151,9 @@ def _is_array(leaf: PyTree) -> bool:
     return eqx.is_array(leaf) or isinstance(leaf, np.ndarray)
 
 
-def traced_for_a_kind(function: Callable[..., Result], *arguments: PyTree) -> Result:
+def traced_for_a_kind(
+    function: Callable[..., Result], *arguments: PyTree, is_called: bool = True
+) -> Result:
     """Evaluate a function of PyTrees by a jaxpr that all calls with arguments of one kind share.
 
     Arguments are of one kind if they have equal structures, equal leaves that are no arrays, and
@@ -158,7 +162,8 @@ def traced_for_a_kind(function: Callable[..., Result], *arguments: PyTree) -> Re
     function returned them at the first call, so they must not depend on anything else.
 
     **Arguments:** `function`: a function that is defined once, since its identity tells it from
-    others; `arguments`: its arguments.
+    others; `arguments`: its arguments; `is_called`: whether native code may have a function for it,
+    rather than the equations at the place of each call.
 
     **Raises:** `NotSharedError` if no program is being made, or if the calls cannot share a jaxpr:
     if a static part of the arguments is not hashable, or contains a value that JAX traces; what the
@@ -168,13 +173,13 @@ def traced_for_a_kind(function: Callable[..., Result], *arguments: PyTree) -> Re
     if programs is None:
         raise NotSharedError
     leaves, structure = jax.tree.flatten(arguments)
-    key = function, structure, tuple(map(_kind_of, leaves))
+    key = function, is_called, structure, tuple(map(_kind_of, leaves))
     try:
         shared = programs.get(key)
     except TypeError as error:
         raise NotSharedError from error
     if shared is None:
-        shared = programs[key] = _Shared(function, arguments)
+        shared = programs[key] = _Shared(function, arguments, is_called)
     return shared(arguments)
 
 

@@ -11,6 +11,7 @@ In a small tree, the mass matrix takes fewer operations (`LARGEST_DENSE`).
 
 import abc
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from heapq import heapify, heappop, heappush
@@ -20,7 +21,7 @@ from typing import TypeAlias, TypeVar
 import jax
 from jaxtyping import PyTree
 
-from ...compilation import shared_by_many
+from ...compilation import NotSharedError, traced_for_a_kind
 from ...math.linear_solvers import OrderedFactorisation, UnrolledFactorisation
 from ...math.vectors import IDENTITY, ZERO, Matrix, Scalar, Vector, add, multiply, subtract
 from ...model.bodies import Body
@@ -375,14 +376,21 @@ Evaluate: TypeAlias = Callable[..., PyTree]
 def evaluation(bodies: int) -> Evaluate:
     """Return how to evaluate functions of the branches of a tree with a number of bodies.
 
-    In a large tree, JAX traces a function once for all branches of a kind. The size of the tree
-    decides, so that a lane of a sweep, which has fewer constants than a single run, computes its
-    results alike.
+    In a large tree, JAX traces a function once for all branches of a kind.
     """
-    return _written_out if is_small(bodies) else partial(shared_by_many, bodies)
+    return _written_out if is_small(bodies) else _traced_once
 
 
 def _written_out(function: Callable[..., Result], *arguments: PyTree) -> Result:
+    return function(*arguments)
+
+
+def _traced_once(function: Callable[..., Result], *arguments: PyTree) -> Result:
+    # Native code does not call a function for each branch: of a function, a program keeps the
+    # results that it needs, and products are fused with sums otherwise if fewer results are kept.
+    # Lanes of sweeps, which are computed by another program, would differ in the last bit.
+    with suppress(NotSharedError):
+        return traced_for_a_kind(function, *arguments, is_called=False)
     return function(*arguments)
 
 
