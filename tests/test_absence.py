@@ -85,7 +85,7 @@ def operations(of, entry_speeds=None, **formulation):
 
 def test_free_body_solves_no_constraints(monkeypatch):
     """It divides by its mass, its three moments and the norm of its Euler parameters only."""
-    monkeypatch.setattr(dynamics, "response", None)
+    monkeypatch.setattr(dynamics, "ConstraintEquations", None)
     free = operations(FREE)
     assert free["div"] == 5
     assert free["max"] == free["select_n"] == free["sqrt"] == free["tanh"] == 0

@@ -199,10 +199,10 @@ def test_systems_of_any_size_are_lowered_natively(rows, kind, solver):
 @pytest.mark.parametrize(
     ("kind", "solver"),
     [
-        (BlockMatrix, LeastNorm()),
+        pytest.param(BlockMatrix, LeastNorm(), marks=SLOW),
         pytest.param(BlockMatrix, Exact(), marks=SLOW),
         pytest.param(ScalarMatrix, LeastNorm(), marks=SLOW),
-        pytest.param(ScalarMatrix, Exact(), marks=SLOW),
+        (ScalarMatrix, Exact()),
     ],
 )
 def test_derivatives_of_solutions(kind, solver):
