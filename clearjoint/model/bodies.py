@@ -149,7 +149,7 @@ def _require_inertia(argument: str, value: ArrayLike) -> None:
     require(fine, argument, inertia, expected, remedy)
 
 
-def _is_positive_definite(matrix: ArrayLike) -> bool | jax.Array:
+def _is_positive_definite(matrix: np.ndarray | jax.Array) -> bool | jax.Array:
     """Return whether a symmetric matrix, (3, 3), has positive eigenvalues only.
 
     That is so if each pivot of Gaussian elimination is positive. The eigenvalues themselves would

@@ -1,7 +1,6 @@
 """Look of all figures: colours, line styles, labels, units with SI prefixes, and scales."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from functools import partial
 from itertools import cycle
 from textwrap import fill
 from typing import NamedTuple
@@ -126,7 +125,7 @@ def legend_above(
         room.set_axis_off()
         room.set_in_layout(False)
         room.set_navigate(False)
-        room.set_axes_locator(partial(_legend_box, axes))
+        room.set_axes_locator(lambda *arguments: _legend_box(axes, *arguments))
     axes.legend(
         handles=handles,
         loc="lower center",

@@ -108,7 +108,7 @@ class ContactForce(AbstractContactQuantity):
             (label,) = contacts if self.contact is None else [self.contact]
             return contacts[label].normal_force
         forces = [force.contact.normal * force.normal_force for force in contacts.values()]
-        return norm_and_direction(reduce(add, forces))[0]
+        return norm_and_direction(reduce(Vector.__add__, forces))[0]
 
 
 class FrictionForce(AbstractContactQuantity):

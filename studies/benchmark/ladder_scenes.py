@@ -187,13 +187,13 @@ def four_bars(count: int) -> Mechanism:
         for name, (place, orientation, length) in zip(names, places, strict=True):
             bodies[name] = _rod(length)
             states[name] = cj.body_state(place, orientation)
-        for pin, first, second, *points in (
+        for pin, first, second, on_first, on_second in (
             ("A", "ground", crank, (left, 0.0, 0.0), (-0.5 * CRANK, 0.0, 0.0)),
             ("B", crank, coupler, (0.5 * CRANK, 0.0, 0.0), (-0.5 * COUPLER, 0.0, 0.0)),
             ("C", coupler, rocker, (0.5 * COUPLER, 0.0, 0.0), (0.5 * CRANK, 0.0, 0.0)),
             ("D", "ground", rocker, (right, 0.0, 0.0), (-0.5 * CRANK, 0.0, 0.0)),
         ):
-            joints[f"{pin} {k + 1}"] = cj.RevoluteJoint(first, second, *points, Z, Z)
+            joints[f"{pin} {k + 1}"] = cj.RevoluteJoint(first, second, on_first, on_second, Z, Z)
     return cj.Scene(bodies, joints, gravity=(0.0, -9.81, 0.0)), cj.State(states)
 
 

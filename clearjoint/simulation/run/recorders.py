@@ -139,8 +139,8 @@ class TangentPeakRecorder(AbstractRecorder[TangentPeak]):
         assert step.tangents is not None
         motion = step.tangents.y.motion
         zeros = jax.tree.map(jnp.zeros_like, motion)
-        size = largest(system.with_speeds(zeros, motion))
-        positions = largest(system.with_speeds(motion, zeros))
+        size = jnp.asarray(largest(system.with_speeds(zeros, motion)))
+        positions = jnp.asarray(largest(system.with_speeds(motion, zeros)))
         return TangentPeak(size, jnp.broadcast_to(step.t, size.shape), positions)
 
 

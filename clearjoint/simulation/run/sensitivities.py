@@ -258,7 +258,7 @@ def sensitivities(
         scales=tuple(p.scale.label(name) for name, p in parameters.items()),
         settings=setting_notes(settings),
     )
-    _caution_amplified(sampled.amplification, result.parameters, settings)
+    _caution_amplified(np.asarray(sampled.amplification), result.parameters, settings)
     if throw:
         raise_failure(result, _growth_of_derivatives(result))
     return result
@@ -280,7 +280,7 @@ def _caution_amplified(
     # A tolerance of one or more asks for derivatives without control of their errors.
     if settings.controller is not None or tolerance >= 1.0:
         return
-    for name, factor in zip(names, np.asarray(amplification), strict=True):
+    for name, factor in zip(names, amplification, strict=True):
         if tolerance * factor > AMPLIFIED:
             tight = 0.02 * settings.rtol / (tolerance * factor)
             caution(
