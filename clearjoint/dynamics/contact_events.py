@@ -18,7 +18,8 @@ from typing import TypeAlias
 import jax
 import jax.numpy as jnp
 
-from ..math.vectors import Condition, Scalar
+from ..math.smoothing import where
+from ..math.vectors import Condition, Scalar, library
 from ..model.contact.laws import UNKNOWN_ENTRY_SPEED
 from ..model.joints.base import AbstractContactJoint, ByLabel, Motions
 from ..model.scene import Scene
@@ -143,8 +144,9 @@ def approaches_unknown(
     def rate(name: str, label: str) -> Scalar:
         gap = start[name][label]
         known = (given or {}).get(name, {}).get(label, 0.0)
-        unknown = (gap.depth > TOUCHING) & jnp.logical_not(known > 0.0)
-        return jnp.where(unknown, jnp.maximum(gap.rate, 0.0), 0.0)
+        numpy = library((gap.depth, gap.rate, known))
+        unknown = (gap.depth > TOUCHING) & numpy.logical_not(known > 0.0)
+        return where(unknown, numpy.maximum(gap.rate, 0.0), 0.0)
 
     return _for_each_entry_speed(scene, rate)
 
