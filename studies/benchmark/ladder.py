@@ -1,6 +1,7 @@
 """Cost by the size of the mechanism: first answers, repeated calls, steps and memory.
 
-    python -m studies.benchmark.ladder [NAME ...] [--quick] [--limit S] [--output FOLDER] [--write]
+    python -m studies.benchmark.ladder [NAME ...] [--calls CALL ...] [--quick] [--limit S]
+                                       [--output FOLDER] [--write]
 
 Measures the named scenes of `ladder_scenes.SCENES`, or all, in `simulate`, `sweep` and
 `sensitivities`. Each measurement runs in a fresh process, which ends after `--limit` seconds of
@@ -257,6 +258,7 @@ def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     """Return the options of a command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(SCENES))
+    parser.add_argument("--calls", nargs="+", choices=CALLS, default=CALLS, help="of all scenes")
     parser.add_argument("--quick", action="store_true", help="`simulate` of one and of two joints")
     parser.add_argument("--limit", type=float, default=LIMIT, help="of a process, s of CPU")
     parser.add_argument("--output", type=Path, default=Path("results/ladder"))
@@ -280,7 +282,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options.output.mkdir(parents=True, exist_ok=True)
     chosen = QUICK_SIZES if options.quick else SIZES
     sizes = {name: chosen[name] for name in chosen if not options.names or name in options.names}
-    found = costs(sizes, CALLS[:1] if options.quick else CALLS, options.limit)
+    found = costs(sizes, CALLS[:1] if options.quick else options.calls, options.limit)
     compared = yardsticks(sizes, found_steps(found))
     cells = [HEAD, *(one.cells() for one in found)]
     records = [asdict(one) for one in found] + [asdict(one) for one in compared]
