@@ -684,8 +684,7 @@ class Lowering:
         memory, the equations of the jaxpr are added instead.
         """
         ops = self.ops
-        is_small = count_equations(closed.jaxpr) < SMALLEST_SHARED
-        if is_small or any(isinstance(array, InMemory) for array in arguments):
+        if any(isinstance(array, InMemory) for array in arguments):
             return self.inline(closed, arguments)
         values = self.flatten(arguments)
         kinds = [ops.kinds[value] for value in values]
@@ -693,6 +692,8 @@ class Lowering:
         key = id(closed.jaxpr), (*shapes, *kinds)
         function = self._shared.get(key)
         if function is None:
+            if count_equations(closed.jaxpr) < SMALLEST_SHARED:
+                return self.inline(closed, arguments)
             function = self._shared_function(partial(self.inline, closed), arguments, kinds)
             self._shared[key] = function
             # The jaxpr is kept, so that no other one gets its identity.

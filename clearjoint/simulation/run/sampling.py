@@ -307,8 +307,9 @@ def run_with_tangents(
 
 def _amplification(step: Step, peak: TangentPeak) -> jax.Array:
     """Return `Sampled.amplification` for the last step of a run."""
-    # A parameter without effect has no errors either.
-    return peak.size * (step.t - peak.time) / jnp.where(peak.size > 0.0, peak.positions, 1.0)
+    # Nothing is amplified if no position depends on the parameter.
+    positions = jnp.where(peak.positions > 0.0, peak.positions, jnp.inf)
+    return peak.size * (step.t - peak.time) / positions
 
 
 def _scanned(

@@ -267,15 +267,19 @@ def sensitivities(
 AMPLIFIED = 1.0
 """Tolerance of derivatives times `Sampled.amplification` above which `sensitivities` warns. For a
 fall of 50 m onto stiff ground, errors of 5 to 30 % were measured at 3 to 20, and errors below 1e-4
-at 0.02. Where derivatives decay slowly, positions change as much as the speeds let expect, so that
-nothing is amplified."""
+at 0.02. After a slow decay of the derivatives, those of positions are large too, and the product is
+small."""
 
 
 def _caution_amplified(
     amplification: np.ndarray, names: tuple[str, ...], settings: Settings
 ) -> None:
-    """Warn of derivatives that were far larger in between, as those of a speed are in a short and
-    stiff impact: their relative error there is a large one of what is left at the end."""
+    """Warn of each parameter whose derivatives of speeds were far larger in an impact than after
+    it.
+
+    In a short and stiff impact they grow and decrease again by many orders of magnitude. Their
+    error at the peak remains, and may be larger than the derivatives at the end of the run.
+    """
     tolerance = settings.rtol * settings.derivative_tolerance
     # A tolerance of one or more asks for derivatives without control of their errors.
     if settings.controller is not None or tolerance >= 1.0:
