@@ -18,7 +18,6 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from statistics import median
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -45,14 +44,16 @@ CALLS = (SIMULATE, SWEEP, *(f"{SENSITIVITIES} {count}" for count in (1, 3, 8)))
 """Calls that are measured; the number is that of the parameters."""
 SHORT, LONG, LONGEST = 1e-4, 0.05, 12.8
 """Simulated times, s: so short that only the preparation counts, and for the time of a step, of
-which the shortest with at least `MANY_STEPS` is taken, if there is one up to `LONGEST`."""
-MANY_STEPS = 2000
+which the shortest that takes `LONG_ENOUGH` is taken, if there is one up to `LONGEST`."""
+LONG_ENOUGH = 0.2
+"""Processor time of a run from which a step is timed, s: many steps of 4 ms, those of the clock of
+some machines."""
 LANES = 8
 LIMIT = 120.0
 """Processor time, s, after which a measurement ends."""
-CALLS_BEFORE, CALLS_COUNTED = 12, 7
-"""Calls before repeated calls are timed, after which native code checks starts, and timed calls,
-whose median counts."""
+CALLS_BEFORE, CALLS_COUNTED = 12, 25
+"""Calls before repeated calls are timed, after which native code checks starts, and calls that are
+timed together."""
 FITTED = 3
 """Number of largest sizes from which an exponent is fitted."""
 MEGABYTE = 1024.0
@@ -153,14 +154,15 @@ def print_costs(scene: str, size: str, call: str, which: str) -> None:
     say(memory=memory)
     for _ in range(CALLS_BEFORE if call == SIMULATE else 1):
         run(SHORT)
-    short, few = zip(*(_timed(run, SHORT) for _ in range(CALLS_COUNTED)), strict=True)
-    say(again=median(short))
-    # Smooth motions take few steps, which noise of the calls would hide.
-    span, steps = LONG, 0
-    while (steps := _timed(run, span)[1] - few[0]) < MANY_STEPS and span < LONGEST:
+    together, few = _timed(lambda span: [run(span) for _ in range(CALLS_COUNTED)][0], SHORT)
+    again = together / CALLS_COUNTED
+    say(again=again)
+    span = LONG
+    while (timed := _timed(run, span))[0] < LONG_ENOUGH and span < LONGEST:
         span *= 2.0
-    if steps > 0:
-        say(step=(min(_timed(run, span)[0] for _ in range(2)) - min(short)) / steps)
+    seconds, steps = timed
+    if seconds >= LONG_ENOUGH and steps > few:  # Otherwise the clock's steps would hide it.
+        say(step=(seconds - again) / (steps - few))
 
 
 def _timed(run: Callable[[float], int], span: float) -> tuple[float, int]:

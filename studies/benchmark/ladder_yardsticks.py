@@ -4,6 +4,7 @@ Programs that are not installed are reported, and their rows left out.
 """
 
 import math
+import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -66,8 +67,11 @@ def yardsticks(
             continue
         for scene in sizes:
             for size in sizes[scene]:
-                if (scene, size) in steps:
-                    found += rows(scene, size, steps[scene, size])
+                if (scene, size) not in steps:
+                    continue
+                for compared in rows(scene, size, steps[scene, size]):
+                    found.append(compared)
+                    print(" | ".join(compared.cells()), file=sys.stderr, flush=True)
     return found
 
 
