@@ -75,6 +75,25 @@ def traced_once(function: Callable[..., Result]) -> Callable[..., Result]:
     return call
 
 
+ELEMENTWISE = "elementwise_function"
+"""Name of the jaxprs that `elementwise` makes. Native code computes each by one loop."""
+
+
+def elementwise(function: Callable[..., jax.Array], *arguments: PyTree) -> jax.Array:
+    """Evaluate a function that computes each element of its result from one element of each array.
+
+    Native code has one loop over the elements if they are many, instead of one for each operation.
+
+    **Arguments:** `function`: consists of primitives that work element by element; `arguments`:
+    arrays of one shape, and scalars.
+    """
+
+    def elementwise_function(*arguments: PyTree) -> jax.Array:
+        return function(*arguments)
+
+    return jax.jit(elementwise_function)(*arguments)
+
+
 SHARED = "shared_function"
 """Name of the jaxprs that `traced_for_a_kind` makes. Native code has one function for each."""
 _shared: ContextVar[dict[Hashable, "_Shared"] | None] = ContextVar("shared", default=None)

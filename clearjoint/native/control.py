@@ -34,6 +34,7 @@ from .lowering import (
     Packed,
     UnsupportedPrimitiveError,
     aval_of,
+    borrowed,
     count_equations,
     kind_of,
     scalar,
@@ -230,11 +231,6 @@ def _while(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array
         return lower.inline(body, [*body_consts, *carries])
 
     return loop(lower, list(arguments[inside:]), holds, iterate)
-
-
-def borrowed(array: Array) -> Array:
-    """Return the array as one that must not be overwritten."""
-    return replace(array, owned=False) if isinstance(array, InMemory) else array
 
 
 def loop(

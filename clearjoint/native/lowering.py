@@ -24,7 +24,7 @@ from jax.core import ShapedArray
 from jax.extend import core, source_info_util
 from numpy.typing import ArrayLike
 
-from ..compilation.xla import CALLS, SHARED
+from ..compilation.xla import CALLS, ELEMENTWISE, SHARED
 from .cells import Region
 from .elementary import ELEMENTARY
 from .elementwise import IDENTITIES, PARAMETERS, RULES, apply
@@ -130,6 +130,11 @@ def scalar(array: Array, what: str = "an array in the place of a number") -> Val
     return array
 
 
+def borrowed(array: Array) -> Array:
+    """Return the array as one that must not be overwritten."""
+    return replace(array, owned=False) if isinstance(array, InMemory) else array
+
+
 def aval_of(atom: Atom) -> ShapedArray:
     """Return the shape and dtype of a variable or a number in a jaxpr.
 
@@ -167,6 +172,9 @@ def is_contiguous(indices: np.ndarray) -> bool:
 
 def inner_jaxprs(equation: Equation) -> Iterator[core.Jaxpr]:
     """Iterate over the jaxprs among the parameters of an equation."""
+    # Rules know the parameters of primitives that work element by element, which are most.
+    if equation.primitive.name in RULES:
+        return
     for parameter in equation.params.values():
         items = parameter if isinstance(parameter, tuple | list) else [parameter]
         for item in items:
@@ -188,17 +196,22 @@ def tangents_of(jaxpr: core.Jaxpr) -> int:
     `LONGEST_PACKED` with the most of these operations, or 0 if that has fewer than `FEWEST_PACKED`
     of them.
     """
-    lengths: Counter[int] = Counter()
+    # Many places share a jaxpr, whose operations are counted once.
+    counted: dict[int, Counter[int]] = {}
 
-    def visit(jaxpr: core.Jaxpr) -> None:
-        for equation in jaxpr.eqns:
-            shape = getattr(equation.outvars[0].aval, "shape", ()) if equation.outvars else ()
-            if equation.primitive.name in ("mul", "add", "add_any") and len(shape) == 1:
-                lengths[shape[0]] += 1
-            for inner in inner_jaxprs(equation):
-                visit(inner)
+    def count(jaxpr: core.Jaxpr) -> Counter[int]:
+        lengths = counted.get(id(jaxpr))
+        if lengths is None:
+            lengths = counted[id(jaxpr)] = Counter()
+            for equation in jaxpr.eqns:
+                shape = getattr(equation.outvars[0].aval, "shape", ()) if equation.outvars else ()
+                if equation.primitive.name in ("mul", "add", "add_any") and len(shape) == 1:
+                    lengths[shape[0]] += 1
+                for inner in inner_jaxprs(equation):
+                    lengths.update(count(inner))
+        return lengths
 
-    visit(jaxpr)
+    lengths = count(jaxpr)
     for length, count in lengths.most_common():
         if 1 < length <= LONGEST_PACKED and count >= FEWEST_PACKED:
             return length
@@ -225,6 +238,8 @@ class Function:
     - `number`: number of the function, for `Operations.call`.
     - `parameters`: for each value that differs between calls, the first cell to which the caller
       writes it. (A vector of tangents occupies several cells.)
+    - `places`: the arrays that differ between calls. Those in memory have the cells to which the
+      caller copies its arrays.
     - `results`: arrays that the function returns, with the values as they are named inside of it.
     - `cells`: for each value in `results` that the function computes, the first cell to which the
       function writes it. All other values in `results` are computed outside, once for all calls.
@@ -232,6 +247,7 @@ class Function:
 
     number: int
     parameters: list[int]
+    places: list[Array]
     results: list[Array]
     cells: dict[Value, int]
 
@@ -254,8 +270,8 @@ def repeated_calls(jaxpr: core.Jaxpr) -> dict[int, RepeatedCall]:
     """Return those equations of `jaxpr` that call an inner jaxpr for which a function of machine
     code may be made.
 
-    The inner jaxpr has at least `SMALLEST_FUNCTION` equations, is called at least `FEWEST_CALLS`
-    times, and returns no array of more than `LARGEST_UNROLLED` elements.
+    The inner jaxpr has at least `SMALLEST_FUNCTION` equations and is called at least `FEWEST_CALLS`
+    times.
 
     **Returns:** a `RepeatedCall` for the `id` of each of these equations. Equations that call the
     same inner jaxpr share one.
@@ -269,11 +285,7 @@ def repeated_calls(jaxpr: core.Jaxpr) -> dict[int, RepeatedCall]:
     for equations in groups.values():
         if len(equations) < FEWEST_CALLS:
             continue
-        # A function returns its results value by value, so none of them may be a large array.
-        closed = equations[0].params["jaxpr"]
-        avals = [v.aval for v in equations[0].outvars]
-        small = all(getattr(aval, "size", 0) <= LARGEST_UNROLLED for aval in avals)
-        if small and count_equations(closed.jaxpr) >= SMALLEST_FUNCTION:
+        if count_equations(equations[0].params["jaxpr"].jaxpr) >= SMALLEST_FUNCTION:
             columns = zip(*(equation.invars for equation in equations), strict=True)
             group = RepeatedCall([_are_equal(column) for column in columns])
             calls.update((id(equation), group) for equation in equations)
@@ -513,6 +525,26 @@ class Lowering:
         self.ops.repeat(out.size, visit)
         return out
 
+    def _by_one_loop(self, closed: core.ClosedJaxpr, arguments: list[Array]) -> list[Array]:
+        """Add a loop that computes the element of a jaxpr's result from those of its arguments.
+
+        **Arguments:** `closed`: made by `elementwise`; `arguments`: arrays of the shape of its
+        result, and scalars.
+        """
+        (out,) = (aval_of(atom) for atom in closed.jaxpr.outvars)
+
+        def element(*values: Value) -> Value:
+            known: dict[Atom, Array] = dict(zip(closed.jaxpr.invars, values, strict=True))
+            for equation in closed.jaxpr.eqns:
+                name, operands = equation.primitive.name, equation.invars
+                given = [scalar(self._atom(atom, known)) for atom in operands]
+                parameter = equation.params.get(PARAMETERS.get(name, ""))
+                rule = self.operation(name, aval_of(equation.outvars[0]), parameter)
+                known[equation.outvars[0]] = rule(*given)
+            return scalar(self._atom(closed.jaxpr.outvars[0], known))
+
+        return [self._by_loop(element, kind_of(out), tuple(out.shape), arguments)]
+
     # Equations.
 
     def inline(
@@ -622,6 +654,10 @@ class Lowering:
             closed = equation.params[CALLS[name]]
             if equation.params.get("name") == SHARED:
                 return self._call_shared(closed, arguments)
+            if equation.params.get("name") == ELEMENTWISE and any(
+                isinstance(array, InMemory) for array in arguments
+            ):
+                return self._by_one_loop(closed, arguments)
             repeated = self._repeated.get(id(equation))
             if repeated is not None:
                 return self._call(repeated, closed, arguments)
@@ -636,28 +672,31 @@ class Lowering:
     ) -> list[Array]:
         """Add a call of the function for a jaxpr, and at the first call the function itself.
 
-        If an argument that differs between the calls is in memory, the equations of the jaxpr are
-        added instead. Functions keep programs short: the time that LLVM needs for a block grows
-        faster than the block's length, and each Runge-Kutta stage of an integrator's step computes
-        the time derivative of the state by the same large jaxpr.
+        Functions keep programs short: the time that LLVM needs for a block grows faster than the
+        block's length, and each Runge-Kutta stage of an integrator's step computes the time
+        derivative of the state by the same large jaxpr.
         """
         # Arguments that are the same in all calls are used directly; the others are passed.
         ops, pairs = self.ops, list(zip(arguments, repeated.shared, strict=True))
         varied = [array for array, shared in pairs if not shared]
-        # An array in memory cannot be passed, since the code of a function names the cells that it
-        # reads.
-        if any(isinstance(array, InMemory) for array in varied):
-            return self.inline(closed, arguments)
         values = self.flatten(varied)
         if repeated.function is None:
             kinds = [ops.kinds[value] for value in values]
             parameters = [ops.allocate_for(kind) for kind in kinds]
+            # The code of a function names the cells that it reads, so arrays in memory have cells
+            # of their own in it.
+            places = [
+                borrowed(self.new_array(array.shape, array.kind))
+                if isinstance(array, InMemory)
+                else array
+                for array in varied
+            ]
             results: list[Array] = []
             cells: dict[Value, int] = {}
 
             def build() -> None:
                 loaded = [ops.load(*row) for row in zip(kinds, parameters, strict=True)]
-                remaining = iter(self.unflatten(loaded, varied))
+                remaining = iter(self.unflatten(loaded, places))
                 mixed = [array if shared else next(remaining) for array, shared in pairs]
                 results[:] = self.inline(closed, mixed)
                 # Values from outside of the function are the same for all calls.
@@ -666,15 +705,24 @@ class Lowering:
                         cells[value] = ops.pass_on(value)
 
             number = ops.function(build)
-            repeated.function = Function(number, parameters, results, cells)
+            repeated.function = Function(number, parameters, places, results, cells)
         # The call: write the arguments, execute the function, and read its results.
         function = repeated.function
         for value, cell in zip(values, function.parameters, strict=True):
             ops.pass_on(value, cell)
+        # All lanes compute in a function, whatever the conditions at the call.
+        with ops.masked(None):
+            for array, place in zip(varied, function.places, strict=True):
+                if isinstance(array, InMemory) and isinstance(place, InMemory):
+                    self.write(array, place.start)
         ops.call(function.number)
         loaded = {v: ops.load(ops.kinds[v], cell) for v, cell in function.cells.items()}
         new = [loaded.get(value, value) for value in self.flatten(function.results)]
-        return self.unflatten(new, function.results)
+        # The next call overwrites the arrays that the function has left in memory.
+        return [
+            self.copied(array) if isinstance(array, InMemory) else array
+            for array in self.unflatten(new, function.results)
+        ]
 
     def _call_shared(self, closed: core.ClosedJaxpr, arguments: list[Array]) -> list[Array]:
         """Add a call of the function for a jaxpr that many places call, and at the first call the

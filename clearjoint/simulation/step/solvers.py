@@ -21,8 +21,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, PyTree
 
+from ...compilation import elementwise
 from ...fields.checks import require
 from ...fields.types import Single
+from ...math.stacked import Stacked, stacked, unstacked
 from ...math.vectors import Scalar, add, larger, multiply
 from ...native import evaluated
 from .time_map import AbstractTimeMap
@@ -105,14 +107,15 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         """
         tableau = _tableau(self.method)
         h = t1 - t0
+        start = stacked(y0)
         # With a traced condition, every lane would compute both branches, so the rates are then
         # computed unconditionally.
-        last = solver_state if made_jump is False else terms.vf(t0, y0, args)
+        last = stacked(solver_state) if made_jump is False else terms.vf(t0, start, args)
         # With a time map the independent variable is not the time t but a fraction x of the step,
         # 0 to 1. The tableau's nodes are values of x, and dy/dx = dy/dt dt/dx.
-        stages, y = [_rates_by_fraction(last, 0.0, time_map)], y0
+        stages, y = [_rates_by_fraction(last, 0.0, time_map)], start
         for row, fraction in zip(tableau.a_lower, tableau.c, strict=True):
-            y = _advanced(y0, h, row, stages)
+            y = _advanced(start, h, row, stages)
             elapsed = fraction if time_map is None else time_map.elapsed(fraction)
             # The last stage is at exactly t1; t0 + h may differ from it by rounding.
             t = t1 if fraction == 1.0 else t0 + elapsed * h
@@ -120,14 +123,24 @@ class UnrolledExplicit(diffrax.AbstractSolver):
             stages.append(_rates_by_fraction(last, fraction, time_map))
         # "Solution same as last" (`ssal`): the variables of the last stage are the result.
         # Otherwise the result has weights of its own.
-        y1 = y if tableau.ssal else _advanced(y0, h, tableau.b_sol, stages)
+        y1 = y if tableau.ssal else _advanced(start, h, tableau.b_sol, stages)
         # "First same as last" (`fsal`): the last stage was evaluated at the end of the step.
         if not tableau.fsal:
             last = terms.vf(t1, y1, args)
+
         # The weights are the differences between those of the two embedded methods.
-        error = jax.tree.map(lambda *rates: multiply(h, _weighted(tableau.b_error, rates)), *stages)
-        information = {"y0": y0, "stages": tuple(stages)}
-        return y1, error, information, last, diffrax.RESULTS.successful
+        def error_of(h: Scalar, *rates: Scalar) -> Scalar:
+            return multiply(h, _weighted(tableau.b_error, rates))
+
+        error = _by_leaf(error_of, h, *stages)
+        information = {"y0": y0, "stages": tuple(map(unstacked, stages))}
+        return (
+            unstacked(y1),
+            unstacked(error),
+            information,
+            unstacked(last),
+            diffrax.RESULTS.successful,
+        )
 
 
 class DenseOutput(eqx.Module):
@@ -172,13 +185,20 @@ class DenseOutput(eqx.Module):
         return jax.tree.map(leaf, self.y0, *self.stages)
 
 
+def _by_leaf(function: Callable[..., Scalar], number: Scalar, *trees: Y) -> Y:
+    """Apply a function of a number and a leaf of each PyTree to all leaves.
+
+    If the PyTrees are `Stacked`, the function is applied to arrays.
+    """
+    if isinstance(trees[0], Stacked):
+        function = partial(elementwise, function)
+    return jax.tree.map(partial(function, number), *trees)
+
+
 def _rates_by_fraction(rates: Y, x: float, time_map: AbstractTimeMap | None) -> Y:
     """Return the derivatives of the variables with respect to the fraction x of a step, divided by
     the step's length, per s. They are the `rates` at x times the slope of the time map there."""
-    if time_map is None:
-        return rates
-    slope = time_map.slope(x)
-    return jax.tree.map(lambda rate: multiply(slope, rate), rates)
+    return rates if time_map is None else _by_leaf(multiply, time_map.slope(x), rates)
 
 
 def _tableau(method: diffrax.AbstractERK) -> diffrax.ButcherTableau:
@@ -189,9 +209,11 @@ def _tableau(method: diffrax.AbstractERK) -> diffrax.ButcherTableau:
 def _advanced(y0: Y, h: Scalar, weights: Weights, stages: Sequence[Y]) -> Y:
     """Return y0 + h sum of w_i f_i: the variables y0 advanced by the step length h, s, with
     `weights` w and rates f of the `stages`."""
-    return jax.tree.map(
-        lambda y, *rates: add(y, multiply(h, _weighted(weights, rates))), y0, *stages
-    )
+
+    def advanced(h: Scalar, y: Scalar, *rates: Scalar) -> Scalar:
+        return add(y, multiply(h, _weighted(weights, rates)))
+
+    return _by_leaf(advanced, h, y0, *stages)
 
 
 def _weighted(weights: Weights, values: Sequence[Scalar]) -> Scalar:

@@ -21,6 +21,7 @@ from ...dynamics.contact_events import ContactGaps, closed, touches, uses_entry_
 from ...dynamics.contact_forces import Closed, EntrySpeeds
 from ...dynamics.system import System
 from ...fields.types import Single
+from ...math.stacked import Stacked, stacked, unstacked
 from ...math.vectors import Condition, Scalar
 from ...model.scene import Scene
 from .dense_output import stabilised
@@ -39,16 +40,18 @@ def rates_of(
     system: System, y: Variables, entry_speeds: EntrySpeeds, t: Scalar, closed: Closed | None = None
 ) -> Variables:
     """Return the time derivatives of all integrated variables `y` at the time t, s, as arrays of
-    the dtype of `t`.
+    the dtype of `t`; stacked if the variables are.
 
     **Arguments:** `entry_speeds`: m/s, by joint and contact; `closed`: whether each contact has a
     force, by joint and contact; by default those that penetrate do.
     """
+    are_stacked, y = isinstance(y, Stacked), unstacked(y)
     dynamics = system.dynamics(y.motion, entry_speeds, t, closed, y.bristles)
     powers = system.powers(dynamics, t)
     rates = Variables(dynamics.variable_rates, powers, bristle_rates(dynamics))
     # diffrax requires arrays in place of Python numbers.
-    return jax.tree.map(lambda rate: jnp.asarray(rate, dtype=jnp.result_type(t)), rates)
+    rates = jax.tree.map(lambda rate: jnp.asarray(rate, dtype=jnp.result_type(t)), rates)
+    return stacked(rates) if are_stacked else rates
 
 
 def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
