@@ -27,7 +27,7 @@ class Stacked(eqx.Module):
 
 
 def stacked(tree: PyTree[Scalar]) -> PyTree:
-    """Return a PyTree of at least `FEWEST` traced floats as a `Stacked`, and any other unchanged."""
+    """Return a PyTree of at least `FEWEST` floats of JAX as a `Stacked`, any other unchanged."""
     leaves, structure = jax.tree.flatten(tree)
     if len(leaves) < FEWEST or not all(isinstance(leaf, jax.Array) for leaf in leaves):
         return tree

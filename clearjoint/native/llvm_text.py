@@ -12,12 +12,13 @@ or "b" (bool). With the suffix "p" it is a vector of tangents, which are derivat
 """
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, TypeAlias
 
 from llvmlite import ir
 
 from .operations import Block, Branch, Entry, Loop, Operation, Operations, Value
+from .pieces import FEWEST, Division, cells_written, count_operations
 
 _BASES = {"f": ir.DoubleType(), "i": ir.IntType(64), "w": ir.IntType(32), "b": ir.IntType(1)}
 _CELL = {"f": "f", "i": "i", "w": "i", "b": "i"}
@@ -91,7 +92,7 @@ class _Writer:
     def __init__(self, program: Operations):
         self._program, self._width = program, program.width
         self._module = ir.Module()
-        self._functions: list[ir.Function] = []
+        self._functions: dict[int, ir.Function] = {}
         self._values: dict[Value, Word] = {}
         self._uses: Counter[Value] = Counter()
         # Identities of the entries that are needed, as returned by `id`.
@@ -112,40 +113,40 @@ class _Writer:
         for number, block in reversed(list(enumerate(blocks))):
             self._uses.update(self._results(number))
             self._mark(block)
-        for number, block in enumerate(blocks):
+        for block in blocks:
             self._fuse(block)
-            last = block is blocks[-1]
-            parameters, _ = self._program.signatures.get(number, ([], []))
+            self._remove_unwritten(block)
+        is_long = sum(map(count_operations, blocks)) >= FEWEST
+        pieces, written = len(blocks), list[set[int]]()
+        for number, block in enumerate(blocks):
+            is_program = block is blocks[-1]
+            written.append(cells_written(self._program, block, written) if is_long else set())
+            if is_long and number not in self._program.signatures:
+                division = Division(self._program, self._by_need, self._needed, pieces, written[-1])
+                division.divide(block, [result] if is_program and result is not None else [])
+                pieces += len(division.pieces)
+                for piece, operations in division.pieces.items():
+                    self._begin(piece, f"f{piece}", ir.VoidType())
+                    self._write_operations(operations)
+                    self._builder.ret_void()
             results = self._results(number)
-            returned = _BASES["i"] if last else ir.VoidType()
+            returned = _BASES["i"] if is_program else ir.VoidType()
             if results:
                 returned = ir.LiteralStructType(list(map(self._type_of, results)))
-            form = ir.FunctionType(returned, [ir.PointerType(), *map(self._type_of, parameters)])
-            function = ir.Function(self._module, form, "program" if last else f"f{number}")
-            # On an unaligned stack, vectors would extend across two cache lines.
-            function.attributes.alignstack = 64
-            if not last:
-                # Functions save time of compilation. Inlined, one would be compiled for each call.
-                function.linkage = "internal"
-                function.attributes.add("noinline")
-            self._memory, *arguments = function.args
-            self._values.update(zip(parameters, arguments, strict=True))
+            parameters, _ = self._program.signatures.get(number, ([], []))
+            name = "program" if is_program else f"f{number}"
+            function = self._begin(number, name, returned, parameters)
             if number in self._program.signatures and not _uses_memory(block):
                 # Calls with equal arguments may be joined, and moved across writes to memory.
                 function.attributes.add("readnone")
                 function.attributes.add("nounwind")
-            # A function reaches its memory by this pointer only, which LLVM cannot see by itself.
-            self._memory.add_attribute("noalias")
-            self._memory.attributes.align = 64
-            self._functions.append(function)
-            self._builder = ir.IRBuilder(function.append_basic_block())
             self._write(block)
             if results:
                 together = returned(ir.Undefined)
                 for k, value in enumerate(results):
                     together = self._builder.insert_value(together, self._value(value), k)
                 self._builder.ret(together)
-            elif not last:
+            elif not is_program:
                 self._builder.ret_void()
         if result is None:
             returned = _BASES["i"](0)
@@ -154,6 +155,27 @@ class _Writer:
             returned = returned if self._width == 1 else self._element(returned, 0)
         self._builder.ret(returned)
         return str(self._module)
+
+    def _begin(
+        self, number: int, name: str, returned: Form, parameters: Sequence[Value] = ()
+    ) -> ir.Function:
+        """Begin a function, to which the following instructions are added."""
+        form = ir.FunctionType(returned, [ir.PointerType(), *map(self._type_of, parameters)])
+        function = ir.Function(self._module, form, name)
+        # On an unaligned stack, vectors would extend across two cache lines.
+        function.attributes.alignstack = 64
+        if name != "program":
+            # Functions save time of compilation. Inlined, one would be compiled for each call.
+            function.linkage = "internal"
+            function.attributes.add("noinline")
+        self._memory, *arguments = function.args
+        self._values.update(zip(parameters, arguments, strict=True))
+        # A function reaches its memory by this pointer only, which LLVM cannot see by itself.
+        self._memory.add_attribute("noalias")
+        self._memory.attributes.align = 64
+        self._functions[number] = function
+        self._builder = ir.IRBuilder(function.append_basic_block())
+        return function
 
     # Which operations are needed, and which products are fused.
 
@@ -239,6 +261,19 @@ class _Writer:
                         self._fused.add(entry.out)
                         break
 
+    def _remove_unwritten(self, block: Block) -> None:
+        """Remove entries that are not needed, and fused products, which are written together with
+        their sums, from a block and the blocks inside of it."""
+        block[:] = [
+            entry
+            for entry in block
+            if id(entry) in self._live
+            and not (isinstance(entry, Operation) and entry.out in self._products)
+        ]
+        for entry in block:
+            for inner in entry.blocks:
+                self._remove_unwritten(inner)
+
     # Text.
 
     def _type(self, kind: str) -> Form:
@@ -264,30 +299,25 @@ class _Writer:
         return self._values[value]
 
     def _write(self, block: Block) -> None:
-        """Write the needed entries of a block."""
+        """Write the entries of a block."""
         straight: list[Operation] = []
         for entry in block:
-            if id(entry) not in self._live:
-                continue
             if isinstance(entry, Operation):
-                # A fused product is written together with its sum.
-                if entry.out not in self._products:
-                    straight.append(entry)
+                straight.append(entry)
                 continue
-            self._write_straight(straight)
+            self._write_operations(self._by_need(straight))
             straight = []
             if isinstance(entry, Branch):
                 self._write_branch(entry)
             else:
                 self._write_loop(entry)
-        self._write_straight(straight)
+        self._write_operations(self._by_need(straight))
 
-    def _write_straight(self, entries: list[Operation]) -> None:
-        """Write operations between which no branch or loop stands."""
-        for entry in self._by_need(entries):
-            result = self._written(entry)
-            if entry.out is not None and result is not None:
-                self._values[entry.out] = result
+    def _write_operations(self, operations: list[Operation]) -> None:
+        for operation in operations:
+            result = self._written(operation)
+            if operation.out is not None and result is not None:
+                self._values[operation.out] = result
 
     def _by_need(self, entries: list[Operation]) -> list[Operation]:
         """Return operations in a new order, in which most come right before the first use of their

@@ -9,6 +9,7 @@ loops, which contain blocks. Memory consists of numbered cells, each of which ho
 each lane. A vector of tangents occupies consecutive cells.
 """
 
+import bisect
 import math
 import operator
 import struct
@@ -170,6 +171,8 @@ class Operations:
         self.kinds: list[str] = []
         self.constants: dict[Value, Number] = {}
         self.cells = 0
+        # First cells of all that have been reserved together.
+        self._starts: list[int] = []
         self.block: Block = []
         self.functions: list[Block] = []
         self.signatures: dict[int, tuple[list[Value], list[Value]]] = {}
@@ -398,8 +401,15 @@ class Operations:
 
     def allocate(self, cells: int) -> int:
         """Reserve cells of memory and return the first one."""
+        self._starts.append(self.cells)
         self.cells += cells
-        return self.cells - cells
+        return self._starts[-1]
+
+    def allocated_with(self, cell: int) -> range:
+        """Return the cells that have been reserved together with a cell."""
+        after = bisect.bisect_right(self._starts, cell)
+        end = self._starts[after] if after < len(self._starts) else self.cells
+        return range(self._starts[after - 1], end)
 
     def load(self, kind: str, start: int, index: Value | None = None) -> Value:
         """Add the read of the cell `start` + `index`, or `start` without an index.

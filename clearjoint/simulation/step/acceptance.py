@@ -13,12 +13,13 @@ from typing import Any, TypeAlias
 import diffrax
 import jax
 import jax.numpy as jnp
-from jaxtyping import Bool
+from jaxtyping import Bool, PyTree
 
 from ...dynamics.breakpoints import breakpoints, drivers_are_smooth, one_sided_time
 from ...dynamics.contact_events import changes, time_since_onset, too_deep
 from ...dynamics.system import System
 from ...fields.types import Single
+from ...math.stacked import stacked, unstacked
 from ...math.vectors import Condition, Scalar
 from ...result_codes import RESULTS
 from .discontinuities import has_undeclared_jump, may_have_undeclared_jump
@@ -30,7 +31,7 @@ from .step_length import (
     tangent_sizes,
     with_relative_bristles,
 )
-from .step_state import ControllerState, Method, Proposal, Step, Variables, choose
+from .step_state import ControllerState, Method, Proposal, Step, choose
 from .trial_step import Trial, error_order, may_jump, slopes_may_jump
 
 Flag: TypeAlias = Bool[Any, ""]
@@ -184,8 +185,10 @@ def _controller_decision(
     rates may jump at the start of the next step; the controller's new state; and its result code.
     """
 
-    def scaled(y: Variables) -> Variables:
-        return with_relative_bristles(y, system.scene)
+    def scaled(y: PyTree) -> PyTree:
+        return with_relative_bristles(unstacked(y), system.scene) if has_bristles else y
+
+    has_bristles = bool(system.scene.bristle_laws())
 
     # Deflections of bristles are micrometres: they and their errors are divided by the deflection
     # at full friction, so that the same tolerance suits them.
@@ -200,6 +203,8 @@ def _controller_decision(
         before = before, tangent_sizes(system, before, along_before)
         after = after, tangent_sizes(system, after, along_after)
         error = error, jax.tree.map(lambda e: e / tolerance, scaled(trial.tangents.error))
+    else:
+        before, after, error = map(stacked, (before, after, error))
     # `wrap(1)` tells diffrax's controller that time runs forward. Its second result, the start of
     # the next step, is not used: each step begins where the last accepted one has ended.
     keep, _, t_next, made_jump, state, result = method.controller.wrap(1).adapt_step_size(

@@ -41,13 +41,16 @@ multiplied by the slope of the time map if the step has one. Other solvers use o
 class UnrolledExplicit(diffrax.AbstractSolver):
     """An explicit Runge-Kutta solver whose stages are written out instead of computed in a loop.
 
-    **Arguments:** `method`: diffrax's solver, which supplies the tableau.
+    **Arguments:** `method`: diffrax's solver, which supplies the tableau; `stacks`: whether a step
+    computes many variables as one array (see `.math.stacked`). In runs with derivatives it does
+    not, since each variable has a vector of tangents.
 
     The state that the solver carries from one step to the next consists of the rates at the start
     of the next step. Arguments and results of the methods are those of diffrax's `AbstractSolver`.
     """
 
     method: diffrax.AbstractERK
+    stacks: bool = eqx.field(default=True, static=True)
     term_structure = diffrax.ODETerm
 
     @property
@@ -77,7 +80,10 @@ class UnrolledExplicit(diffrax.AbstractSolver):
     def information_like(self, y: PyTree) -> "DenseInformation":
         """Return a placeholder with the structure and shapes of the data for dense output of a step
         of the variables `y`. Its numbers have no meaning. A loop needs it as its initial value."""
-        return {"y0": y, "stages": (y,) * self.method.tableau.num_stages}  # pyright: ignore[reportAttributeAccessIssue]
+        return {"y0": y, "stages": (self._form(y),) * self.method.tableau.num_stages}  # pyright: ignore[reportAttributeAccessIssue]
+
+    def _form(self, tree: PyTree[Scalar]) -> PyTree:
+        return stacked(tree) if self.stacks else tree
 
     def step(
         self,
@@ -103,14 +109,15 @@ class UnrolledExplicit(diffrax.AbstractSolver):
           tableau's node; ``None`` if the two are equal.
 
         **Returns:** the variables at `t1`, the estimate of their error, the data for dense output,
-        the rates at `t1`, and diffrax's result code.
+        the rates at `t1`, and diffrax's result code. Error and data are `Stacked` if the variables
+        are many.
         """
         tableau = _tableau(self.method)
         h = t1 - t0
-        start = stacked(y0)
+        start = self._form(y0)
         # With a traced condition, every lane would compute both branches, so the rates are then
         # computed unconditionally.
-        last = stacked(solver_state) if made_jump is False else terms.vf(t0, start, args)
+        last = self._form(solver_state) if made_jump is False else terms.vf(t0, start, args)
         # With a time map the independent variable is not the time t but a fraction x of the step,
         # 0 to 1. The tableau's nodes are values of x, and dy/dx = dy/dt dt/dx.
         stages, y = [_rates_by_fraction(last, 0.0, time_map)], start
@@ -133,14 +140,8 @@ class UnrolledExplicit(diffrax.AbstractSolver):
             return multiply(h, _weighted(tableau.b_error, rates))
 
         error = _by_leaf(error_of, h, *stages)
-        information = {"y0": y0, "stages": tuple(map(unstacked, stages))}
-        return (
-            unstacked(y1),
-            unstacked(error),
-            information,
-            unstacked(last),
-            diffrax.RESULTS.successful,
-        )
+        information = {"y0": y0, "stages": tuple(stages)}
+        return unstacked(y1), error, information, unstacked(last), diffrax.RESULTS.successful
 
 
 class DenseOutput(eqx.Module):
@@ -177,22 +178,23 @@ class DenseOutput(eqx.Module):
         h = self.t1 - self.t0
         weights = [h * _horner(row, x) for row in dense_weights(self.method)]
 
-        def leaf(y0: Scalar, *stages: Scalar) -> Scalar:
+        def leaf(weights: list[Scalar], y0: Scalar, *stages: Scalar) -> Scalar:
             for weight, stage in zip(weights, stages, strict=True):
                 y0 = add(y0, multiply(weight, stage))
             return y0
 
-        return jax.tree.map(leaf, self.y0, *self.stages)
+        start = stacked(self.y0) if isinstance(self.stages[0], Stacked) else self.y0
+        return unstacked(_by_leaf(leaf, weights, start, *self.stages))
 
 
-def _by_leaf(function: Callable[..., Scalar], number: Scalar, *trees: Y) -> Y:
-    """Apply a function of a number and a leaf of each PyTree to all leaves.
+def _by_leaf(function: Callable[..., Scalar], numbers: PyTree[Scalar], *trees: Y) -> Y:
+    """Apply a function of `numbers` and a leaf of each PyTree to all leaves.
 
     If the PyTrees are `Stacked`, the function is applied to arrays.
     """
     if isinstance(trees[0], Stacked):
         function = partial(elementwise, function)
-    return jax.tree.map(partial(function, number), *trees)
+    return jax.tree.map(partial(function, numbers), *trees)
 
 
 def _rates_by_fraction(rates: Y, x: float, time_map: AbstractTimeMap | None) -> Y:

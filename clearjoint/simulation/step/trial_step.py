@@ -186,7 +186,6 @@ def try_step(
         )
         y1 = stabilised(system, y1, one_sided_time(system, step.t, t1))
         y1, solver_state = _without_drift(system, y1, solver_state)
-        assert isinstance(error, Variables)
         return SolverStep(y1, error, information, solver_state), result
 
     # The arguments of `advance` after the system; not the tuple `start` inside of that function.

@@ -1,0 +1,211 @@
+"""Division of long functions into pieces, so that LLVM's time is proportional to their length.
+
+LLVM allocates registers for all values of a function together, and keeps its instructions in lists
+that it searches, so that its time grows with the square of the length: for a chain of 100 joints,
+it was 39 s. Values that pass from one piece to another go through memory, where most of them would
+be anyway, because the processor has registers for few.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence, Set
+from dataclasses import dataclass
+
+from .operations import Block, Operation, Operations, Value
+
+FEWEST = 40_000
+"""Number of operations of a program from which on it is divided. For 24 000, as of a chain of 30
+joints with backlash, the exchange of values costs as much time of compilation as it saves."""
+LONGEST = 1500
+"""Largest number of operations without a branch or loop between them that are not divided."""
+LENGTH = 250
+"""Number of operations of a piece."""
+
+
+@dataclass
+class _Pieces:
+    """The place of pieces in a block: their range of numbers."""
+
+    numbers: range
+
+
+class Division:
+    """Divides the long sequences of operations of a function into pieces.
+
+    - `pieces`: operations of the pieces, by their numbers.
+
+    **Arguments:** `program`: gets cells of memory for values that pass between pieces; `ordered`:
+    returns operations in the order in which they shall be executed; `needed`: returns the values
+    that an operation uses; `first`: number of the first piece, by which operations "call" name it;
+    `written`: cells that the function, and those that it calls, may write to.
+    """
+
+    def __init__(
+        self,
+        program: Operations,
+        ordered: Callable[[list[Operation]], list[Operation]],
+        needed: Callable[[Operation], Iterable[Value]],
+        first: int,
+        written: Set[int],
+    ):
+        self._program, self._ordered, self._needed = program, ordered, needed
+        self._first, self._written = first, written
+        self.pieces: dict[int, Block] = {}
+        # For values that are used, the pieces that use them; `None` stands for what is not divided.
+        self._users: dict[Value, set[int | None]] = {}
+        self._definers: dict[Value, int] = {}
+        self._cells: dict[Value, int] = {}
+        # Values that are read from cells which do not change, so that every piece can read them.
+        self._unchanged: dict[Value, int] = {}
+
+    def divide(self, block: Block, results: Iterable[Value] = ()) -> None:
+        """Replace the long sequences of a block, and of the blocks inside of it, by calls.
+
+        **Arguments:** `results`: values that are used after the block.
+        """
+        self._cut(block)
+        if not self.pieces:
+            return
+        for value in results:
+            self._users.setdefault(value, set()).add(None)
+        for number, piece in self.pieces.items():
+            for operation in piece:
+                if operation.out is not None:
+                    self._definers[operation.out] = number
+        for value, users in self._users.items():
+            if value not in self._program.constants and users != {self._definers.get(value)}:
+                cell = self._unchanged.get(value)
+                kind = self._program.kinds[value]
+                self._cells[value] = self._program.allocate_for(kind) if cell is None else cell
+        for number, piece in self.pieces.items():
+            piece[:] = self._with_exchange(number, piece)
+        self._call(block)
+
+    def _cut(self, block: Block) -> None:
+        """Put `_Pieces` in the places of long sequences, and find the users of all values."""
+        new, sequence = [], []
+
+        def end() -> None:
+            if len(sequence) <= LONGEST:
+                self._use(None, sequence)
+                new.extend(sequence)
+            else:
+                start = self._first + len(self.pieces)
+                for number, piece in enumerate(_parts(self._ordered(sequence)), start):
+                    self.pieces[number] = piece
+                    self._use(number, piece)
+                new.append(_Pieces(range(start, self._first + len(self.pieces))))
+            sequence.clear()
+
+        for entry in block:
+            if isinstance(entry, Operation):
+                sequence.append(entry)
+                continue
+            end()
+            for value in entry.arguments:
+                self._users.setdefault(value, set()).add(None)
+            for inner in entry.blocks:
+                self._cut(inner)
+            new.append(entry)
+        end()
+        block[:] = new
+
+    def _use(self, user: int | None, operations: list[Operation]) -> None:
+        for operation in operations:
+            for value in self._needed(operation):
+                self._users.setdefault(value, set()).add(user)
+            cell, out = operation.number, operation.out
+            if out is None or operation.name != "load" or operation.arguments:
+                continue
+            if self._written.isdisjoint(cells_of(self._program, out, cell)):
+                self._unchanged[out] = cell
+
+    def _with_exchange(self, number: int, piece: Block) -> Iterator[Operation]:
+        """Yield the operations of a piece, with reads of the values that it gets from others right
+        before their first use, and writes of those that others use."""
+        here = set[Value]()
+        for operation in piece:
+            for value in self._needed(operation):
+                if (
+                    value in self._cells
+                    and value not in here
+                    and self._definers.get(value) != number
+                ):
+                    here.add(value)
+                    yield Operation(value, "load", (), self._cells[value])
+            yield operation
+            if operation.out in self._cells and operation.out not in self._unchanged:
+                yield Operation(None, "store", (operation.out,), self._cells[operation.out])
+
+    def _call(self, block: Block) -> None:
+        """Put calls in the places of `_Pieces`, with writes of the values that the pieces use
+        before and reads of those that they compute after."""
+        new: Block = []
+        for entry in block:
+            if not isinstance(entry, _Pieces):
+                for inner in entry.blocks:
+                    self._call(inner)
+                new.append(entry)
+                continue
+            numbers = entry.numbers
+            for value, cell in self._cells.items():
+                if value in self._definers or value in self._unchanged:
+                    continue
+                if not self._users[value].isdisjoint(numbers):
+                    new.append(Operation(None, "store", (value,), cell))
+            new += [Operation(None, "call", (), number) for number in numbers]
+            for value, cell in self._cells.items():
+                if self._definers.get(value) in numbers and None in self._users[value]:
+                    new.append(Operation(value, "load", (), cell))
+        block[:] = new
+
+
+def count_operations(block: Block) -> int:
+    """Count the operations of a block and of the blocks inside of it."""
+    return sum(1 + sum(map(count_operations, entry.blocks)) for entry in block)
+
+
+def cells_of(program: Operations, value: Value, start: int) -> range:
+    """Return the cells that a value occupies from a first one on."""
+    return range(start, start + (program.packed if program.kinds[value].endswith("p") else 1))
+
+
+def cells_written(program: Operations, block: Block, by_functions: Sequence[Set[int]]) -> set[int]:
+    """Return the cells to which the operations of a block may write.
+
+    **Arguments:** `by_functions`: those to which the functions write that the block may call.
+    """
+    cells = set[int]()
+    for entry in block:
+        for inner in entry.blocks:
+            cells |= cells_written(program, inner, by_functions)
+        if not isinstance(entry, Operation):
+            continue
+        if entry.name == "call":
+            cells |= by_functions[entry.number]
+        elif entry.name == "store":
+            value, *index = entry.arguments
+            # An index does not lead out of an array.
+            start = entry.number
+            cells.update(
+                program.allocated_with(start) if index else cells_of(program, value, start)
+            )
+    return cells
+
+
+def _parts(operations: list[Operation]) -> Iterator[list[Operation]]:
+    """Yield parts of a list of operations, of about `LENGTH`. The results of a call of a function
+    of values are read right after it: they can't pass to another part together."""
+    results: dict[Value, list[Operation]] = {}
+    for operation in operations:
+        if operation.name == "result":
+            results.setdefault(operation.arguments[0], []).append(operation)
+    part: list[Operation] = []
+    for operation in operations:
+        if operation.name != "result":
+            part.append(operation)
+        if operation.name == "evaluate" and operation.out is not None:
+            part += results[operation.out]
+        if len(part) >= LENGTH:
+            yield part
+            part = []
+    if part:
+        yield part
