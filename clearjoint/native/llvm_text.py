@@ -358,11 +358,13 @@ class _Writer:
                         del definitions[last.out]
         return ordered
 
-    def _needed(self, entry: Operation) -> list[Value]:
+    def _needed(self, entry: Operation) -> tuple[Value, ...]:
         """Return the values that an operation uses, with the factors of a fused product in place
         of the product."""
+        if self._products.keys().isdisjoint(entry.arguments):
+            return entry.arguments
         groups = (self._products.get(value, (value,)) for value in entry.arguments)
-        return [value for group in groups for value in group]
+        return tuple(value for group in groups for value in group)
 
     def _written(self, entry: Operation) -> Word | None:
         """Write an operation and return its result.
