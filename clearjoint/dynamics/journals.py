@@ -287,7 +287,11 @@ def _excesses(
 ) -> dict[str, Scalar]:
     """Return the result of `slid_out` for joints and states of bodies in which each vector is three
     separate scalars, or three arrays (N,)."""
-    free = {name: free_motion(body, None) for name, body in bodies.items()}
+    # Motions are computed for joints only whose class has a journal that may slide out.
+    inherited = AbstractContactJoint.slid_out
+    joints = {name: joint for name, joint in joints.items() if type(joint).slid_out is not inherited}
+    names = {name for joint in joints.values() for name in joint.body_names()}
+    free = {name: free_motion(body, None) for name, body in bodies.items() if name in names}
     motions = {GROUND: GROUND_MOTION, **free}
     excesses = {name: joint.slid_out(motions) for name, joint in joints.items()}
     return {name: excess for name, excess in excesses.items() if excess is not None}

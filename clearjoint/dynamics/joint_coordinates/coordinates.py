@@ -346,11 +346,12 @@ class JointCoordinates(AbstractCoordinates):
         variables describe a motion that satisfies the joint.
         """
         poses = {GROUND: (UPRIGHT, GROUND_MOTION)}
-        poses |= {n: (body.orientation, free_motion(body, None)) for n, body in bodies.items()}
         variables = {}
         for tree in forest(scene):
             evaluate = evaluation(len(tree))
             for branch in tree:
+                body = bodies[branch.body]
+                poses[branch.body] = body.orientation, evaluate(free_motion, body, None)
                 given = branch.nameless(), poses[branch.parent], poses[branch.body]
                 variables[branch.body] = evaluate(_encoded, *given)
         return variables
