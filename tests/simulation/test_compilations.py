@@ -11,7 +11,7 @@ import pytest
 import clearjoint as cj
 from clearjoint.fields.objects import on_device, with_arrays
 from clearjoint.simulation.run.host_run import segment_compiled
-from clearjoint.simulation.run.run_checks import BY_NUMPY, starts
+from clearjoint.simulation.run.run_checks import BY_NUMPY, flat_start, starts
 from clearjoint.simulation.run.sampling import sampled_compiled
 from clearjoint.simulation.run.simulate import begin_compiled
 
@@ -338,7 +338,7 @@ def test_the_first_starts_of_a_structure_are_checked_without_a_program():
     state, own = cj.State({"ball": cj.body_state((0.1, 0, 0))}), type(starts)()
     found = []
     for _ in range(BY_NUMPY + 2):
-        redundant = own.redundant(scene, state, 0.0, cj.AbsoluteCoordinates())
+        redundant = own.redundant(flat_start(scene, state, 0.0, cj.AbsoluteCoordinates()))
         found.append((redundant, own.count()))
     assert found == [(None, 0)] * BY_NUMPY + [((), 1)] * 2
 

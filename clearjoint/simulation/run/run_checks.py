@@ -49,6 +49,7 @@ from ...dynamics.journals import (
     unknown_approaches,
 )
 from ...fields.caching import cached_by_numbers
+from ...fields.cautions import number_issued, warns
 from ...fields.checks import conditions_of, conditions_of_changes, recheck, require
 from ...fields.objects import on_device, with_arrays
 from ...math.vectors import Condition, Scalar
@@ -56,6 +57,7 @@ from ...model.bodies import State
 from ...model.scene import Scene
 from ...native import NativeFunction, UnsupportedPrimitiveError, is_native
 from ...native.functions import FlatArguments
+from ...native.machine_code import RecentPrograms
 from ..step.dense_output import require_dense
 from ..step.discontinuities import require_declared
 from ..step.method import Scheme
@@ -131,14 +133,10 @@ def check_start(
 
     **Raises**, **Warns:** as `check_numbers` and `check_structure`.
     """
-    # The native check is fast, but cannot say why a start fails. A start that fails is therefore
-    # checked again in Python, which raises the error.
-    if isinstance(scene, Scene) and isinstance(state, State):
-        redundant = starts.redundant(scene, state, start_time, coordinates, flat)
-        if redundant is not None:
-            return redundant
-    check_numbers(scene, state)
-    return check_structure(scene, state, start_time, coordinates)
+    if not (isinstance(scene, Scene) and isinstance(state, State)):
+        check_numbers(scene, state)
+        return check_structure(scene, state, start_time, coordinates)
+    return starts.checked(scene, state, start_time, coordinates, flat)
 
 
 def check_structure(
@@ -272,6 +270,20 @@ def assembled(
     return reduce(and_, holds, jnp.asarray(True)), rows, variables
 
 
+def flat_start(
+    scene: Scene,
+    state: State,
+    t: Scalar,
+    coordinates: AbstractCoordinates,
+    flat: FlatArguments | None = None,
+) -> FlatArguments:
+    """Return the arguments of `check_start`, flattened."""
+    if flat is None:
+        flat = FlatArguments.of(with_arrays((scene, state)))
+    rest = FlatArguments.of((np.asarray(t, float), coordinates))
+    return FlatArguments.joined((*flat.parts, *rest.parts))
+
+
 class _Starts:
     """Fast checks of starts by native programs, of which there is one for each structure.
 
@@ -285,32 +297,48 @@ class _Starts:
         self._seen: Counter[Hashable] = Counter()
         # Caches of the function `dependent`, by structure.
         self._distances: dict[Hashable, dict[bytes, np.ndarray]] = {}
+        # Redundant constraints of recent starts that have passed all checks without a warning.
+        self._passed: RecentPrograms[tuple[str, ...]] = RecentPrograms()
 
     def count(self) -> int:
         """Return the number of native programs that have been compiled to check starts."""
         return self._function.count()
 
-    def redundant(
+    def checked(
         self,
         scene: Scene,
         state: State,
         t: Scalar,
         coordinates: AbstractCoordinates,
         flat: FlatArguments | None = None,
-    ) -> tuple[str, ...] | None:
+    ) -> tuple[str, ...]:
+        """Return the result of `check_start`, of which these are the arguments."""
+        given = flat_start(scene, state, t, coordinates, flat)
+        key = given.key, given.numbers
+        redundant = self._passed.recent(key)
+        if redundant is None:
+            before = number_issued()
+            # The native check is fast, but cannot say why a start fails. A start that fails is
+            # therefore checked again in Python, which raises the error.
+            redundant = self.redundant(given)
+            if redundant is None:
+                check_numbers(scene, state)
+                redundant = check_structure(scene, state, t, coordinates)
+            # A start that leads to a warning does so at each call.
+            if warns() and number_issued() == before:
+                self._passed.add(key, redundant)
+        return redundant
+
+    def redundant(self, given: FlatArguments) -> tuple[str, ...] | None:
         """Return the names of the redundant constraints of a start that passes all checks.
 
         The result is ``None`` if the start fails a check, if redundancy is uncertain, or if there
-        is no native program for its structure, as for the first starts of a structure. `t` is the
-        start time, s; `flat` is as in `check_start`.
+        is no native program for its structure, as for the first starts of a structure.
+
+        **Arguments:** `given`: scene, state, start time and coordinates, flattened.
 
         **Raises:** the error of a user-defined class in the scene whose check fails.
         """
-        if flat is None:
-            scene, state = with_arrays((scene, state))
-            flat = FlatArguments.of((scene, state))
-        rest = FlatArguments.of((np.asarray(t, float), coordinates))
-        given = FlatArguments.joined((*flat.parts, *rest.parts))
         self._seen[given.key] += 1
         if not is_native():
             return None
@@ -331,14 +359,14 @@ class _Starts:
             return None
         if not with_numbers:
             # The scene has user-defined classes, whose checks run in Python.
-            _recheck(scene)
+            _recheck(given.arguments[0])
         # The search for redundant constraints depends only on `left`, the derivatives of the
         # constraint equations, so its results are cached by them. Without a limit, the cache would
         # grow with each start whose constraints differ.
         known = self._distances.setdefault(given.key, {})
         if len(known) >= KEPT:
             known.clear()
-        order = scene_order(names, scene)
+        order = scene_order(names, given.arguments[0])
         names, left = tuple(names[k] for k in order), left[order]
         redundant, uncertain = dependent(names, left, known)
         return None if uncertain else redundant
