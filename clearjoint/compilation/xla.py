@@ -16,7 +16,7 @@ from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
-from functools import cache, partial, update_wrapper, wraps
+from functools import cache, cached_property, partial, update_wrapper, wraps
 from typing import Generic, ParamSpec, TypeVar
 
 import equinox as eqx
@@ -334,11 +334,18 @@ class Compiled(Generic[Arguments, Result]):
     __wrapped__: Callable[Arguments, Result]
 
     def __init__(self, function: Callable[Arguments, Result], **compiler_options: str | bool):
-        traced, chosen = begins_a_program(function), OPTIONS | compiler_options
-        # JAX accepts compiler options only for programs that are not part of another one.
-        self._inner = eqx.filter_jit(traced)
-        self._outermost = eqx.filter_jit(traced, compiler_options=chosen)  # pyright: ignore
+        self._traced, self._options = begins_a_program(function), OPTIONS | compiler_options
         update_wrapper(self, function)
+
+    # Making both takes 6 ms, and most functions of the package are never compiled in a process.
+    # JAX accepts compiler options only for programs that are not part of another one.
+    @cached_property
+    def _inner(self) -> Callable[..., Result]:
+        return eqx.filter_jit(self._traced)
+
+    @cached_property
+    def _outermost(self) -> Callable[..., Result]:
+        return eqx.filter_jit(self._traced, compiler_options=self._options)  # pyright: ignore
 
     def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
         """Return the function's result, compiling a program first if none fits the arguments."""
@@ -350,7 +357,8 @@ class Compiled(Generic[Arguments, Result]):
     def programs(self) -> int:
         """Return the number of programs that have been compiled for this function in this
         process."""
-        return self._inner._cached._cache_size() + self._outermost._cached._cache_size()
+        made = [vars(self).get(name) for name in ("_inner", "_outermost")]
+        return sum(one._cached._cache_size() for one in made if one is not None)
 
 
 _NEEDS_JAX = (

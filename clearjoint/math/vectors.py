@@ -418,8 +418,7 @@ def _unpack_leaf(leaf: jax.Array, pattern: Pattern, leading: int) -> PyTree:
     indices = [(k,) for k in range(3)] if shape == (3,) else list(np.ndindex(3, 3))
     known = (None,) * len(indices) if pattern is None else pattern
     parts = [
-        _component(leaf, front + i) if k is None else k
-        for i, k in zip(indices, known, strict=True)
+        _component(leaf, front + i) if k is None else k for i, k in zip(indices, known, strict=True)
     ]
     rows = [Vector(*parts[k : k + 3]) for k in range(0, len(parts), 3)]
     return rows[0] if shape == (3,) else Matrix(*rows)
@@ -446,6 +445,9 @@ def unpack(tree: PyTree, leading: int = 0) -> PyTree:
     scalars = [
         leaf if table else _unpack_leaf(leaf, pattern, leading) for leaf, pattern, table in rows
     ]
+    # A tree in scalar form stays the same object, for which its topology is known.
+    if all(scalar is leaf for scalar, leaf in zip(scalars, leaves, strict=True)):
+        return packed.tree
     return jax.tree.unflatten(shape, scalars)
 
 

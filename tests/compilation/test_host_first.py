@@ -9,14 +9,15 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.compilation import HostFirst
-from clearjoint.dynamics import assembly, constraint_report, journals
+from clearjoint.dynamics import constraint_report, journals
 from clearjoint.math.smoothing import cosine, polar_angle, sine, where
+from clearjoint.simulation.run import run_checks
 from clearjoint.simulation.run.run_checks import check_structure
 from studies.benchmark.first_calls import four_bar
 
 CHECKS = (
     constraint_report.start_rows_by_numpy,
-    assembly.round_trip,
+    run_checks.start_values,
     journals.contact_depths,
 )
 

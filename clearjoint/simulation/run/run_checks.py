@@ -12,6 +12,7 @@ from collections.abc import Callable, Hashable
 from dataclasses import replace
 from functools import reduce
 from operator import and_
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -19,6 +20,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import PyTree
 
+from ...compilation import HostFirst
 from ...compilation.xla import is_tracing
 from ...dynamics.assembly import (
     ACCEPTED_VIOLATION,
@@ -35,37 +37,37 @@ from ...dynamics.constraint_report import (
     RowName,
     StartRows,
     dependent,
+    free_motions,
     scene_order,
     start_rows,
-    start_rows_by_numpy,
 )
 from ...dynamics.coordinates import AbstractCoordinates, MotionVariables
-from ...dynamics.formulation import Formulation
 from ...dynamics.journals import (
     FAR_OUTSIDE,
     FAST_APPROACH,
-    contact_depths,
     require_in_bearings,
-    unknown_approaches,
+    starting_contacts,
 )
 from ...fields.caching import cached_by_numbers
 from ...fields.cautions import number_issued, warns
 from ...fields.checks import conditions_of, conditions_of_changes, recheck, require
 from ...fields.objects import on_device, with_arrays
-from ...math.vectors import Condition, Scalar
+from ...math.vectors import Condition, ConstantFolded, Scalar, unpack
 from ...model.bodies import State
+from ...model.joints.base import ByLabel
 from ...model.scene import Scene
 from ...native import NativeFunction, UnsupportedPrimitiveError, is_native
-from ...native.functions import FlatArguments
+from ...native.functions import FlatArguments, flattened, folded
 from ...native.machine_code import RecentPrograms
 from ..step.dense_output import require_dense
 from ..step.discontinuities import require_declared
 from ..step.method import Scheme
 from ..step.settings import Settings
 
-BY_NUMPY = 8
-"""Number of starts of the same structure that are checked in Python, in some milliseconds each. For
-further ones a native program is compiled, which checks each in microseconds."""
+BY_NUMPY = 32
+"""Number of starts of the same structure that are checked in Python. For further ones a native
+program is compiled, which checks each in microseconds. Compiling takes as long as some thirty
+checks, for a pendulum as for a chain of thirty joints."""
 KEPT = 256
 """Largest number of starts of the same structure for which results of the search for redundant
 constraints are cached."""
@@ -157,13 +159,14 @@ def check_structure(
     """
     if not scene.joints:
         return ()
-    require_in_bearings(scene, state)
-    rows = start_rows_by_numpy(scene, coordinates, state, on_device(t)).in_order_of(scene)
+    start = start_values(scene, state, on_device(t), coordinates)
+    require_in_bearings(scene, start.depths, start.approaches)
+    rows = start.rows.in_order_of(scene)
     require_assembled(tuple(map(": ".join, rows.all_names)), rows.values, rows.rates)
-    require_oriented(scene, state)
+    require_oriented(scene, start.cosines)
     redundant, uncertain = dependent(rows.names, rows.left, {})
     require_certain(uncertain)
-    require_representable(scene, state, coordinates)
+    require_representable(state, coordinates, start.variables, start.orientations)
     return redundant
 
 
@@ -203,8 +206,41 @@ _recheck = cached_by_numbers(recheck)
 passed the check recently."""
 
 
-def _passes(
+class StartValues(NamedTuple):
+    """What the checks of a start compare with their limits.
+
+    - `depths`, `approaches`: the results of `starting_contacts`, by joint and contact label.
+    - `rows`: the constraint equations.
+    - `cosines`: the result of `cosines_of_turns`, by joint.
+    - `variables`, `orientations`: the result of `round_trip`.
+    """
+
+    depths: ByLabel[Scalar]
+    approaches: ByLabel[Scalar]
+    rows: StartRows
+    cosines: dict[str, Scalar]
+    variables: MotionVariables
+    orientations: dict[str, np.ndarray]
+
+
+# NumPy computes this function if it can, since a compilation takes longer than a single call.
+@HostFirst
+def start_values(
     scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
+) -> StartValues:
+    """Return the values for the checks of a start at a time t, s. Vectors in scene and state may be
+    arrays (3,) or three separate scalars."""
+    scene, state = unpack(scene), replace(state, bodies=unpack(state.bodies))
+    motions = free_motions(scene, state.bodies)
+    depths, approaches = starting_contacts(scene, motions, state.entry_speeds)
+    rows = start_rows(scene, coordinates, state, t, motions=motions)
+    cosines = cosines_of_turns.__wrapped__(scene, state.bodies)
+    variables, orientations = round_trip(scene, state, coordinates)
+    return StartValues(depths, approaches, rows, cosines, variables, orientations)
+
+
+def _passes(
+    folded_scene: ConstantFolded, state: State, t: Scalar, coordinates: AbstractCoordinates
 ) -> tuple[Condition, tuple[tuple[RowName, ...], np.ndarray], bool]:
     """Evaluate the checks of `check_start` as conditions on arrays, so that they can be compiled.
 
@@ -215,6 +251,7 @@ def _passes(
     - whether the first result includes the checks of the scene's numbers. It does not if the scene
       has user-defined classes, whose checks must run in Python.
     """
+    scene = folded_scene.tree
     holds: list[Condition] = [*conditions_of(lambda: check_names(scene, state))]
     structure = jax.tree.structure(scene)
     # All numbers may differ from those of an earlier start, so each one is checked.
@@ -222,52 +259,45 @@ def _passes(
     holds += [] if numbers is None else numbers
     if not scene.joints:
         return reduce(and_, holds, jnp.asarray(True)), ((), np.zeros(0)), numbers is not None
-    # `contact_depths` itself computes known numbers by NumPy. Here JAX traces, so the function
-    # inside of its wrapper is called.
-    depths = contact_depths.__wrapped__(scene, state.bodies)
+    # `start_values` itself computes known numbers by NumPy. Here JAX traces, so the function inside
+    # of its wrapper is called.
+    start = start_values.__wrapped__(unpack(folded_scene), state, t, coordinates)
     # `require_in_bearings` raises an error beyond the limit, and issues a warning beyond the small
     # fraction `FAR_OUTSIDE` of it. This function can do neither, so both bounds must hold.
     holds += [
-        (depths[name][label] <= limit) & (depths[name][label] <= FAR_OUTSIDE * limit)
+        (start.depths[name][label] <= limit) & (start.depths[name][label] <= FAR_OUTSIDE * limit)
         for name, joint in scene.contact_joints().items()
         for label, limit in joint.deepest().items()
     ]
-    approaches = unknown_approaches.__wrapped__(scene, state.bodies, state.entry_speeds)
-    rates = [jnp.asarray(rate) for family in approaches.values() for rate in family.values()]
-    holds += [rate <= FAST_APPROACH for rate in rates]
-    fits, rows, variables = assembled(scene, state, t, coordinates)
+    rates = [rate for family in start.approaches.values() for rate in family.values()]
+    holds += [jnp.asarray(rate) <= FAST_APPROACH for rate in rates]
     # A scene without variables is invalid, because nothing could move.
-    holds += [fits, jnp.asarray(bool(jax.tree.leaves(variables)))]
-    return reduce(and_, holds), (rows.names, rows.left), numbers is not None
+    holds += [_assembled(state, start), jnp.asarray(bool(jax.tree.leaves(start.variables)))]
+    names, left = start.rows.names, start.rows.left
+    return reduce(and_, holds), (names, left), numbers is not None
 
 
-def assembled(
-    scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
-) -> tuple[Condition, StartRows, MotionVariables]:
-    """Evaluate whether a state satisfies the constraints of a scene and their time derivatives, at
-    a time t, s, and whether the coordinates of a run can represent the state. Compiled programs,
-    which can't raise errors, use this function for these checks of `check_structure`.
+def assembled(scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates) -> Condition:
+    """Return whether a state satisfies the constraints of a scene and their time derivatives, at a
+    time t, s, and whether the coordinates of a run can represent the state. Compiled programs,
+    which can't raise errors, use this function for these checks of `check_structure`."""
+    return _assembled(state, start_values.__wrapped__(scene, state, t, coordinates))
 
-    **Returns:** the condition, the constraint equations, and the variables of the state.
-    """
-    rows = start_rows(scene, coordinates, state, t)
+
+def _assembled(state: State, start: StartValues) -> Condition:
     # Native code has no `all` of an array without elements, as in a scene without constraints.
-    residuals = [part for part in (rows.values, rows.rates) if part.size]
+    residuals = [part for part in (start.rows.values, start.rows.rates) if part.size]
     holds = [(jnp.abs(part) <= ACCEPTED_VIOLATION).all() for part in residuals]
-    # As in `require_oriented`, fixed and prismatic joints hold their orientation. These functions
-    # compute known numbers by NumPy. Here JAX traces, so the functions inside are called.
-    cosines = cosines_of_turns.__wrapped__(scene, state.bodies)
-    holds += [cosine > 0.0 for cosine in cosines.values()]
-    # The coordinates represent the state: it is the same after conversion to them and back.
-    variables, decoded = round_trip.__wrapped__(scene, state, Formulation(coordinates))
+    # As in `require_oriented`, fixed and prismatic joints hold their orientation.
+    holds += [cosine > 0.0 for cosine in start.cosines.values()]
     for name, body in state.bodies.items():
         # As in `require_representable`, only orientations are compared: with an axis reversed, a
         # state may satisfy all constraints, but its orientation after the conversion is another.
-        given, same = body.orientation, decoded[name].orientation
+        given, same = body.orientation, start.orientations[name]
         # Both signs of Euler parameters are the same orientation.
         apart = jnp.minimum(jnp.abs(given - same).max(), jnp.abs(given + same).max())
         holds.append(apart < REPRESENTED)
-    return reduce(and_, holds, jnp.asarray(True)), rows, variables
+    return reduce(and_, holds, jnp.asarray(True))
 
 
 def flat_start(
@@ -339,6 +369,8 @@ class _Starts:
 
         **Raises:** the error of a user-defined class in the scene whose check fails.
         """
+        scene = given.arguments[0]
+        given = FlatArguments.joined((flattened(folded(given.parts[0])), *given.parts[1:]))
         self._seen[given.key] += 1
         if not is_native():
             return None
@@ -359,14 +391,14 @@ class _Starts:
             return None
         if not with_numbers:
             # The scene has user-defined classes, whose checks run in Python.
-            _recheck(given.arguments[0])
+            _recheck(scene)
         # The search for redundant constraints depends only on `left`, the derivatives of the
         # constraint equations, so its results are cached by them. Without a limit, the cache would
         # grow with each start whose constraints differ.
         known = self._distances.setdefault(given.key, {})
         if len(known) >= KEPT:
             known.clear()
-        order = scene_order(names, given.arguments[0])
+        order = scene_order(names, scene)
         names, left = tuple(names[k] for k in order), left[order]
         redundant, uncertain = dependent(names, left, known)
         return None if uncertain else redundant
