@@ -222,7 +222,7 @@ def shared_by_many(calls: int, function: Callable[..., Result], *arguments: PyTr
 
 def _kind_of(leaf: PyTree) -> Hashable:
     # The attributes of a tracer itself take ten times as long as those of its `aval`.
-    array = leaf.aval if isinstance(leaf, Tracer) else leaf
+    array: PyTree = leaf.aval if isinstance(leaf, Tracer) else leaf
     if array is not leaf or _is_array(leaf):
         return array.shape, array.dtype, getattr(array, "weak_type", False)
     # By their digits, since 0.0 == -0.0 and NaN != NaN.

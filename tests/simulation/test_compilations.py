@@ -10,6 +10,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.fields.objects import on_device, with_arrays
+from clearjoint.simulation.run import run_checks
 from clearjoint.simulation.run.host_run import segment_compiled
 from clearjoint.simulation.run.run_checks import BY_NUMPY, flat_start, starts
 from clearjoint.simulation.run.sampling import sampled_compiled
@@ -330,6 +331,30 @@ def test_other_numbers_of_one_structure_compile_one_check_of_starts(rod):
         wider = cj.set_value(scene, lambda s: s.joints["pin"].clearance, clearance)
         cj.simulate(wider, state, SHORT, progress=False)
     assert starts.count() - before <= 1
+
+
+def test_a_start_that_has_passed_is_not_checked_again(rod, monkeypatch):
+    """Other numbers are, and so is a start that leads to a warning."""
+    scene, state = rod
+    checked, own = [], type(starts)()
+    monkeypatch.setattr(run_checks, "_recheck", checked.append)
+
+    def check(scene, state):
+        return own.checked(*with_arrays((scene, state)), 0.0, cj.JointCoordinates())
+
+    wider = cj.set_value(scene, lambda s: s.joints["pin"].clearance, 1.9e-3)
+    for _ in range(3):
+        for each in (scene, wider):
+            check(each, state)
+    assert len(checked) == 2
+    deep = cj.set_value(state, lambda s: s.bodies["rod"].position, (2e-3, -0.2, 0.0))
+    for _ in range(2):
+        with pytest.warns(cj.UnusualValueWarning, match="deep in the wall"):
+            check(scene, deep)
+    monkeypatch.undo()
+    for _ in range(2):
+        with pytest.raises(ValueError, match="finite"):
+            check(eqx.tree_at(lambda s: s.bodies["rod"].mass, scene, np.asarray(np.nan)), state)
 
 
 def test_the_first_starts_of_a_structure_are_checked_without_a_program():
