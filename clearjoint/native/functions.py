@@ -393,6 +393,17 @@ class FlatArguments:
         others = [np.asarray(self.arrays[k]).tobytes() for k in self._others]
         return b"".join([self.floats.tobytes(), *others])
 
+    def changes(self, earlier: "FlatArguments") -> tuple[bool, ...] | None:
+        """Return whether each leaf of a single argument differs from that of an earlier argument
+        with the same key; ``None`` if it has other leaves than small arrays of floats."""
+        if not self.all_floats or self._others:
+            return None
+        ends = np.cumsum([array.size for array in self.arrays])  # pyright: ignore
+        changed = np.zeros(len(ends), bool)
+        numbers = np.flatnonzero(self.floats != earlier.floats)
+        changed[np.searchsorted(ends, numbers, side="right")] = True
+        return tuple(changed.tolist())
+
     @property
     def _others(self) -> list[int]:
         """Indices of the arrays that `floats` leaves out, for a single argument."""

@@ -352,9 +352,13 @@ def test_a_start_that_has_passed_is_not_checked_again(rod, monkeypatch):
         with pytest.warns(cj.UnusualValueWarning, match="deep in the wall"):
             check(scene, deep)
     monkeypatch.undo()
-    for _ in range(2):
-        with pytest.raises(ValueError, match="finite"):
-            check(eqx.tree_at(lambda s: s.bodies["rod"].mass, scene, np.asarray(np.nan)), state)
+    for mass in np.linspace(1.0, 2.0, BY_NUMPY + 2):
+        check(cj.set_value(scene, lambda s: s.bodies["rod"].mass, mass), state)
+        for number in (np.nan, -1.0):
+            with pytest.raises(ValueError, match="`mass` must be (finite|positive)"):
+                wrong = eqx.tree_at(lambda s: s.bodies["rod"].mass, scene, np.asarray(number))
+                check(wrong, state)
+    assert own.count() == 1
 
 
 def test_the_first_starts_of_a_structure_are_checked_without_a_program():

@@ -50,7 +50,7 @@ from ...dynamics.journals import (
 )
 from ...fields.caching import cached_by_numbers
 from ...fields.cautions import number_issued, warns
-from ...fields.checks import conditions_of, conditions_of_changes, recheck, require
+from ...fields.checks import conditions_of, recheck, recheck_changes, require
 from ...fields.objects import on_device, with_arrays
 from ...math.vectors import Condition, ConstantFolded, Scalar, unpack
 from ...model.bodies import State
@@ -64,10 +64,10 @@ from ..step.discontinuities import require_declared
 from ..step.method import Scheme
 from ..step.settings import Settings
 
-BY_NUMPY = 32
+BY_NUMPY = 16
 """Number of starts of the same structure that are checked in Python. For further ones a native
-program is compiled, which checks each in microseconds. Compiling takes as long as some thirty
-checks, for a pendulum as for a chain of thirty joints."""
+program is compiled, which checks each in microseconds. Compiling takes as long as thirty checks of
+a pendulum, or fourteen of a chain of thirty joints."""
 KEPT = 256
 """Largest number of starts of the same structure for which results of the search for redundant
 constraints are cached."""
@@ -241,24 +241,17 @@ def start_values(
 
 def _passes(
     folded_scene: ConstantFolded, state: State, t: Scalar, coordinates: AbstractCoordinates
-) -> tuple[Condition, tuple[tuple[RowName, ...], np.ndarray], bool]:
+) -> tuple[Condition, tuple[tuple[RowName, ...], np.ndarray]]:
     """Evaluate the checks of `check_start` as conditions on arrays, so that they can be compiled.
 
-    **Returns:**
-
-    - whether the start passes all checks except that of redundancy, and none of them would warn;
-    - the fields `names` and `left` of `StartRows`, from which redundant constraints are found;
-    - whether the first result includes the checks of the scene's numbers. It does not if the scene
-      has user-defined classes, whose checks must run in Python.
+    **Returns:** whether the start passes all checks except those of redundancy and of the scene's
+    numbers, and none of them would warn; and the fields `names` and `left` of `StartRows`, from
+    which redundant constraints are found.
     """
     scene = folded_scene.tree
     holds: list[Condition] = [*conditions_of(lambda: check_names(scene, state))]
-    structure = jax.tree.structure(scene)
-    # All numbers may differ from those of an earlier start, so each one is checked.
-    numbers = conditions_of_changes(scene, structure, (True,) * structure.num_leaves)
-    holds += [] if numbers is None else numbers
     if not scene.joints:
-        return reduce(and_, holds, jnp.asarray(True)), ((), np.zeros(0)), numbers is not None
+        return reduce(and_, holds, jnp.asarray(True)), ((), np.zeros(0))
     # `start_values` itself computes known numbers by NumPy. Here JAX traces, so the function inside
     # of its wrapper is called.
     start = start_values.__wrapped__(unpack(folded_scene), state, t, coordinates)
@@ -274,7 +267,7 @@ def _passes(
     # A scene without variables is invalid, because nothing could move.
     holds += [_assembled(state, start), jnp.asarray(bool(jax.tree.leaves(start.variables)))]
     names, left = start.rows.names, start.rows.left
-    return reduce(and_, holds), (names, left), numbers is not None
+    return reduce(and_, holds), (names, left)
 
 
 def assembled(scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates) -> Condition:
@@ -329,6 +322,8 @@ class _Starts:
         self._distances: dict[Hashable, dict[bytes, np.ndarray]] = {}
         # Redundant constraints of recent starts that have passed all checks without a warning.
         self._passed: RecentPrograms[tuple[str, ...]] = RecentPrograms()
+        # The latest scene of each structure whose numbers have passed their checks.
+        self._scenes: RecentPrograms[FlatArguments] = RecentPrograms()
 
     def count(self) -> int:
         """Return the number of native programs that have been compiled to check starts."""
@@ -367,10 +362,10 @@ class _Starts:
 
         **Arguments:** `given`: scene, state, start time and coordinates, flattened.
 
-        **Raises:** the error of a user-defined class in the scene whose check fails.
+        **Raises:** `ValueError` for numbers of the scene that its constructors refuse.
         """
-        scene = given.arguments[0]
-        given = FlatArguments.joined((flattened(folded(given.parts[0])), *given.parts[1:]))
+        scene, unfolded = given.arguments[0], given.parts[0]
+        given = FlatArguments.joined((flattened(folded(unfolded)), *given.parts[1:]))
         self._seen[given.key] += 1
         if not is_native():
             return None
@@ -381,7 +376,7 @@ class _Starts:
         if self._seen[given.key] <= BY_NUMPY and not self._function.is_made(given):
             return None
         try:
-            fine, (names, left), with_numbers = self._function.run(given)
+            fine, (names, left) = self._function.run(given)
         except (UnsupportedPrimitiveError, ValueError):
             # Native code has no rule for an operation of the checks, or a check fails for any
             # numbers, for instance if a body lacks a state. Never try this structure again.
@@ -389,9 +384,7 @@ class _Starts:
             return None
         if not fine:
             return None
-        if not with_numbers:
-            # The scene has user-defined classes, whose checks run in Python.
-            _recheck(scene)
+        self._recheck(scene, unfolded)
         # The search for redundant constraints depends only on `left`, the derivatives of the
         # constraint equations, so its results are cached by them. Without a limit, the cache would
         # grow with each start whose constraints differ.
@@ -402,6 +395,18 @@ class _Starts:
         names, left = tuple(names[k] for k in order), left[order]
         redundant, uncertain = dependent(names, left, known)
         return None if uncertain else redundant
+
+    def _recheck(self, scene: Scene, flat: FlatArguments) -> None:
+        """Repeat the checks of the constructors of a scene, or only those of the numbers that
+        differ from the latest scene of the same structure. In native code, these checks were a
+        third of the program."""
+        earlier = self._scenes.recent(flat.key)
+        changed = None if earlier is None else flat.changes(earlier)
+        if changed is None:
+            _recheck(scene)
+        else:
+            recheck_changes(scene, flat.tree_structure, changed)
+        self._scenes.add(flat.key, flat)
 
 
 starts = _Starts()
