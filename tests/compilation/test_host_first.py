@@ -113,9 +113,10 @@ def test_numpy_computes_the_checks_of_a_start(monkeypatch):
     }
     for function in found.values():
         monkeypatch.setattr(function, "_by_numpy", {})
+    monkeypatch.setattr(run_checks, "starts", type(run_checks.starts)())
     # Without drivers that depend on time, which need JAX for their derivatives.
     for make in cj.mechanisms.double_pendulum, cj.mechanisms.four_bar:
         cj.simulate(*make(), 1e-6, progress=False)
     tried = {f.__wrapped__.__name__: [*f._by_numpy.values()] for f in found.values()}
-    assert sum(map(bool, tried.values())) >= 3
+    assert tried["start_values"]
     assert {name for name, worked in tried.items() if not all(worked)} == set()
