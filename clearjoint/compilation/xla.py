@@ -12,11 +12,11 @@ device.
 import gc
 import threading
 import time
-from collections.abc import Callable, Hashable, Iterable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
-from functools import cache, partial, update_wrapper, wraps
+from functools import cache, cached_property, partial, update_wrapper, wraps
 from typing import Generic, ParamSpec, TypeVar
 
 import equinox as eqx
@@ -117,24 +117,33 @@ class NotSharedError(Exception):
 
 
 class _Shared:
-    """A function of PyTrees that JAX traces once, for one structure of its arguments.
+    """A function of PyTrees that JAX traces once, for one structure of its arguments. It is called
+    with their leaves.
 
-    **Arguments:** `function`, `arguments`: the function and the arguments of its first call.
+    **Arguments:** `function`; `leaves`, `structure`: the arguments of its first call, flattened;
+    `is_called`: as in `traced_for_a_kind`.
 
     **Raises:** `NotSharedError` if the function uses values that JAX traces and that are not among
     its arguments; what the function raises.
     """
 
     def __init__(
-        self, function: Callable[..., PyTree], arguments: tuple[PyTree, ...], is_called: bool
+        self,
+        function: Callable[..., PyTree],
+        leaves: Sequence[PyTree],
+        structure: PyTree,
+        is_called: bool,
     ):
-        arrays, given = _divided(arguments)
+        given, arrays = _divided(leaves)
         # The results of the function with placeholders for arrays, once JAX has traced it.
         # Structural zeros stay Python numbers, which the caller leaves out of its formulas.
-        self._results: PyTree = None
+        self._results: tuple[list[PyTree], PyTree] = [], None
 
         def shared_function(*arrays: PyTree) -> list[PyTree]:
-            traced, self._results = _divided(function(*_joined(given, arrays)))
+            result = function(*jax.tree.unflatten(structure, _joined(given, arrays)))
+            leaves, form = jax.tree.flatten(result)
+            others, traced = _divided(leaves)
+            self._results = others, form
             return traced
 
         shared_function.__name__ = SHARED if is_called else "traced_for_a_kind"
@@ -144,30 +153,34 @@ class _Shared:
         if any(isinstance(constant, Tracer) for constant in constants):
             raise NotSharedError
 
-    def __call__(self, arguments: tuple[PyTree, ...]) -> PyTree:
-        arrays, _ = _divided(arguments)
-        return _joined(self._results, self._function(*arrays))
+    def __call__(self, leaves: Sequence[PyTree]) -> PyTree:
+        arrays = self._function(*filter(_is_array, leaves))
+        others, form = self._results
+        return jax.tree.unflatten(form, _joined(others, arrays))
 
 
 _ARRAY = ...
-"""Stands for an array in a PyTree."""
+"""Stands for an array among leaves of a PyTree."""
 
 
-def _divided(tree: PyTree) -> tuple[list[PyTree], PyTree]:
-    """Return the arrays of a PyTree, and the PyTree with `_ARRAY` in their places."""
-    leaves, structure = jax.tree.flatten(tree)
+def _divided(leaves: Sequence[PyTree]) -> tuple[list[PyTree], list[PyTree]]:
+    """Return the leaves of a PyTree with `_ARRAY` in the places of the arrays, and the arrays."""
     others = [_ARRAY if _is_array(leaf) else leaf for leaf in leaves]
-    return list(filter(_is_array, leaves)), jax.tree.unflatten(structure, others)
+    return others, [a for a, b in zip(leaves, others, strict=True) if b is _ARRAY]
 
 
-def _joined(tree: PyTree, arrays: Iterable[PyTree]) -> PyTree:
-    """Return a PyTree with arrays in the places of `_ARRAY`: the inverse of `_divided`."""
+def _joined(leaves: Sequence[PyTree], arrays: Iterable[PyTree]) -> list[PyTree]:
+    """Return leaves with arrays in the places of `_ARRAY`: the inverse of `_divided`."""
     remaining = iter(arrays)
-    return jax.tree.map(lambda leaf: next(remaining) if leaf is _ARRAY else leaf, tree)
+    return [next(remaining) if leaf is _ARRAY else leaf for leaf in leaves]
 
 
 def _is_array(leaf: PyTree) -> bool:
-    return eqx.is_array(leaf) or isinstance(leaf, np.ndarray)
+    # The question is asked several hundred thousand times while a large program is traced, and that
+    # of Equinox takes longer than the other two.
+    if isinstance(leaf, Tracer | np.ndarray):
+        return True
+    return type(leaf) is not float and eqx.is_array(leaf)
 
 
 def traced_for_a_kind(
@@ -198,8 +211,8 @@ def traced_for_a_kind(
     except TypeError as error:
         raise NotSharedError from error
     if shared is None:
-        shared = programs[key] = _Shared(function, arguments, is_called)
-    return shared(arguments)
+        shared = programs[key] = _Shared(function, leaves, structure, is_called)
+    return shared(leaves)
 
 
 FEWEST = 4
@@ -227,8 +240,10 @@ def shared_by_many(calls: int, function: Callable[..., Result], *arguments: PyTr
 
 
 def _kind_of(leaf: PyTree) -> Hashable:
-    if _is_array(leaf):
-        return leaf.shape, leaf.dtype, getattr(leaf, "weak_type", False)
+    # The attributes of a tracer itself take ten times as long as those of its `aval`.
+    array: PyTree = leaf.aval if isinstance(leaf, Tracer) else leaf
+    if array is not leaf or _is_array(leaf):
+        return array.shape, array.dtype, getattr(array, "weak_type", False)
     # By their digits, since 0.0 == -0.0 and NaN != NaN.
     return type(leaf), leaf.hex() if type(leaf) is float else leaf
 
@@ -338,11 +353,18 @@ class Compiled(Generic[Arguments, Result]):
     __wrapped__: Callable[Arguments, Result]
 
     def __init__(self, function: Callable[Arguments, Result], **compiler_options: str | bool):
-        traced, chosen = begins_a_program(function), OPTIONS | compiler_options
-        # JAX accepts compiler options only for programs that are not part of another one.
-        self._inner = eqx.filter_jit(traced)
-        self._outermost = eqx.filter_jit(traced, compiler_options=chosen)  # pyright: ignore
+        self._traced, self._options = begins_a_program(function), OPTIONS | compiler_options
         update_wrapper(self, function)
+
+    # Making both takes 6 ms, and most functions of the package are never compiled in a process.
+    # JAX accepts compiler options only for programs that are not part of another one.
+    @cached_property
+    def _inner(self) -> Callable[..., Result]:
+        return eqx.filter_jit(self._traced)
+
+    @cached_property
+    def _outermost(self) -> Callable[..., Result]:
+        return eqx.filter_jit(self._traced, compiler_options=self._options)  # pyright: ignore
 
     def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
         """Return the function's result, compiling a program first if none fits the arguments."""
@@ -354,7 +376,8 @@ class Compiled(Generic[Arguments, Result]):
     def programs(self) -> int:
         """Return the number of programs that have been compiled for this function in this
         process."""
-        return self._inner._cached._cache_size() + self._outermost._cached._cache_size()
+        made = [vars(self).get(name) for name in ("_inner", "_outermost")]
+        return sum(one._cached._cache_size() for one in made if one is not None)
 
 
 _NEEDS_JAX = (

@@ -19,7 +19,7 @@ from ..fields.cautions import UnusualValueWarning, caution
 from ..fields.checks import caution_unless, checkable, nearest, require, require_finite
 from ..fields.objects import on_device, with_arrays
 from ..math.rotations import rotation_matrix
-from ..math.vectors import EulerParameters, Scalar, pack, unpack
+from ..math.vectors import ZERO, EulerParameters, Scalar, pack, unpack
 from ..model.bodies import GROUND, BodyState, State, body_state
 from ..model.joints.base import PARALLEL, AbstractConstraint
 from ..model.joints.ideal import FixedJoint, PrismaticJoint
@@ -292,7 +292,7 @@ def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
     report = constraint_report(scene, State(bodies), t)
     _require_satisfied(report.names, report.values, SATISFIED, "assembled", "positions")
     state = _with_velocities(scene, replace(state, bodies=bodies), t)
-    require_oriented(scene, state)
+    require_oriented(scene, cosines_of_turns(scene, state.bodies))
     return state
 
 
@@ -324,7 +324,7 @@ def require_assembled(names: tuple[str, ...], values: np.ndarray, rates: np.ndar
     _require_satisfied(names, rates, ACCEPTED_VIOLATION, "consistent", "velocities")
 
 
-def require_oriented(scene: Scene, state: State) -> None:
+def require_oriented(scene: Scene, cosines: dict[str, Scalar]) -> None:
     """Check that the relative orientation in each fixed and prismatic joint is less than 90 degrees
     from the one that the joint declares.
 
@@ -332,9 +332,11 @@ def require_oriented(scene: Scene, state: State) -> None:
     further rotation by half a revolution about x, y or z, or by 120 degrees (a cyclic permutation
     of the axes). A run that starts from such a wrong orientation would hold it.
 
+    **Arguments:** `cosines`: the result of `cosines_of_turns`.
+
     **Raises:** `ValueError` that names the joint.
     """
-    for name, cosine in cosines_of_turns(scene, state.bodies).items():
+    for name, cosine in cosines.items():
         turn = round(float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))), 3)
         second = scene.joints[name].body_names()[1]
         expected = (
@@ -354,6 +356,8 @@ def cosines_of_turns(scene: Scene, bodies: dict[str, BodyState]) -> dict[str, Sc
     In scene and states of the bodies, vectors are arrays (3,).
     """
     oriented = {n: j for n, j in scene.joints.items() if isinstance(j, FixedJoint | PrismaticJoint)}
+    if not oriented:
+        return {}
     orientations = {name: body.orientation for name, body in unpack(bodies).items()}
     orientations[GROUND] = EulerParameters(*PARALLEL)
     cosines: dict[str, Scalar] = {}
@@ -383,7 +387,12 @@ def require_certain(uncertain: tuple[str, ...]) -> None:
     require(not uncertain, "state", list(uncertain), expected, remedy)
 
 
-def require_representable(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
+def require_representable(
+    state: State,
+    coordinates: AbstractCoordinates,
+    variables: MotionVariables,
+    represented: dict[str, np.ndarray],
+) -> None:
     """Check that coordinates can represent an assembled state, and have at least one variable.
 
     A state that satisfies all constraints need not be representable. For example, parallel and
@@ -391,12 +400,13 @@ def require_representable(scene: Scene, state: State, coordinates: AbstractCoord
     represents only parallel axes. The state is converted to the coordinates and back, and must keep
     its orientations; other differences are not checked.
 
+    **Arguments:** `variables`, `represented`: the result of `round_trip`.
+
     **Raises:** `ValueError` that names the body, or the coordinates if they have no variable.
     """
-    variables, represented = round_trip(scene, state, Formulation(coordinates))
     _require_something_moves(variables, coordinates)
     for name, body in state.bodies.items():
-        given, found = (np.asarray(b.orientation) for b in (body, represented[name]))
+        given, found = np.asarray(body.orientation), np.asarray(represented[name])
         # Euler parameters of opposite sign are the same orientation.
         apart = min(np.abs(given - found).max(), np.abs(given + found).max())
         expected = f"one that the coordinates can represent, here {found.tolist()}"
@@ -414,9 +424,7 @@ def require_freedom(scene: Scene, state: State, coordinates: AbstractCoordinates
 
     **Raises:** `ValueError` if nothing in the scene can move.
     """
-    variables, _ = eqx.filter_eval_shape(
-        round_trip.__wrapped__, scene, state, Formulation(coordinates)
-    )
+    variables, _ = eqx.filter_eval_shape(round_trip, scene, state, coordinates)
     _require_something_moves(variables, coordinates)
 
 
@@ -432,22 +440,26 @@ def _require_something_moves(variables: MotionVariables, coordinates: AbstractCo
     require(moves, "coordinates", kind, "such that a degree of freedom is left", remedy)
 
 
-# NumPy computes this function if it can, since a compilation takes longer than a single call.
-@HostFirst
 def round_trip(
-    scene: Scene, state: State, formulation: Formulation
-) -> tuple[MotionVariables, dict[str, BodyState]]:
-    """Convert a state to the variables of a formulation's coordinates, and back.
+    scene: Scene, state: State, coordinates: AbstractCoordinates
+) -> tuple[MotionVariables, dict[str, np.ndarray]]:
+    """Convert the poses of a state to coordinates, and back.
 
-    If the states after the conversion differ from the given ones, the coordinates cannot represent
-    the given state (see `require_representable`).
+    If the orientations after the conversion differ from the given ones, the coordinates cannot
+    represent the state (see `require_representable`).
 
-    **Returns:** the variables, and the states of the bodies by name, converted back from the
-    variables. Scene, state and the returned states have vectors as arrays (3,).
+    **Returns:** the variables at rest, and the Euler parameters of the bodies, (4,), by name,
+    converted back from the variables.
     """
-    system = System(unpack(scene), formulation)
-    variables = system.encode(unpack(state.bodies))
-    return variables, pack(system.decode(variables))
+    scene, bodies = unpack(scene), unpack(state.bodies)
+    # No velocity is compared, and structural zeros take no operations.
+    resting = {
+        name: BodyState(body.position, body.orientation, ZERO, ZERO)
+        for name, body in bodies.items()
+    }
+    variables = coordinates.encode(scene, resting)
+    decoded = coordinates.decode(scene, variables)
+    return variables, {name: pack(body.orientation) for name, body in decoded.items()}
 
 
 def _require_satisfied(

@@ -19,8 +19,8 @@ from ..compilation import HostFirst
 from ..fields.objects import on_device
 from ..math.smoothing import where
 from ..math.vectors import Scalar, library, square_root, unpack
-from ..model.bodies import GROUND, State
-from ..model.joints.base import ByLabel, Row
+from ..model.bodies import GROUND, BodyState, State
+from ..model.joints.base import ByLabel, Motions, Row
 from ..model.scene import Scene
 from ..native import NativeFunction, UnsupportedPrimitiveError
 from .absolute_coordinates import AbsoluteCoordinates
@@ -186,6 +186,7 @@ def start_rows(
     state: State,
     t: Scalar,
     with_jacobian: bool = False,
+    motions: Motions | None = None,
 ) -> StartRows:
     """Return all constraint rows in an initial state at time t, s, and those that `coordinates` do
     not eliminate. Scene and state have vectors as arrays (3,).
@@ -194,12 +195,11 @@ def start_rows(
     A dictionary would lose the order, since JAX sorts its keys.
 
     **Arguments:** `with_jacobian`: whether to return the field `jacobian`, whose size grows with
-    the square of the number of bodies.
+    the square of the number of bodies; `motions`: those of `free_motions`, if they are known.
     """
     scene, bodies = unpack(scene), unpack(state.bodies)
     absolute = AbsoluteCoordinates()
-    variables = absolute.encode(scene, bodies)
-    motions = absolute.motions(scene, variables)
+    motions = free_motions(scene, bodies) if motions is None else motions
     by_joint = constraint_rows(scene, absolute, motions, t)
     rows = _by_name(by_joint)
     values = [as_array([row.value])[0] for row in rows.values()]
@@ -207,7 +207,7 @@ def start_rows(
     jacobian = None
     if with_jacobian:
         # The speeds of absolute coordinates are the velocities and spins of the bodies.
-        mechanics = absolute.mechanics(scene, variables)
+        mechanics = absolute.mechanics(scene, absolute.encode(scene, bodies))
         jacobian = _stacked([as_array(mechanics.projected(row.jacobian)) for row in rows.values()])
     names, left = [], []
     # In a scene of trees, joint coordinates leave no rows, and nothing further is computed.
@@ -219,6 +219,13 @@ def start_rows(
             left.append(as_array(mechanics.projected(row.jacobian)) / _norm(rows[name]))
     of_all = _stacked(values), _stacked(rates), tuple(rows), tuple(scene.bodies)
     return StartRows(*of_all, tuple(names), _stacked(left), jacobian)
+
+
+def free_motions(scene: Scene, bodies: dict[str, BodyState]) -> Motions:
+    """Return pose and velocities of each body and of "ground", by name, of states that may violate
+    the constraints. Vectors are separate scalars."""
+    absolute = AbsoluteCoordinates()
+    return absolute.motions(scene, absolute.encode(scene, bodies))
 
 
 def _norm(row: Row) -> Scalar:

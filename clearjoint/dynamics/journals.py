@@ -19,14 +19,20 @@ from ..compilation import HostFirst
 from ..fields.cautions import LeftBearingWarning, UnusualValueWarning, caution, quiet
 from ..fields.checks import caution_unless, require
 from ..fields.objects import on_device
-from ..math.vectors import ZERO, Condition, Scalar, pack, unpack
+from ..math.vectors import ZERO, Condition, Scalar, pack, subtract, unpack
 from ..model.bodies import GROUND, GROUND_MOTION, NO_WRENCH, BodyState, State
 from ..model.contact.laws import whole_law
-from ..model.joints.base import AbstractConstraint, AbstractContactJoint, ByLabel, Contact
+from ..model.joints.base import (
+    AbstractConstraint,
+    AbstractContactJoint,
+    ByLabel,
+    Contact,
+    Motions,
+)
 from ..model.scene import Scene
 from ..native import Native
 from .absolute_coordinates import AbsoluteCoordinates
-from .contact_events import approaches_unknown
+from .contact_events import approaches_unknown, contact_gaps
 from .contact_forces import EntrySpeeds, LoadedContact
 from .coordinates import free_motion
 from .formulation import Formulation, Unstabilised
@@ -171,9 +177,13 @@ def with_ideal(scene: Scene, ideal: Mapping[str, AbstractConstraint]) -> Scene:
         return replace(scene, joints={**scene.joints, **ideal})
 
 
-def require_in_bearings(scene: Scene, state: State) -> None:
+def require_in_bearings(
+    scene: Scene, by_joint: ByLabel[Scalar], approaches: ByLabel[Scalar]
+) -> None:
     """Check the penetrations of an initial state, and warn of contacts deep inside the wall, and of
     contacts that begin without their damping.
+
+    **Arguments:** `by_joint`, `approaches`: the results of `starting_contacts`.
 
     The penetration is that of the surfaces. `too_deep`, which ends a run, measures the depth from
     the onset of the force. It is slightly stricter for smoothed and rough contact laws, whose force
@@ -187,7 +197,7 @@ def require_in_bearings(scene: Scene, state: State) -> None:
     Another `UnusualValueWarning` is issued for a contact that has begun before, approaches faster
     than `FAST_APPROACH`, and has no entry speed.
     """
-    for name, family in unknown_approaches(scene, state.bodies, state.entry_speeds).items():
+    for name, family in approaches.items():
         label = max(family, key=lambda label: float(family[label]))
         rate, argument = float(family[label]), f"state.entry_speeds[{name!r}][{label!r}]"
         if rate > FAST_APPROACH:
@@ -197,7 +207,8 @@ def require_in_bearings(scene: Scene, state: State) -> None:
                 f"it ends: give {argument}, in m/s, or start outside of the wall.",
                 UnusualValueWarning,
             )
-    for name, joint_depths in depths(scene, state).items():
+    for name, family in by_joint.items():
+        joint_depths = _numbers(family)
         limits = _numbers(scene.contact_joints()[name].deepest())
         # A joint may have no limits, and then any penetration is allowed.
         if not limits:
@@ -287,7 +298,13 @@ def _excesses(
 ) -> dict[str, Scalar]:
     """Return the result of `slid_out` for joints and states of bodies in which each vector is three
     separate scalars, or three arrays (N,)."""
-    free = {name: free_motion(body, None) for name, body in bodies.items()}
+    # Motions are computed for joints only whose class has a journal that may slide out.
+    inherited = AbstractContactJoint.slid_out
+    joints = {
+        name: joint for name, joint in joints.items() if type(joint).slid_out is not inherited
+    }
+    names = {name for joint in joints.values() for name in joint.body_names()}
+    free = {name: free_motion(body, None) for name, body in bodies.items() if name in names}
     motions = {GROUND: GROUND_MOTION, **free}
     excesses = {name: joint.slid_out(motions) for name, joint in joints.items()}
     return {name: excess for name, excess in excesses.items() if excess is not None}
@@ -326,16 +343,21 @@ def contact_depths(scene: Scene, bodies: dict[str, BodyState]) -> ByLabel[Scalar
     }
 
 
-# NumPy computes this function if it can, since a compilation takes longer than a single call.
-@HostFirst
-def unknown_approaches(
-    scene: Scene, bodies: dict[str, BodyState], entry_speeds: EntrySpeeds
-) -> ByLabel[Scalar]:
-    """Return the result of `approaches_unknown` for scene and states of the bodies in which vectors
-    are arrays (3,)."""
-    system = System(unpack(scene), Formulation(AbsoluteCoordinates()))
-    gaps = system.contact_gaps(system.encode(unpack(bodies)))
-    return approaches_unknown(system.scene, gaps, entry_speeds)
+def starting_contacts(
+    scene: Scene, motions: Motions, entry_speeds: EntrySpeeds
+) -> tuple[ByLabel[Scalar], ByLabel[Scalar]]:
+    """Return the results of `contact_depths` and of `approaches_unknown` for a scene and motions in
+    which each vector is three separate scalars."""
+    gaps, laws = contact_gaps(scene, motions), scene.laws()
+    # Gaps are measured from the onset of the force.
+    surfaces = {
+        name: {
+            label: subtract(gap.depth, laws[name][label].onset_offset())
+            for label, gap in family.items()
+        }
+        for name, family in gaps.items()
+    }
+    return surfaces, approaches_unknown(scene, gaps, entry_speeds)
 
 
 # This function is compiled to native code or, if that is not possible, by XLA without a warning.

@@ -10,6 +10,8 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from copy import copy
+from itertools import count
 from pathlib import Path
 
 import equinox as eqx
@@ -21,6 +23,8 @@ _PACKAGES = tuple(
 SILENCE = "To silence this:"
 """Start of the last sentence of each warning, on how to silence it."""
 _QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
+_ISSUED = count()
+"""Counts the warnings of all threads; unlike adding to a number, a call of `next` is one step."""
 
 
 class UnusualValueWarning(UserWarning):
@@ -108,8 +112,14 @@ def caution(message: str, category: type[Warning]) -> None:
     """
     if not warns():
         return
+    next(_ISSUED)
     silence = f'warnings.filterwarnings("ignore", category=clearjoint.{category.__name__})'
     warnings.warn(f"{message} {SILENCE} {silence}.", category, level_of_the_user())
+
+
+def number_issued() -> int:
+    """Return a number that grows with each warning that `caution` issues."""
+    return next(copy(_ISSUED))
 
 
 def warns() -> bool:

@@ -400,16 +400,28 @@ def _pattern(leaf: ArrayLike) -> Pattern:
     return tuple(number if number in (0.0, 1.0) else None for number in numbers)
 
 
+def _component(leaf: jax.Array, index: tuple[int, ...], leading: int) -> Scalar:
+    """Return the component at an index behind the leading axes. JAX traces primitives in half of
+    the time of an index."""
+    if leading or not isinstance(leaf, Tracer):
+        return leaf[(slice(None),) * leading + index]
+    part = jax.lax.slice(leaf, index, [k + 1 for k in index])
+    return jax.lax.squeeze(part, range(len(index)))
+
+
 def _unpack_leaf(leaf: jax.Array, pattern: Pattern, leading: int) -> PyTree:
     """Return the scalar form of one array, or the array itself if it has none; see `unpack`."""
-    shape, front = jnp.shape(leaf)[leading:], (slice(None),) * leading
+    shape = jnp.shape(leaf)[leading:]
     if shape == (4,):
-        return EulerParameters(*(leaf[(*front, k)] for k in range(4)))
+        return EulerParameters(*(_component(leaf, (k,), leading) for k in range(4)))
     if shape not in ((3,), (3, 3)):
         return leaf
     indices = [(k,) for k in range(3)] if shape == (3,) else list(np.ndindex(3, 3))
     known = (None,) * len(indices) if pattern is None else pattern
-    parts = [leaf[front + i] if k is None else k for i, k in zip(indices, known, strict=True)]
+    parts = [
+        _component(leaf, i, leading) if k is None else k
+        for i, k in zip(indices, known, strict=True)
+    ]
     rows = [Vector(*parts[k : k + 3]) for k in range(0, len(parts), 3)]
     return rows[0] if shape == (3,) else Matrix(*rows)
 
@@ -435,6 +447,9 @@ def unpack(tree: PyTree, leading: int = 0) -> PyTree:
     scalars = [
         leaf if table else _unpack_leaf(leaf, pattern, leading) for leaf, pattern, table in rows
     ]
+    # A tree in scalar form stays the same object, for which its topology is known.
+    if all(scalar is leaf for scalar, leaf in zip(scalars, leaves, strict=True)):
+        return packed.tree
     return jax.tree.unflatten(shape, scalars)
 
 

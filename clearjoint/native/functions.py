@@ -4,7 +4,7 @@ import math
 import threading
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from functools import cached_property
-from typing import cast
+from typing import TypeVar, cast
 
 import equinox as eqx
 import jax
@@ -50,6 +50,7 @@ LARGE = 256
 """Number of elements from which on an argument is written to memory by a call of NumPy of its own.
 Smaller arguments are joined and written together: for few numbers, a call takes longer than the
 copying itself."""
+Argument = TypeVar("Argument")
 _ARRAY = ...
 """Stands for an array in the structure of a result; it is the same object after unpickling."""
 _COMPILES = threading.RLock()
@@ -288,10 +289,12 @@ class _Key:
     comparing two keys part by part takes as long as flattening.
     """
 
-    __slots__ = ("_hash", "parts")
+    __slots__ = ("_hash", "others", "parts")
 
     def __init__(self, parts: tuple[Hashable, ...], number: int):
         self.parts, self._hash = parts, number
+        # Indices of the arrays that `FlatArguments.floats` leaves out, once they are known.
+        self.others: list[int] | None = None
 
     def __hash__(self) -> int:
         return self._hash
@@ -377,22 +380,70 @@ class FlatArguments:
         other. Those of a scene are joined once for all programs of a run."""
         if self.parts:
             return np.concatenate([part.floats for part in self.parts])
-        small = [a for a in self.arrays if a.size < LARGE and a.dtype.kind == "f"]  # pyright: ignore
-        return np.concatenate(small, axis=None) if small else np.zeros(0)
+        others = set(self._others)
+        small = [array for k, array in enumerate(self.arrays) if k not in others]
+        return np.concatenate(small if others else self.arrays, axis=None) if small else _NONE
+
+    @property
+    def numbers(self) -> bytes:
+        """The numbers of all arrays, as bytes. Arguments with equal keys and equal numbers are
+        equal, in the sense that NaN equals NaN, and that -0.0 differs from 0.0."""
+        if self.parts:
+            return b"".join([part.numbers for part in self.parts])
+        others = [np.asarray(self.arrays[k]).tobytes() for k in self._others]
+        return b"".join([self.floats.tobytes(), *others])
+
+    def changes(self, earlier: "FlatArguments") -> tuple[bool, ...] | None:
+        """Return whether each leaf of a single argument differs from that of an earlier argument
+        with the same key; ``None`` if it has other leaves than small arrays of floats."""
+        if not self.all_floats or self._others:
+            return None
+        ends = np.cumsum([array.size for array in self.arrays])  # pyright: ignore
+        changed = np.zeros(len(ends), bool)
+        numbers = np.flatnonzero(self.floats != earlier.floats)
+        changed[np.searchsorted(ends, numbers, side="right")] = True
+        return tuple(changed.tolist())
+
+    @property
+    def _others(self) -> list[int]:
+        """Indices of the arrays that `floats` leaves out, for a single argument."""
+        key = self.key
+        assert isinstance(key, _Key)
+        if key.others is None:
+            key.others = [
+                k
+                for k, array in enumerate(self.arrays)
+                if array.size >= LARGE or array.dtype.kind != "f"  # pyright: ignore
+            ]
+        return key.others
 
 
+_NONE = np.zeros(0)
 _FLOAT64 = np.dtype(np.float64)
 
 
 def flattened(argument: PyTree) -> FlatArguments:
     """Flatten a single argument."""
-    if not isinstance(argument, ConstantFolded):
-        return _newly_flattened(argument)
-    # The folded scene is an argument of each program of a run, so its parts are kept with it.
-    kept = vars(argument)
-    if "flattened" not in kept:
-        kept["flattened"] = _folded(flattened(argument.tree), argument)
-    return kept["flattened"]
+    if isinstance(argument, ConstantFolded):
+        # The folded scene is an argument of each program of a run, so its parts are kept with it.
+        kept = vars(argument)
+        if "flattened" not in kept:
+            kept["flattened"] = _folded(flattened(argument.tree), argument)
+        return kept["flattened"]
+    known = _KEPT.get(id(argument))
+    return _newly_flattened(argument) if known is None else known
+
+
+_KEPT: RecentPrograms[FlatArguments] = RecentPrograms()
+"""Flattened forms by the identity of the argument, which they hold, so that no other object has the
+same identity."""
+
+
+def keep_flattened(argument: Argument) -> Argument:
+    """Keep the flattened form of an argument of many calls, which must be small, and return the
+    argument."""
+    _KEPT.add(id(argument), _newly_flattened(argument))
+    return argument
 
 
 def folded(tree: FlatArguments) -> ConstantFolded:

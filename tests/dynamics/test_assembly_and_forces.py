@@ -12,7 +12,7 @@ from clearjoint.dynamics.constraint_report import start_rows
 from clearjoint.dynamics.formulation import Formulation
 from clearjoint.dynamics.system import System
 from clearjoint.math.vectors import Vector, unpack
-from clearjoint.simulation.run.run_checks import BY_NUMPY, starts
+from clearjoint.simulation.run.run_checks import BY_NUMPY, flat_start, starts
 
 
 def euler_parameters(rotation):
@@ -82,7 +82,7 @@ def test_joints_refuse_orientations_other_than_their_own(kind, turn):
         with pytest.raises(ValueError, match=message):
             cj.simulate(scene, state(wrong * declared), 1e-3, settings, progress=False)
     right = cj.assemble(scene, state(Rotation.from_rotvec((0.1, 0, 0.1)) * declared))
-    found = starts.redundant(scene, right, 0.0, cj.AbsoluteCoordinates())
+    found = starts.redundant(flat_start(scene, right, 0.0, cj.AbsoluteCoordinates()))
     assert found == ()
 
 

@@ -10,8 +10,9 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.fields.objects import on_device, with_arrays
+from clearjoint.simulation.run import run_checks
 from clearjoint.simulation.run.host_run import segment_compiled
-from clearjoint.simulation.run.run_checks import BY_NUMPY, starts
+from clearjoint.simulation.run.run_checks import BY_NUMPY, flat_start, starts
 from clearjoint.simulation.run.sampling import sampled_compiled
 from clearjoint.simulation.run.simulate import begin_compiled
 
@@ -332,13 +333,41 @@ def test_other_numbers_of_one_structure_compile_one_check_of_starts(rod):
     assert starts.count() - before <= 1
 
 
+def test_a_start_that_has_passed_is_not_checked_again(rod, monkeypatch):
+    """Other numbers are, and so is a start that leads to a warning."""
+    scene, state = rod
+    checked, own = [], type(starts)()
+    monkeypatch.setattr(run_checks, "_recheck", checked.append)
+
+    def check(scene, state):
+        return own.checked(*with_arrays((scene, state)), 0.0, cj.JointCoordinates())
+
+    wider = cj.set_value(scene, lambda s: s.joints["pin"].clearance, 1.9e-3)
+    for _ in range(3):
+        for each in (scene, wider):
+            check(each, state)
+    assert len(checked) == 2
+    deep = cj.set_value(state, lambda s: s.bodies["rod"].position, (2e-3, -0.2, 0.0))
+    for _ in range(2):
+        with pytest.warns(cj.UnusualValueWarning, match="deep in the wall"):
+            check(scene, deep)
+    monkeypatch.undo()
+    for mass in np.linspace(1.0, 2.0, BY_NUMPY + 2):
+        check(cj.set_value(scene, lambda s: s.bodies["rod"].mass, mass), state)
+        for number in (np.nan, -1.0):
+            with pytest.raises(ValueError, match="`mass` must be (finite|positive)"):
+                wrong = eqx.tree_at(lambda s: s.bodies["rod"].mass, scene, np.asarray(number))
+                check(wrong, state)
+    assert own.count() == 1
+
+
 def test_the_first_starts_of_a_structure_are_checked_without_a_program():
     spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
     scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
     state, own = cj.State({"ball": cj.body_state((0.1, 0, 0))}), type(starts)()
     found = []
     for _ in range(BY_NUMPY + 2):
-        redundant = own.redundant(scene, state, 0.0, cj.AbsoluteCoordinates())
+        redundant = own.redundant(flat_start(scene, state, 0.0, cj.AbsoluteCoordinates()))
         found.append((redundant, own.count()))
     assert found == [(None, 0)] * BY_NUMPY + [((), 1)] * 2
 

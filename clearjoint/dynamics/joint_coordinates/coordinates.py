@@ -42,7 +42,7 @@ from typing import TypeAlias
 from ...math.vectors import ZERO, EulerParameters, Matrix, Scalar, Vector, add
 from ...model.bodies import GROUND, GROUND_MOTION, NO_WRENCH, Body, BodyState, Motion, Wrench
 from ...model.joints.base import Motions, Row
-from ...model.joints.motion_subspaces import REST, Twist
+from ...model.joints.motion_subspaces import REST, AbstractMotionSubspace, JointState, Twist
 from ...model.scene import Scene
 from ..coordinates import (
     AbstractCoordinates,
@@ -55,6 +55,7 @@ from ..coordinates import (
 )
 from .inertia import (
     AbstractTreeSolver,
+    Evaluate,
     accelerated,
     along_columns,
     central_inertia,
@@ -346,11 +347,12 @@ class JointCoordinates(AbstractCoordinates):
         variables describe a motion that satisfies the joint.
         """
         poses = {GROUND: (UPRIGHT, GROUND_MOTION)}
-        poses |= {n: (body.orientation, free_motion(body, None)) for n, body in bodies.items()}
         variables = {}
         for tree in forest(scene):
             evaluate = evaluation(len(tree))
             for branch in tree:
+                body = bodies[branch.body]
+                poses[branch.body] = body.orientation, evaluate(free_motion, body, None)
                 given = branch.nameless(), poses[branch.parent], poses[branch.body]
                 variables[branch.body] = evaluate(_encoded, *given)
         return variables
@@ -384,7 +386,8 @@ class JointCoordinates(AbstractCoordinates):
         scaled to unit norm if their squared norm differs from one by more than 1e-6, and angles,
         except those of screws, are moved to between -2 pi and 2 pi."""
         return {
-            branch.body: branch.without_drift(variables[branch.body]) for branch in _branches(scene)
+            branch.body: evaluate(_without_drift, branch.nameless(), variables[branch.body])
+            for branch, evaluate in _branches(scene)
         }
 
     def with_speeds(
@@ -394,15 +397,15 @@ class JointCoordinates(AbstractCoordinates):
         body."""
         return {
             branch.body: branch.with_speeds(variables[branch.body], others[branch.body])
-            for branch in _branches(scene)
+            for branch, _ in _branches(scene)
         }
 
     def rotation_rates(self, scene: Scene, variables: TreeVariables) -> dict[str, Scalar]:
         """Return how fast bodies rotate in the joints that carry them, rad/s, by name; those in
         spherical joints, whose Euler parameters have integration errors, are left out."""
         rates = {
-            branch.body: branch.motion_subspace.rotation_rate(variables[branch.body])
-            for branch in _branches(scene)
+            branch.body: evaluate(_rotation_rate, branch.motion_subspace, variables[branch.body])
+            for branch, evaluate in _branches(scene)
             if isinstance(branch, JointedBranch)
         }
         return {body: rate for body, rate in rates.items() if rate is not None}
@@ -413,9 +416,13 @@ class JointCoordinates(AbstractCoordinates):
         return topology(scene).between(bodies)
 
 
-def _branches(scene: Scene) -> list[TreeBranch]:
-    """Return the branches of all trees of a scene; a parent comes before its children."""
-    return [branch for tree in forest(scene) for branch in tree]
+def _branches(scene: Scene) -> Iterator[tuple[TreeBranch, Evaluate]]:
+    """Yield the branches of all trees of a scene, a parent before its children, each with how to
+    evaluate functions of it."""
+    for tree in forest(scene):
+        evaluate = evaluation(len(tree))
+        for branch in tree:
+            yield branch, evaluate
 
 
 def _motions(trees: Sequence[Sequence[TreeBranch]], variables: TreeVariables) -> Motions:
@@ -431,6 +438,14 @@ def _motions(trees: Sequence[Sequence[TreeBranch]], variables: TreeVariables) ->
 
 def _motion(branch: TreeBranch, parent: Motion, state: MotionVariables) -> Motion:
     return branch.motion(parent, state)
+
+
+def _without_drift(branch: TreeBranch, state: MotionVariables) -> MotionVariables:
+    return branch.without_drift(state)
+
+
+def _rotation_rate(subspace: AbstractMotionSubspace, state: JointState) -> Scalar | None:
+    return subspace.rotation_rate(state)
 
 
 def _encoded(branch: TreeBranch, parent: BodyPose, body: BodyPose) -> MotionVariables:

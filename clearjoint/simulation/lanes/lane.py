@@ -185,7 +185,7 @@ def begin_lane(
     """
     # A compiled lane cannot raise an error. The result code ends this lane, and the others run.
     coordinates = plan.scheme.formulation.coordinates
-    fits, _, _ = assembled(scene, state, start_time, coordinates)
+    fits = assembled(scene, state, start_time, coordinates)
     system = plan.scheme.system(scene)
     step = begin_run(
         plan.scheme.method, system, state, start_time, request.end_time, request.first_step

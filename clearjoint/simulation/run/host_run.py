@@ -253,7 +253,7 @@ class Run:
         program, start = (self.scheme, self.folded_scene), float(now.step.t)
         # The end time in the precision of the run. Rounded to float32, an end time such as 0.02 s
         # may become smaller, and a run in float32 would never reach the unrounded number.
-        end = float(np.asarray(self.end, jnp.result_type(now.step.t)))
+        end = float(np.asarray(self.end, now.step.t.dtype))  # pyright: ignore
         saved_states: list[State] = []
         saved_count, wanted = 0, 0 if save_at is None else len(save_at)
         steps: list[TimedState] = []

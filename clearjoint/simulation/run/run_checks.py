@@ -12,6 +12,7 @@ from collections.abc import Callable, Hashable
 from dataclasses import replace
 from functools import reduce
 from operator import and_
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -19,6 +20,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import PyTree
 
+from ...compilation import HostFirst
 from ...compilation.xla import is_tracing
 from ...dynamics.assembly import (
     ACCEPTED_VIOLATION,
@@ -35,36 +37,38 @@ from ...dynamics.constraint_report import (
     RowName,
     StartRows,
     dependent,
+    free_motions,
     scene_order,
     start_rows,
-    start_rows_by_numpy,
 )
 from ...dynamics.coordinates import AbstractCoordinates, MotionVariables
-from ...dynamics.formulation import Formulation
 from ...dynamics.journals import (
     FAR_OUTSIDE,
     FAST_APPROACH,
-    contact_depths,
     require_in_bearings,
-    unknown_approaches,
+    starting_contacts,
 )
 from ...fields.caching import cached_by_numbers
-from ...fields.checks import conditions_of, conditions_of_changes, recheck, require
+from ...fields.cautions import number_issued, warns
+from ...fields.checks import conditions_of, recheck, recheck_changes, require
 from ...fields.objects import on_device, with_arrays
-from ...math.vectors import Condition, Scalar
+from ...math.vectors import Condition, ConstantFolded, Scalar, unpack
 from ...model.bodies import State
+from ...model.joints.base import ByLabel
 from ...model.scene import Scene
 from ...native import NativeFunction, UnsupportedPrimitiveError, is_native
-from ...native.functions import FlatArguments
+from ...native.functions import FlatArguments, flattened, folded
+from ...native.machine_code import RecentPrograms
 from ..step.dense_output import require_dense
 from ..step.discontinuities import require_declared
 from ..step.method import Scheme
 from ..step.settings import Settings
 from ..step.solvers import UnrolledExplicit
 
-BY_NUMPY = 8
-"""Number of starts of the same structure that are checked in Python, in some milliseconds each. For
-further ones a native program is compiled, which checks each in microseconds."""
+BY_NUMPY = 16
+"""Number of starts of the same structure that are checked in Python. For further ones a native
+program is compiled, which checks each in microseconds. Compiling takes as long as thirty checks of
+a pendulum, or fourteen of a chain of thirty joints."""
 KEPT = 256
 """Largest number of starts of the same structure for which results of the search for redundant
 constraints are cached."""
@@ -132,14 +136,10 @@ def check_start(
 
     **Raises**, **Warns:** as `check_numbers` and `check_structure`.
     """
-    # The native check is fast, but cannot say why a start fails. A start that fails is therefore
-    # checked again in Python, which raises the error.
-    if isinstance(scene, Scene) and isinstance(state, State):
-        redundant = starts.redundant(scene, state, start_time, coordinates, flat)
-        if redundant is not None:
-            return redundant
-    check_numbers(scene, state)
-    return check_structure(scene, state, start_time, coordinates)
+    if not (isinstance(scene, Scene) and isinstance(state, State)):
+        check_numbers(scene, state)
+        return check_structure(scene, state, start_time, coordinates)
+    return starts.checked(scene, state, start_time, coordinates, flat)
 
 
 def check_structure(
@@ -160,13 +160,14 @@ def check_structure(
     """
     if not scene.joints:
         return ()
-    require_in_bearings(scene, state)
-    rows = start_rows_by_numpy(scene, coordinates, state, on_device(t)).in_order_of(scene)
+    start = start_values(scene, state, on_device(t), coordinates)
+    require_in_bearings(scene, start.depths, start.approaches)
+    rows = start.rows.in_order_of(scene)
     require_assembled(tuple(map(": ".join, rows.all_names)), rows.values, rows.rates)
-    require_oriented(scene, state)
+    require_oriented(scene, start.cosines)
     redundant, uncertain = dependent(rows.names, rows.left, {})
     require_certain(uncertain)
-    require_representable(scene, state, coordinates)
+    require_representable(state, coordinates, start.variables, start.orientations)
     return redundant
 
 
@@ -211,71 +212,105 @@ _recheck = cached_by_numbers(recheck)
 passed the check recently."""
 
 
-def _passes(
+class StartValues(NamedTuple):
+    """What the checks of a start compare with their limits.
+
+    - `depths`, `approaches`: the results of `starting_contacts`, by joint and contact label.
+    - `rows`: the constraint equations.
+    - `cosines`: the result of `cosines_of_turns`, by joint.
+    - `variables`, `orientations`: the result of `round_trip`.
+    """
+
+    depths: ByLabel[Scalar]
+    approaches: ByLabel[Scalar]
+    rows: StartRows
+    cosines: dict[str, Scalar]
+    variables: MotionVariables
+    orientations: dict[str, np.ndarray]
+
+
+# NumPy computes this function if it can, since a compilation takes longer than a single call.
+@HostFirst
+def start_values(
     scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
-) -> tuple[Condition, tuple[tuple[RowName, ...], np.ndarray], bool]:
+) -> StartValues:
+    """Return the values for the checks of a start at a time t, s. Vectors in scene and state may be
+    arrays (3,) or three separate scalars."""
+    scene, state = unpack(scene), replace(state, bodies=unpack(state.bodies))
+    motions = free_motions(scene, state.bodies)
+    depths, approaches = starting_contacts(scene, motions, state.entry_speeds)
+    rows = start_rows(scene, coordinates, state, t, motions=motions)
+    cosines = cosines_of_turns.__wrapped__(scene, state.bodies)
+    variables, orientations = round_trip(scene, state, coordinates)
+    return StartValues(depths, approaches, rows, cosines, variables, orientations)
+
+
+def _passes(
+    folded_scene: ConstantFolded, state: State, t: Scalar, coordinates: AbstractCoordinates
+) -> tuple[Condition, tuple[tuple[RowName, ...], np.ndarray]]:
     """Evaluate the checks of `check_start` as conditions on arrays, so that they can be compiled.
 
-    **Returns:**
-
-    - whether the start passes all checks except that of redundancy, and none of them would warn;
-    - the fields `names` and `left` of `StartRows`, from which redundant constraints are found;
-    - whether the first result includes the checks of the scene's numbers. It does not if the scene
-      has user-defined classes, whose checks must run in Python.
+    **Returns:** whether the start passes all checks except those of redundancy and of the scene's
+    numbers, and none of them would warn; and the fields `names` and `left` of `StartRows`, from
+    which redundant constraints are found.
     """
+    scene = folded_scene.tree
     holds: list[Condition] = [*conditions_of(lambda: check_names(scene, state))]
-    structure = jax.tree.structure(scene)
-    # All numbers may differ from those of an earlier start, so each one is checked.
-    numbers = conditions_of_changes(scene, structure, (True,) * structure.num_leaves)
-    holds += [] if numbers is None else numbers
     if not scene.joints:
-        return reduce(and_, holds, jnp.asarray(True)), ((), np.zeros(0)), numbers is not None
-    # `contact_depths` itself computes known numbers by NumPy. Here JAX traces, so the function
-    # inside of its wrapper is called.
-    depths = contact_depths.__wrapped__(scene, state.bodies)
+        return reduce(and_, holds, jnp.asarray(True)), ((), np.zeros(0))
+    # `start_values` itself computes known numbers by NumPy. Here JAX traces, so the function inside
+    # of its wrapper is called.
+    start = start_values.__wrapped__(unpack(folded_scene), state, t, coordinates)
     # `require_in_bearings` raises an error beyond the limit, and issues a warning beyond the small
     # fraction `FAR_OUTSIDE` of it. This function can do neither, so both bounds must hold.
     holds += [
-        (depths[name][label] <= limit) & (depths[name][label] <= FAR_OUTSIDE * limit)
+        (start.depths[name][label] <= limit) & (start.depths[name][label] <= FAR_OUTSIDE * limit)
         for name, joint in scene.contact_joints().items()
         for label, limit in joint.deepest().items()
     ]
-    approaches = unknown_approaches.__wrapped__(scene, state.bodies, state.entry_speeds)
-    rates = [jnp.asarray(rate) for family in approaches.values() for rate in family.values()]
-    holds += [rate <= FAST_APPROACH for rate in rates]
-    fits, rows, variables = assembled(scene, state, t, coordinates)
+    rates = [rate for family in start.approaches.values() for rate in family.values()]
+    holds += [jnp.asarray(rate) <= FAST_APPROACH for rate in rates]
     # A scene without variables is invalid, because nothing could move.
-    holds += [fits, jnp.asarray(bool(jax.tree.leaves(variables)))]
-    return reduce(and_, holds), (rows.names, rows.left), numbers is not None
+    holds += [_assembled(state, start), jnp.asarray(bool(jax.tree.leaves(start.variables)))]
+    names, left = start.rows.names, start.rows.left
+    return reduce(and_, holds), (names, left)
 
 
-def assembled(
-    scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
-) -> tuple[Condition, StartRows, MotionVariables]:
-    """Evaluate whether a state satisfies the constraints of a scene and their time derivatives, at
-    a time t, s, and whether the coordinates of a run can represent the state. Compiled programs,
-    which can't raise errors, use this function for these checks of `check_structure`.
+def assembled(scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates) -> Condition:
+    """Return whether a state satisfies the constraints of a scene and their time derivatives, at a
+    time t, s, and whether the coordinates of a run can represent the state. Compiled programs,
+    which can't raise errors, use this function for these checks of `check_structure`."""
+    return _assembled(state, start_values.__wrapped__(scene, state, t, coordinates))
 
-    **Returns:** the condition, the constraint equations, and the variables of the state.
-    """
-    rows = start_rows(scene, coordinates, state, t)
+
+def _assembled(state: State, start: StartValues) -> Condition:
     # Native code has no `all` of an array without elements, as in a scene without constraints.
-    residuals = [part for part in (rows.values, rows.rates) if part.size]
+    residuals = [part for part in (start.rows.values, start.rows.rates) if part.size]
     holds = [(jnp.abs(part) <= ACCEPTED_VIOLATION).all() for part in residuals]
-    # As in `require_oriented`, fixed and prismatic joints hold their orientation. These functions
-    # compute known numbers by NumPy. Here JAX traces, so the functions inside are called.
-    cosines = cosines_of_turns.__wrapped__(scene, state.bodies)
-    holds += [cosine > 0.0 for cosine in cosines.values()]
-    # The coordinates represent the state: it is the same after conversion to them and back.
-    variables, decoded = round_trip.__wrapped__(scene, state, Formulation(coordinates))
+    # As in `require_oriented`, fixed and prismatic joints hold their orientation.
+    holds += [cosine > 0.0 for cosine in start.cosines.values()]
     for name, body in state.bodies.items():
         # As in `require_representable`, only orientations are compared: with an axis reversed, a
         # state may satisfy all constraints, but its orientation after the conversion is another.
-        given, same = body.orientation, decoded[name].orientation
+        given, same = body.orientation, start.orientations[name]
         # Both signs of Euler parameters are the same orientation.
         apart = jnp.minimum(jnp.abs(given - same).max(), jnp.abs(given + same).max())
         holds.append(apart < REPRESENTED)
-    return reduce(and_, holds, jnp.asarray(True)), rows, variables
+    return reduce(and_, holds, jnp.asarray(True))
+
+
+def flat_start(
+    scene: Scene,
+    state: State,
+    t: Scalar,
+    coordinates: AbstractCoordinates,
+    flat: FlatArguments | None = None,
+) -> FlatArguments:
+    """Return the arguments of `check_start`, flattened."""
+    if flat is None:
+        flat = FlatArguments.of(with_arrays((scene, state)))
+    rest = FlatArguments.of((np.asarray(t, float), coordinates))
+    return FlatArguments.joined((*flat.parts, *rest.parts))
 
 
 class _Starts:
@@ -291,32 +326,52 @@ class _Starts:
         self._seen: Counter[Hashable] = Counter()
         # Caches of the function `dependent`, by structure.
         self._distances: dict[Hashable, dict[bytes, np.ndarray]] = {}
+        # Redundant constraints of recent starts that have passed all checks without a warning.
+        self._passed: RecentPrograms[tuple[str, ...]] = RecentPrograms()
+        # The latest scene of each structure whose numbers have passed their checks.
+        self._scenes: RecentPrograms[FlatArguments] = RecentPrograms()
 
     def count(self) -> int:
         """Return the number of native programs that have been compiled to check starts."""
         return self._function.count()
 
-    def redundant(
+    def checked(
         self,
         scene: Scene,
         state: State,
         t: Scalar,
         coordinates: AbstractCoordinates,
         flat: FlatArguments | None = None,
-    ) -> tuple[str, ...] | None:
+    ) -> tuple[str, ...]:
+        """Return the result of `check_start`, of which these are the arguments."""
+        given = flat_start(scene, state, t, coordinates, flat)
+        key = given.key, given.numbers
+        redundant = self._passed.recent(key)
+        if redundant is None:
+            before = number_issued()
+            # The native check is fast, but cannot say why a start fails. A start that fails is
+            # therefore checked again in Python, which raises the error.
+            redundant = self.redundant(given)
+            if redundant is None:
+                check_numbers(scene, state)
+                redundant = check_structure(scene, state, t, coordinates)
+            # A start that leads to a warning does so at each call.
+            if warns() and number_issued() == before:
+                self._passed.add(key, redundant)
+        return redundant
+
+    def redundant(self, given: FlatArguments) -> tuple[str, ...] | None:
         """Return the names of the redundant constraints of a start that passes all checks.
 
         The result is ``None`` if the start fails a check, if redundancy is uncertain, or if there
-        is no native program for its structure, as for the first starts of a structure. `t` is the
-        start time, s; `flat` is as in `check_start`.
+        is no native program for its structure, as for the first starts of a structure.
 
-        **Raises:** the error of a user-defined class in the scene whose check fails.
+        **Arguments:** `given`: scene, state, start time and coordinates, flattened.
+
+        **Raises:** `ValueError` for numbers of the scene that its constructors refuse.
         """
-        if flat is None:
-            scene, state = with_arrays((scene, state))
-            flat = FlatArguments.of((scene, state))
-        rest = FlatArguments.of((np.asarray(t, float), coordinates))
-        given = FlatArguments.joined((*flat.parts, *rest.parts))
+        scene, unfolded = given.arguments[0], given.parts[0]
+        given = FlatArguments.joined((flattened(folded(unfolded)), *given.parts[1:]))
         self._seen[given.key] += 1
         if not is_native():
             return None
@@ -327,7 +382,7 @@ class _Starts:
         if self._seen[given.key] <= BY_NUMPY and not self._function.is_made(given):
             return None
         try:
-            fine, (names, left), with_numbers = self._function.run(given)
+            fine, (names, left) = self._function.run(given)
         except (UnsupportedPrimitiveError, ValueError):
             # Native code has no rule for an operation of the checks, or a check fails for any
             # numbers, for instance if a body lacks a state. Never try this structure again.
@@ -335,9 +390,7 @@ class _Starts:
             return None
         if not fine:
             return None
-        if not with_numbers:
-            # The scene has user-defined classes, whose checks run in Python.
-            _recheck(scene)
+        self._recheck(scene, unfolded)
         # The search for redundant constraints depends only on `left`, the derivatives of the
         # constraint equations, so its results are cached by them. Without a limit, the cache would
         # grow with each start whose constraints differ.
@@ -348,6 +401,18 @@ class _Starts:
         names, left = tuple(names[k] for k in order), left[order]
         redundant, uncertain = dependent(names, left, known)
         return None if uncertain else redundant
+
+    def _recheck(self, scene: Scene, flat: FlatArguments) -> None:
+        """Repeat the checks of the constructors of a scene, or only those of the numbers that
+        differ from the latest scene of the same structure. In native code, these checks were a
+        third of the program."""
+        earlier = self._scenes.recent(flat.key)
+        changed = None if earlier is None else flat.changes(earlier)
+        if changed is None:
+            _recheck(scene)
+        else:
+            recheck_changes(scene, flat.tree_structure, changed)
+        self._scenes.add(flat.key, flat)
 
 
 starts = _Starts()

@@ -139,4 +139,7 @@ def saving_or_nothing(save: Saving | None) -> Saving:
     """
     remedy = "pass cj.Saving(times), with times in s"
     require_type("save", save, Saving | None, "a Saving or None", remedy)
-    return Saving() if save is None else save
+    return _NOTHING if save is None else save
+
+
+_NOTHING = Saving()

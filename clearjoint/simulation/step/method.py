@@ -19,6 +19,7 @@ from ...dynamics.system import System
 from ...fields.caching import cached_by_numbers
 from ...math.vectors import ConstantFolded, Scalar, unpack
 from ...model.scene import Scene
+from ...native.functions import keep_flattened
 from ...parametrisation.parametrised_scene import ParametrisedScene
 from .landing import Landing
 from .settings import Settings
@@ -90,7 +91,7 @@ class Scheme(eqx.Module):
 def _on_host(settings: dict[str, PyTree], redundant: bool) -> Scheme:
     """Return `Scheme.of` with NumPy arrays. The fields of `Settings` are passed in a dictionary, a
     PyTree, as the cache requires."""
-    return jax.device_get(Scheme.of(Settings(**settings), redundant))
+    return keep_flattened(jax.device_get(Scheme.of(Settings(**settings), redundant)))
 
 
 Value = TypeVar("Value")
