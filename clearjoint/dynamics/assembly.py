@@ -26,7 +26,7 @@ from ..model.joints.ideal import FixedJoint, PrismaticJoint
 from ..model.scene import Scene
 from ..native import Native
 from .absolute_coordinates import AbsoluteCoordinates
-from .constraint_report import constraint_report
+from .constraint_report import row_residuals
 from .coordinates import AbstractCoordinates, MotionVariables
 from .formulation import Formulation
 from .journals import (
@@ -211,7 +211,7 @@ def _driven(scene: Scene, state: State, t: Scalar) -> bool:
     rest violate its time derivative."""
     rest = body_state((0.0, 0.0, 0.0))
     at_rest = _with_motion(state, State(dict.fromkeys(state.bodies, rest)))
-    rates = constraint_report(scene, at_rest, t).rates
+    rates = row_residuals(scene, at_rest, t).rates
     return bool(np.abs(rates).max(initial=0.0) > SATISFIED)
 
 
@@ -285,12 +285,13 @@ def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
     bodies = state.bodies
     t = on_device(t)
     for _ in range(ITERATIONS):
-        report = constraint_report(scene, State(bodies), t)
-        if np.abs(report.values).max(initial=0.0) <= TOLERANCE:
+        rows = row_residuals(scene, State(bodies), t)
+        if np.abs(rows.values).max(initial=0.0) <= TOLERANCE:
             break
         bodies = _corrected(System.project_positions, scene, REDUNDANT, bodies, t)
-    report = constraint_report(scene, State(bodies), t)
-    _require_satisfied(report.names, report.values, SATISFIED, "assembled", "positions")
+    else:
+        rows = row_residuals(scene, State(bodies), t)
+    _require_satisfied(rows.texts(), rows.values, SATISFIED, "assembled", "positions")
     state = _with_velocities(scene, replace(state, bodies=bodies), t)
     require_oriented(scene, state)
     return state
@@ -307,8 +308,8 @@ def _with_velocities(scene: Scene, state: State, t: Scalar) -> State:
     for _ in range(2):
         bodies = _corrected(System.project_velocities, scene, REDUNDANT, bodies, t)
     state = replace(state, bodies=bodies)
-    report = constraint_report(scene, state, t)
-    _require_satisfied(report.names, report.rates, SATISFIED, "assembled", "velocities")
+    rows = row_residuals(scene, state, t)
+    _require_satisfied(rows.texts(), rows.rates, SATISFIED, "assembled", "velocities")
     return state
 
 
