@@ -9,7 +9,6 @@ from collections.abc import Callable, Collection
 from dataclasses import replace
 from functools import partial
 
-import equinox as eqx
 import jax
 import numpy as np
 
@@ -411,14 +410,11 @@ def require_freedom(scene: Scene, state: State, coordinates: AbstractCoordinates
     """Check that the coordinates of a scene have at least one variable.
 
     A sweep calls this once for all its runs, since the variables depend only on the structure of
-    the scene. Nothing is computed or compiled: JAX only traces the conversion to variables.
+    the scene.
 
     **Raises:** `ValueError` if nothing in the scene can move.
     """
-    variables, _ = eqx.filter_eval_shape(
-        round_trip.__wrapped__, scene, state, Formulation(coordinates)
-    )
-    _require_something_moves(variables, coordinates)
+    _require_something_moves(round_trip(scene, state, Formulation(coordinates))[0], coordinates)
 
 
 def _require_something_moves(variables: MotionVariables, coordinates: AbstractCoordinates) -> None:

@@ -70,8 +70,8 @@ LIBRARY = frozenset(
 LONGEST_BLOCK = 200
 """Largest number of operations that are written in one block. Without optimisation, LLVM selects
 instructions in a time that grows with the square of a block's length: for 40 000 lines it took
-5.8 s, and 0.8 s in short blocks. With optimisation LLVM joins the blocks first, and the machine code
-is the same."""
+5.8 s, and 0.8 s in short blocks. With optimisation LLVM joins the blocks first, and the machine
+code is the same."""
 
 
 def llvm_text(program: Operations, result: Value | None = None) -> str:
