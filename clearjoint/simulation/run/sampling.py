@@ -388,7 +388,7 @@ def recorded_run(
     room = IMPACTS_AT_FIRST if impacts else None
     while True:
         kept = Kept(states, room, sections)
-        found: Sampled = jax.device_get(sampled(*arguments, kept))
+        found: Sampled = jax.device_get(sampled(*arguments, kept=kept))
         if found.impacts is None or room is None or most(found.impacts) <= room:
             return found
         room *= GROWTH
