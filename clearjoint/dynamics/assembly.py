@@ -9,7 +9,6 @@ from collections.abc import Callable, Collection
 from dataclasses import replace
 from functools import partial
 
-import equinox as eqx
 import jax
 import numpy as np
 
@@ -26,7 +25,7 @@ from ..model.joints.ideal import FixedJoint, PrismaticJoint
 from ..model.scene import Scene
 from ..native import Native
 from .absolute_coordinates import AbsoluteCoordinates
-from .constraint_report import constraint_report
+from .constraint_report import row_residuals
 from .coordinates import AbstractCoordinates, MotionVariables
 from .formulation import Formulation
 from .journals import (
@@ -211,7 +210,7 @@ def _driven(scene: Scene, state: State, t: Scalar) -> bool:
     rest violate its time derivative."""
     rest = body_state((0.0, 0.0, 0.0))
     at_rest = _with_motion(state, State(dict.fromkeys(state.bodies, rest)))
-    rates = constraint_report(scene, at_rest, t).rates
+    rates = row_residuals(scene, at_rest, t).rates
     return bool(np.abs(rates).max(initial=0.0) > SATISFIED)
 
 
@@ -285,12 +284,13 @@ def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
     bodies = state.bodies
     t = on_device(t)
     for _ in range(ITERATIONS):
-        report = constraint_report(scene, State(bodies), t)
-        if np.abs(report.values).max(initial=0.0) <= TOLERANCE:
+        rows = row_residuals(scene, State(bodies), t)
+        if np.abs(rows.values).max(initial=0.0) <= TOLERANCE:
             break
         bodies = _corrected(System.project_positions, scene, REDUNDANT, bodies, t)
-    report = constraint_report(scene, State(bodies), t)
-    _require_satisfied(report.names, report.values, SATISFIED, "assembled", "positions")
+    else:
+        rows = row_residuals(scene, State(bodies), t)
+    _require_satisfied(rows.texts(), rows.values, SATISFIED, "assembled", "positions")
     state = _with_velocities(scene, replace(state, bodies=bodies), t)
     require_oriented(scene, cosines_of_turns(scene, state.bodies))
     return state
@@ -307,8 +307,8 @@ def _with_velocities(scene: Scene, state: State, t: Scalar) -> State:
     for _ in range(2):
         bodies = _corrected(System.project_velocities, scene, REDUNDANT, bodies, t)
     state = replace(state, bodies=bodies)
-    report = constraint_report(scene, state, t)
-    _require_satisfied(report.names, report.rates, SATISFIED, "assembled", "velocities")
+    rows = row_residuals(scene, state, t)
+    _require_satisfied(rows.texts(), rows.rates, SATISFIED, "assembled", "velocities")
     return state
 
 
@@ -420,11 +420,11 @@ def require_freedom(scene: Scene, state: State, coordinates: AbstractCoordinates
     """Check that the coordinates of a scene have at least one variable.
 
     A sweep calls this once for all its runs, since the variables depend only on the structure of
-    the scene. Nothing is computed or compiled: JAX only traces the conversion to variables.
+    the scene.
 
     **Raises:** `ValueError` if nothing in the scene can move.
     """
-    variables, _ = eqx.filter_eval_shape(round_trip, scene, state, coordinates)
+    variables, _ = round_trip(scene, state, coordinates)
     _require_something_moves(variables, coordinates)
 
 
@@ -440,6 +440,8 @@ def _require_something_moves(variables: MotionVariables, coordinates: AbstractCo
     require(moves, "coordinates", kind, "such that a degree of freedom is left", remedy)
 
 
+# As above.
+@HostFirst
 def round_trip(
     scene: Scene, state: State, coordinates: AbstractCoordinates
 ) -> tuple[MotionVariables, dict[str, np.ndarray]]:

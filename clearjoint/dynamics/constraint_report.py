@@ -101,10 +101,9 @@ def constraint_report(
     rows = start_rows_by_numpy(scene, coordinates, state, on_device(t), with_jacobian=True)
     rows = rows.in_order_of(scene)
     redundant, uncertain = dependent(rows.names, rows.left, {})
-    names, jacobian = tuple(map(_text, rows.all_names)), rows.jacobian
-    assert jacobian is not None
+    assert rows.jacobian is not None
     return ConstraintReport(
-        rows.bodies, names, rows.values, rows.rates, jacobian, redundant, uncertain
+        rows.bodies, rows.texts(), rows.values, rows.rates, rows.jacobian, redundant, uncertain
     )
 
 
@@ -149,6 +148,10 @@ class StartRows(NamedTuple):
     left: np.ndarray
     jacobian: np.ndarray | None
 
+    def texts(self) -> tuple[str, ...]:
+        """Return the names of all rows, each as "joint: label"."""
+        return tuple(map(_text, self.all_names))
+
     def in_order_of(self, scene: Scene) -> "StartRows":
         """Return the rows in the scene's order of joints, and the columns of `jacobian` in its
         order of bodies, as NumPy arrays without a further first axis.
@@ -180,16 +183,26 @@ def scene_order(names: tuple[RowName, ...], scene: Scene) -> list[int]:
     return sorted(range(len(names)), key=lambda k: rank[names[k][0]])
 
 
+def row_residuals(scene: Scene, state: State, t: Scalar) -> StartRows:
+    """Return values and rates of all constraint rows in a state at time t, s, in the scene's order.
+
+    Unlike a `ConstraintReport`, whose Jacobian and redundant rows take time that grows with the
+    cube of the number of bodies, they take time that grows with this number.
+    """
+    return start_rows_by_numpy(scene, None, state, on_device(t)).in_order_of(scene)
+
+
 def start_rows(
     scene: Scene,
-    coordinates: AbstractCoordinates,
+    coordinates: AbstractCoordinates | None,
     state: State,
     t: Scalar,
     with_jacobian: bool = False,
     motions: Motions | None = None,
 ) -> StartRows:
     """Return all constraint rows in an initial state at time t, s, and those that `coordinates` do
-    not eliminate. Scene and state have vectors as arrays (3,).
+    not eliminate; none of the latter without `coordinates`. Scene and state have vectors as arrays
+    (3,).
 
     The rows of the arrays in `StartRows` are in the order of its tuples `all_names` and `names`.
     A dictionary would lose the order, since JAX sorts its keys.
@@ -211,7 +224,7 @@ def start_rows(
         jacobian = _stacked([as_array(mechanics.projected(row.jacobian)) for row in rows.values()])
     names, left = [], []
     # In a scene of trees, joint coordinates leave no rows, and nothing further is computed.
-    if not by_joint.keys() <= coordinates.eliminated(scene):
+    if coordinates is not None and not by_joint.keys() <= coordinates.eliminated(scene):
         mechanics = coordinates.mechanics(scene, coordinates.encode(scene, bodies))
         remaining = constraint_rows(scene, coordinates, mechanics.motions, t)
         for name, row in _by_name(remaining).items():

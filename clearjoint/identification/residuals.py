@@ -39,7 +39,7 @@ from ..parametrisation.readings import (
 from ..quantities.base import Quantity
 from ..result_codes import RESULTS
 from ..simulation.run.run_checks import derivative_scheme
-from ..simulation.run.sampling import NOTHING_ELSE, Sampled, padded, sampled_compiled
+from ..simulation.run.sampling import Sampled, padded, sampled
 from ..simulation.run.sensitivities import check_outputs
 from ..simulation.step import presets
 from ..simulation.step.method import Scheme
@@ -124,7 +124,7 @@ class Experiment(eqx.Module):
         **Arguments:** `times`: (N,) s, in ascending order, some of which may be equal. Every output
         is evaluated at all of them, whatever its delay.
         """
-        return sampled_compiled(
+        return sampled(
             self.scheme,
             self.family.at(coordinates),
             self.outputs,
@@ -133,7 +133,6 @@ class Experiment(eqx.Module):
             end_time,
             self.first_step,
             self.max_steps,
-            NOTHING_ELSE,
         )
 
     @property

@@ -16,7 +16,9 @@ import clearjoint as cj
 from clearjoint.compilation import xla
 from clearjoint.dynamics.kinds import Kinds
 from clearjoint.math.vectors import fold_constants, pack, unpack
+from clearjoint.native import Native
 from clearjoint.native.functions import NativeFunction
+from clearjoint.simulation.run import host_run, impact_recorder
 from studies.benchmark.backlash_chain import SPAN, chain
 from tests.support.elements import elements
 from tests.support.symmetry_transformations import renamed
@@ -207,3 +209,26 @@ def test_lanes_have_the_bits_of_single_runs():
             for field in ("position", "orientation", "velocity", "spin"):
                 swept = sweep[f"final_{field}"].isel(play=k).sel(body=name)
                 np.testing.assert_array_equal(swept, getattr(body, field))
+
+
+def impacts_of(joints: int) -> cj.results.Solution:
+    """Impacts of a chain with backlash, over a time in which rotors strike their links."""
+    return cj.simulate(*chain(joints), 0.5 * SPAN, save=cj.Saving(impacts=True), progress=False)
+
+
+@pytest.mark.slow
+def test_impacts_by_a_function_are_those_of_contacts_that_are_written_out(monkeypatch):
+    """Written out for each contact, the recorder of impacts was two thirds of the program."""
+    calls, original = [], impact_recorder.peak_in_step
+    monkeypatch.setattr(impact_recorder, "peak_in_step", lambda *a: calls.append(a) or original(*a))
+    found = []
+    for fewest, traced in ((1, 1), (NEVER, 6)):
+        calls.clear()
+        monkeypatch.setattr(xla, "FEWEST", fewest)
+        monkeypatch.setattr(host_run, "segment_compiled", Native(host_run.segment))
+        found.append(impacts_of(3).impacts)
+        assert len(calls) == traced
+    for field in ("onset", "separation", "entry_speed", "peak_force", "largest_penetration"):
+        one, other = (getattr(impacts, field) for impacts in found)
+        assert len(one) > 5
+        np.testing.assert_allclose(one, other, rtol=1e-6, err_msg=field)

@@ -6,6 +6,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.native import Native, NativeFunction, machine_code, over_rows
+from clearjoint.native.llvm_text import LONGEST_BLOCK
 from clearjoint.native.machine_code import FOR_FEW_RUNS, FOR_LOOPS, _key
 from clearjoint.simulation.results import observe
 from clearjoint.simulation.run import host_run, simulate
@@ -90,3 +91,18 @@ def test_observations_of_few_and_many_states_have_equal_bits(monkeypatch):
         leaves = jax.tree.leaves(cj.observe(scene, solution))
         bits.append(b"".join(np.ascontiguousarray(leaf).tobytes() for leaf in leaves))
     assert bits[0] == bits[1]
+
+
+def test_straight_code_is_written_in_short_blocks():
+    """LLVM's time without optimisation grew with the square of a block's length."""
+
+    def powers(x: jax.Array) -> jax.Array:
+        for k in range(1000):
+            x = x * x + float(k)
+        return x
+
+    function = NativeFunction(powers, few_runs=True)
+    function(np.asarray(0.5))
+    (program, _), *_ = function._programs.values()
+    blocks = program.code.text.split("br label")
+    assert max(block.count("\n") for block in blocks) < 2 * LONGEST_BLOCK

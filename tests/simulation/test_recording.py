@@ -98,7 +98,7 @@ def test_a_run_with_more_impacts_than_the_capacity_is_repeated(monkeypatch):
         end = cj.RESULTS.successful
         return module.Sampled({}, {}, 0, 0, end, 0, 0, 0, None, _counted(20, kept.impacts))
 
-    monkeypatch.setattr(module, "sampled_compiled", run)
+    monkeypatch.setattr(module, "sampled", run)
     monkeypatch.setattr(module, "IMPACTS_AT_FIRST", 2)
     found = module.recorded_run((), False, True, {})
     assert rooms == [2, 16, 128]

@@ -16,6 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ...compilation import shared_by_many
 from ...dynamics.system import System
 from ...math.interpolation import (
     Bend,
@@ -287,11 +288,15 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
         t0, t1, laws = step_outcome.before.t, step_outcome.after.t, now.scene.laws()
         lands = step_outcome.method.landing is not None
         ends = self._instants(step_outcome.method, system, now, step_outcome.after)
+        # All contacts of the scene count, so that the impacts of a joint have the same bits whether
+        # those of other joints are recorded or not.
+        count = sum(map(len, laws.values()))
 
         def after(name: str, label: str) -> ContactRecord:
             one = record[name][label]
             law, end = laws[name][label], ends[name][label]
-            contact, over, row = one.contact.after(law, t0, t1, end, lands)
+            given = one.contact, law, t0, t1, end, lands
+            contact, over, row = shared_by_many(count, ContactSoFar.after, *given)
             # A row is written if the contact ended in this step, and the row is to be recorded.
             written = kept & over
             if self.window is not None:

@@ -241,7 +241,7 @@ def start_values(
     depths, approaches = starting_contacts(scene, motions, state.entry_speeds)
     rows = start_rows(scene, coordinates, state, t, motions=motions)
     cosines = cosines_of_turns.__wrapped__(scene, state.bodies)
-    variables, orientations = round_trip(scene, state, coordinates)
+    variables, orientations = round_trip.__wrapped__(scene, state, coordinates)
     return StartValues(depths, approaches, rows, cosines, variables, orientations)
 
 

@@ -221,12 +221,34 @@ def run_with_tangents(
       than `kept.impacts`, the record lacks some of them, and the caller must repeat the run with
       more room, as `recorded_run` does.
     """
-    method, systems = scheme.method, SystemFamily(family, scheme.formulation, t0)
-    system = systems.system()
+    first = _first(scheme, family, t0, t_end, first_step)
+    return _sampled_from(first, scheme, family, outputs, times, t0, t_end, max_steps, kept)
+
+
+def _first(
+    scheme: Scheme, family: ParametrisedScene, t0: Scalar, t_end: Scalar, first_step: Scalar
+) -> Step:
+    """Return the state of `run_with_tangents` before its first step, at time zero."""
     # The clock of the run is zero at its start. Steps that end at impacts need a resolution finer
     # than the rounding errors of large times.
-    own_end, own_times = t_end - t0, times - t0
-    first = start_with_tangents(method, systems, jnp.zeros_like(t0), own_end, first_step)
+    systems = SystemFamily(family, scheme.formulation, t0)
+    return start_with_tangents(scheme.method, systems, jnp.zeros_like(t0), t_end - t0, first_step)
+
+
+def _sampled_from(
+    first: Step,
+    scheme: Scheme,
+    family: ParametrisedScene,
+    outputs: Mapping[str, Quantity],
+    times: jax.Array,
+    t0: Scalar,
+    t_end: Scalar,
+    max_steps: Scalar,
+    kept: Kept,
+) -> Sampled:
+    """Return the result of `run_with_tangents`, given the result of `_first`."""
+    method, systems = scheme.method, SystemFamily(family, scheme.formulation, t0)
+    system, own_end, own_times = systems.system(), t_end - t0, times - t0
     recorders: dict[str, Recorders] = {
         LATEST: LatestAttempt(),
         PEAK: TangentPeakRecorder(),
@@ -332,7 +354,25 @@ def _scanned(
     return run, jax.tree.map(lambda leaf: leaf.reshape(count, *leaf.shape[2:]), rows)
 
 
-sampled_compiled: Native[..., Sampled] = Native(run_with_tangents)
+# The start is a program of its own: it is a quarter of the code, and runs once.
+_first_compiled = Native(_first, few_runs=True)
+sampled_compiled: Native[..., Sampled] = Native(_sampled_from)
+
+
+def sampled(
+    scheme: Scheme,
+    family: ParametrisedScene,
+    outputs: Mapping[str, Quantity],
+    times: jax.Array,
+    t0: Scalar,
+    t_end: Scalar,
+    first_step: Scalar,
+    max_steps: Scalar,
+    kept: Kept = NOTHING_ELSE,
+) -> Sampled:
+    """Return the result of `run_with_tangents`, by compiled programs."""
+    first = _first_compiled(scheme, family, t0, t_end, first_step)
+    return sampled_compiled(first, scheme, family, outputs, times, t0, t_end, max_steps, kept)
 
 
 def recorded_run(
@@ -348,9 +388,9 @@ def recorded_run(
     room = IMPACTS_AT_FIRST if impacts else None
     while True:
         kept = Kept(states, room, sections)
-        sampled: Sampled = jax.device_get(sampled_compiled(*arguments, kept))
-        if sampled.impacts is None or room is None or most(sampled.impacts) <= room:
-            return sampled
+        found: Sampled = jax.device_get(sampled(*arguments, kept=kept))
+        if found.impacts is None or room is None or most(found.impacts) <= room:
+            return found
         room *= GROWTH
 
 
