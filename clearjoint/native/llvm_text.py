@@ -75,7 +75,7 @@ instructions in a time that grows with the square of a block's length: for 40 00
 code is the same."""
 
 
-def llvm_text(program: Operations, result: Value | None = None) -> str:
+def llvm_text(program: Operations, result: Value | None = None, is_optimised: bool = True) -> str:
     """Return a program as the text of an LLVM module with one public function, "program".
 
     In C, the function would be declared as ``int64_t program(double *memory)``. It executes the
@@ -84,9 +84,10 @@ def llvm_text(program: Operations, result: Value | None = None) -> str:
 
     **Arguments:** `program`: the program, which is changed: results of branches that nothing uses
     are removed; `result`: a value of kind "i" whose number in the first lane the function returns.
-    By default the function returns 0.
+    By default the function returns 0. `is_optimised`: whether LLVM optimises the text, so that a
+    long program must be divided.
     """
-    return _Writer(program).module(result)
+    return _Writer(program).module(result, is_optimised)
 
 
 class _Writer:
@@ -110,8 +111,8 @@ class _Writer:
         self._fused: set[Value] = set()
         self._products: dict[Value, tuple[Value, ...]] = {}
 
-    def module(self, result: Value | None) -> str:
-        """Return the text of the module; `result` is as in `llvm_text`."""
+    def module(self, result: Value | None, is_optimised: bool) -> str:
+        """Return the text of the module; the arguments are those of `llvm_text`."""
         if result is not None:
             self._uses[result] += 1
         # The last block is the program itself.
@@ -123,7 +124,7 @@ class _Writer:
         for block in blocks:
             self._fuse(block)
             self._remove_unwritten(block)
-        is_long = sum(map(count_operations, blocks)) >= FEWEST
+        is_long = is_optimised and sum(map(count_operations, blocks)) >= FEWEST
         pieces, written = len(blocks), list[set[int]]()
         for number, block in enumerate(blocks):
             is_program = block is blocks[-1]

@@ -152,7 +152,7 @@ class Code:
         optimisation: int = FOR_LOOPS,
     ):
         operations = lowering.ops
-        self.text = llvm_text(operations, result)
+        self.text = llvm_text(operations, result, optimisation == FOR_LOOPS)
         stopwatch.end("writing")
         self._object_file = _saved_object_file(self.text, optimisation)
         stopwatch.end("compiling")
