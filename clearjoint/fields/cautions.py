@@ -6,12 +6,11 @@ The subclasses of `UserWarning` let users silence one kind, or turn it into an e
 
 import os
 import sys
+import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from copy import copy
-from itertools import count
 from pathlib import Path
 
 import equinox as eqx
@@ -23,8 +22,15 @@ _PACKAGES = tuple(
 SILENCE = "To silence this:"
 """Start of the last sentence of each warning, on how to silence it."""
 _QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
-_ISSUED = count()
-"""Counts the warnings of all threads; unlike adding to a number, a call of `next` is one step."""
+
+
+class _Issued(threading.local):
+    """Number of warnings that `caution` has issued in each thread."""
+
+    number = 0
+
+
+_ISSUED = _Issued()
 
 
 class UnusualValueWarning(UserWarning):
@@ -112,14 +118,14 @@ def caution(message: str, category: type[Warning]) -> None:
     """
     if not warns():
         return
-    next(_ISSUED)
+    _ISSUED.number += 1
     silence = f'warnings.filterwarnings("ignore", category=clearjoint.{category.__name__})'
     warnings.warn(f"{message} {SILENCE} {silence}.", category, level_of_the_user())
 
 
 def number_issued() -> int:
-    """Return a number that grows with each warning that `caution` issues."""
-    return next(copy(_ISSUED))
+    """Return the number of warnings that `caution` has issued in this thread."""
+    return _ISSUED.number
 
 
 def warns() -> bool:
