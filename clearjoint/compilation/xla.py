@@ -79,7 +79,7 @@ ELEMENTWISE = "elementwise_function"
 """Name of the jaxprs that `elementwise` makes. Native code computes each by one loop."""
 
 
-def elementwise(function: Callable[..., jax.Array], *arguments: PyTree) -> jax.Array:
+def elementwise(function: Callable[..., Result], *arguments: PyTree) -> Result:
     """Evaluate a function that computes each element of its result from one element of each array.
 
     Native code has one loop over the elements if they are many, instead of one for each operation.
@@ -88,7 +88,7 @@ def elementwise(function: Callable[..., jax.Array], *arguments: PyTree) -> jax.A
     arrays of one shape, and scalars.
     """
 
-    def elementwise_function(*arguments: PyTree) -> jax.Array:
+    def elementwise_function(*arguments: PyTree) -> Result:
         return function(*arguments)
 
     return jax.jit(elementwise_function)(*arguments)

@@ -4,6 +4,8 @@ Written out for each scalar, the sums of a Runge-Kutta step were a quarter of th
 mechanism with 30 joints, and took as much of the time of its compilation.
 """
 
+from collections.abc import Hashable
+
 import equinox as eqx
 import jax
 from jaxtyping import Float, PyTree
@@ -23,7 +25,7 @@ class Stacked(eqx.Module):
     """
 
     array: Float[jax.Array, " n"]
-    structure: jax.tree_util.PyTreeDef = eqx.field(static=True)
+    structure: Hashable = eqx.field(static=True)
 
 
 def stacked(tree: PyTree[Scalar]) -> PyTree:

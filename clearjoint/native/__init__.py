@@ -6,7 +6,7 @@
 2. `.lowering` converts the jaxpr to operations on scalars, vectors of tangents (derivatives by
    parameters) and arrays in memory (`.operations`), by a rule for each JAX primitive. The rules are
    in `.elementwise`, `.elementary`, `.structure`, `.indexing`, `.linear_algebra` and `.control`;
-3. `.llvm_text` writes the operations in LLVM's language;
+3. `.llvm_text` writes the operations in LLVM's language; `.pieces` divides long programs;
 4. `.machine_code` compiles this text to machine code, and saves it on disk for other processes.
 
 The machine code works on memory, in which `.cells` lays out the arrays. `.lanes` is a loop that

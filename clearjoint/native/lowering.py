@@ -199,7 +199,7 @@ def tangents_of(jaxpr: core.Jaxpr) -> int:
     # Many places share a jaxpr, whose operations are counted once.
     counted: dict[int, Counter[int]] = {}
 
-    def count(jaxpr: core.Jaxpr) -> Counter[int]:
+    def lengths_of(jaxpr: core.Jaxpr) -> Counter[int]:
         lengths = counted.get(id(jaxpr))
         if lengths is None:
             lengths = counted[id(jaxpr)] = Counter()
@@ -208,11 +208,10 @@ def tangents_of(jaxpr: core.Jaxpr) -> int:
                 if equation.primitive.name in ("mul", "add", "add_any") and len(shape) == 1:
                     lengths[shape[0]] += 1
                 for inner in inner_jaxprs(equation):
-                    lengths.update(count(inner))
+                    lengths.update(lengths_of(inner))
         return lengths
 
-    lengths = count(jaxpr)
-    for length, count in lengths.most_common():
+    for length, count in lengths_of(jaxpr).most_common():
         if 1 < length <= LONGEST_PACKED and count >= FEWEST_PACKED:
             return length
     return 0

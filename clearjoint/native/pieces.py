@@ -48,7 +48,7 @@ class Division:
     ):
         self._program, self._ordered, self._needed = program, ordered, needed
         self._first, self._written = first, written
-        self.pieces: dict[int, Block] = {}
+        self.pieces: dict[int, list[Operation]] = {}
         # For values that are used, the pieces that use them; `None` stands for what is not divided.
         self._users: dict[Value, set[int | None]] = {}
         self._definers: dict[Value, int] = {}
@@ -76,7 +76,7 @@ class Division:
                 kind = self._program.kinds[value]
                 self._cells[value] = self._program.allocate_for(kind) if cell is None else cell
         for number, piece in self.pieces.items():
-            piece[:] = self._with_exchange(number, piece)
+            piece[:] = list(self._with_exchange(number, piece))
         self._call(block)
 
     def _cut(self, block: Block) -> None:
@@ -118,7 +118,7 @@ class Division:
             if self._written.isdisjoint(cells_of(self._program, out, cell)):
                 self._unchanged[out] = cell
 
-    def _with_exchange(self, number: int, piece: Block) -> Iterator[Operation]:
+    def _with_exchange(self, number: int, piece: list[Operation]) -> Iterator[Operation]:
         """Yield the operations of a piece, with reads of the values that it gets from others right
         before their first use, and writes of those that others use."""
         here = set[Value]()

@@ -89,14 +89,14 @@ def error_order(method: Method) -> Single:
 
 class SolverStep(eqx.Module):
     """Result of a solver's step: variables, their error estimate, data for dense output, and solver
-    state.
+    state. Error estimate and data are `Stacked` if the variables are many.
 
     The tangents of a `SolverStep` have the same type. They are its derivatives with respect to p
     parameters, and each leaf has an additional first axis of length p.
     """
 
     y: Variables
-    error: Variables
+    error: PyTree[Scalar]
     information: DenseInformation
     solver_state: SolverState
 
