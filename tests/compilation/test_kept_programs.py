@@ -16,6 +16,7 @@ import pytest
 import clearjoint as cj
 from clearjoint.compilation import keep_programs, package_code, plain_values
 from clearjoint.compilation.program_store import ProgramStore
+from clearjoint.dynamics.joint_coordinates.trees import topology
 from clearjoint.native import Native, NativeFunction
 from clearjoint.native.machine_code import RecentPrograms
 from clearjoint.simulation.lanes import scheduler
@@ -121,6 +122,14 @@ def test_the_disk_is_searched_once_in_a_process(folder):
 
 def simulated(scene, state):
     return cj.simulate(scene, state, 1e-3, progress=False).final
+
+
+def test_what_a_process_knows_of_scenes_is_no_change_of_code(folder):
+    """Otherwise, it would keep no programs from then on."""
+    scene, state = chain(2)
+    topology(scene)
+    simulated(scene, state)
+    assert package_code.source_digest()
 
 
 def swept(scene, state):

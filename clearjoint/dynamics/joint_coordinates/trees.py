@@ -17,6 +17,7 @@ remains if the time derivatives of all joint speeds are zero.
 """
 
 import weakref
+from collections import OrderedDict
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import partial
@@ -383,8 +384,9 @@ class Topology:
         return frozenset(passed)
 
 
-_known: dict[int, tuple[weakref.ref[Scene], Topology]] = {}
-"""Topology of each scene that exists, by the scene's identity."""
+_known: OrderedDict[int, tuple[weakref.ref[Scene], Topology]] = OrderedDict()
+"""Topology of each scene that exists, by the scene's identity. Changes of an `OrderedDict` do not
+count as a change of the package's code: with a plain one, processes kept no programs."""
 
 
 def topology(scene: Scene) -> Topology:
