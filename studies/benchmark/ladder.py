@@ -17,9 +17,10 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import equinox as eqx
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -56,7 +57,7 @@ CALLS_BEFORE, CALLS_COUNTED = 20, 25
 """Calls before repeated calls are timed, after which native code checks starts, and calls that are
 timed together."""
 NUDGE = 1e-9
-"""Relative change of gravity from call to call. A start with equal numbers is checked only once."""
+"""Relative change of a mass from call to call. A start with equal numbers is checked only once."""
 FITTED = 3
 """Number of largest sizes from which an exponent is fitted."""
 MEGABYTE = 1024.0
@@ -181,10 +182,10 @@ def _runs(call: str, scene: cj.Scene, state: cj.State) -> Callable[[float], int]
     last = list(scene.bodies)[-1]
     height = cj.quantities.Position(last, "y")
     if call == SIMULATE:
-        gravity = np.asarray(scene.gravity)
+        mass = float(scene.bodies[last].mass)
         scenes = itertools.cycle(
             [
-                replace(scene, gravity=gravity * (1.0 + k * NUDGE))
+                eqx.tree_at(lambda s: s.bodies[last].mass, scene, mass * (1.0 + k * NUDGE))
                 for k in range(CALLS_BEFORE + CALLS_COUNTED + 1)
             ]
         )
