@@ -1,4 +1,4 @@
-"""Division of long functions into pieces, so that LLVM's time is proportional to their length.
+"""Division of long programs into pieces, so that LLVM's time is proportional to their length.
 
 LLVM allocates registers for all values of a function together, and keeps its instructions in lists
 that it searches, so that its time grows with the square of the length: for a chain of 100 joints,
