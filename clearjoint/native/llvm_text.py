@@ -129,7 +129,7 @@ class _Writer:
         for number, block in enumerate(blocks):
             is_program = block is blocks[-1]
             written.append(cells_written(self._program, block, written) if is_long else set())
-            # Functions run several times in a step, which took 1.6 times as long with pieces of them.
+            # Functions run several times in a step: with pieces, a step took 1.6 times as long.
             if is_long and is_program:
                 division = Division(
                     self._program, self._by_need, self._needed, len(blocks), written[-1]
