@@ -71,8 +71,8 @@ LIBRARY = frozenset(
 LONGEST_BLOCK = 200
 """Largest number of operations that are written in one block. Without optimisation, LLVM selects
 instructions in a time that grows with the square of a block's length: for 40 000 lines it took
-5.8 s, and 0.8 s in short blocks. With optimisation LLVM joins the blocks first, and the machine
-code is the same."""
+5.8 s, and 0.8 s in short blocks. With all of its passes LLVM joins the blocks first, and the
+machine code is the same."""
 
 
 def llvm_text(program: Operations, result: Value | None = None, is_optimised: bool = True) -> str:
@@ -129,7 +129,7 @@ class _Writer:
         for number, block in enumerate(blocks):
             is_program = block is blocks[-1]
             written.append(cells_written(self._program, block, written) if is_long else set())
-            # Functions run several times in a step: with pieces, a step took 1.6 times as long.
+            # Functions run several times in a step, so that passing values would cost more.
             if is_long and is_program:
                 division = Division(
                     self._program, self._by_need, self._needed, len(blocks), written[-1]

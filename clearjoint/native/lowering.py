@@ -653,10 +653,12 @@ class Lowering:
             closed = equation.params[CALLS[name]]
             if equation.params.get("name") == SHARED:
                 return self._call_shared(closed, arguments)
-            if equation.params.get("name") == ELEMENTWISE and any(
-                isinstance(array, InMemory) for array in arguments
-            ):
-                return self._by_one_loop(closed, arguments)
+            if equation.params.get("name") == ELEMENTWISE:
+                # Versions of JAX differ in how they repeat a scalar: an equation for it has no
+                # rule for single elements, and then each operation has a loop.
+                fits = all(inner.primitive.name in RULES for inner in closed.jaxpr.eqns)
+                if fits and any(isinstance(array, InMemory) for array in arguments):
+                    return self._by_one_loop(closed, arguments)
             repeated = self._repeated.get(id(equation))
             if repeated is not None:
                 return self._call(repeated, closed, arguments)

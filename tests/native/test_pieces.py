@@ -113,6 +113,19 @@ def test_stacked_trees_have_the_results_of_their_leaves(size):
         assert len(natives[1].code.text) < 0.8 * len(natives[0].code.text)
 
 
+def test_stacked_trees_are_in_memory():
+    assert FEWEST == lowering.LARGEST_UNROLLED + 1
+
+
+def test_elementwise_functions_without_rules_for_elements_are_computed():
+    def function(h, x):
+        return elementwise(lambda h, x: jnp.cumsum(jnp.broadcast_to(h, x.shape) * x), h, x)
+
+    arguments = jnp.asarray(0.5), jnp.linspace(0.0, 1.0, 60)
+    native = NativeProgram(jax.make_jaxpr(function)(*arguments))
+    np.testing.assert_allclose(native(arguments)[0], function(*arguments), rtol=1e-14)
+
+
 def test_other_trees_are_not_stacked():
     mixed = [jnp.asarray(1.0)] * 60 + [jnp.zeros(2)]
     assert stacked(mixed) is mixed
