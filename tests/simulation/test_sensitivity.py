@@ -11,7 +11,7 @@ import clearjoint as cj
 from clearjoint.parametrisation.parameter import coordinates_of
 from clearjoint.parametrisation.parametrised_scene import parametrised
 from clearjoint.simulation.run.run_checks import derivative_scheme
-from clearjoint.simulation.run.sampling import run_with_tangents
+from clearjoint.simulation.run.sampling import sampled
 from clearjoint.simulation.run.sensitivities import _growth_of_derivatives
 from tests.support.programs import body_of, primitives
 from tests.support.reference import Case
@@ -109,7 +109,7 @@ def test_what_outputs_read_is_arithmetic_without_loops(count):
     scheme = derivative_scheme(scene, state, cj.presets.derivatives)
 
     def program(times, *span):
-        return run_with_tangents(scheme, family, outputs, times, *span, 1000).derivatives
+        return sampled(scheme, family, outputs, times, *span, 1000).derivatives
 
     sampling = body_of(jax.make_jaxpr(program)(jnp.zeros(3), 0.0, 0.1, 1e-7), "scan")
     found = primitives(sampling, beside=("while",))
@@ -177,7 +177,7 @@ def test_many_times_are_looked_at_in_blocks():
     scheme = derivative_scheme(scene, state, cj.presets.derivatives)
 
     def program(times, *span):
-        return run_with_tangents(scheme, family, arguments[2], times, *span, 1000).derivatives
+        return sampled(scheme, family, arguments[2], times, *span, 1000).derivatives
 
     blocks = body_of(jax.make_jaxpr(program)(jnp.zeros(512), 0.0, 0.1, 1e-7), "scan")
     lengths = [eqn.params["length"] for eqn in blocks.eqns if eqn.primitive.name == "scan"]

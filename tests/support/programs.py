@@ -25,7 +25,16 @@ def primitives(program: Any, beside: Collection[str] = ()) -> Counter[str]:
 
 
 def body_of(program: Any, name: str) -> Any:
-    """The body of the only loop of a kind, such as "scan", on the outermost level."""
-    (loop,) = (equation for equation in program.eqns if equation.primitive.name == name)
+    """The body of the only loop of a kind, such as "scan", on the outermost level, or on that of a
+    function that is compiled there."""
+
+    def level(jaxpr: Any) -> Any:
+        for equation in jaxpr.eqns:
+            yield equation
+            if equation.primitive.name in ("jit", "pjit"):
+                for inner in inside(equation):
+                    yield from level(inner)
+
+    (loop,) = (equation for equation in level(program) if equation.primitive.name == name)
     (body,) = inside(loop)
     return body

@@ -188,47 +188,10 @@ def look_at_tangents(
     return y, each_label(speed_along, entry_speeds)
 
 
-def run_with_tangents(
-    scheme: Scheme,
-    family: ParametrisedScene,
-    outputs: Mapping[str, Quantity],
-    times: jax.Array,
-    t0: Scalar,
-    t_end: Scalar,
-    first_step: Scalar,
-    max_steps: Scalar,
-    kept: Kept = NOTHING_ELSE,
-) -> Sampled:
-    """Integrate the state and its derivatives, and evaluate quantities and their derivatives at
-    given times. This is the whole run of `sensitivities` and fits, as a function that JAX can
-    trace.
-
-    The derivatives are with respect to the coordinates of the parameters on their scales, such as
-    logarithms of the values.
-
-    **Arguments:**
-
-    - `scheme`: integration method and formulation of the equations of motion.
-    - `family`: scene and initial state as functions of the p parameters.
-    - `outputs`: the quantities to evaluate, by name.
-    - `times`: (N,) s, not decreasing, not before `t0`. The run ends with the step that reaches the
-      last time. So the last time must be `t_end` or later, as `padded` ensures; if it is earlier,
-      the run may count as unfinished (`max_steps_reached`). Times after `t_end` are not reached.
-    - `t0`, `t_end`: s, start and end of the run; no step goes past the end.
-    - `first_step`: s, length of the first step that is tried.
-    - `max_steps`: largest number of attempts.
-    - `kept`: results to keep besides the values of the quantities. If a contact has more impacts
-      than `kept.impacts`, the record lacks some of them, and the caller must repeat the run with
-      more room, as `recorded_run` does.
-    """
-    first = _first(scheme, family, t0, t_end, first_step)
-    return _sampled_from(first, scheme, family, outputs, times, t0, t_end, max_steps, kept)
-
-
 def _first(
     scheme: Scheme, family: ParametrisedScene, t0: Scalar, t_end: Scalar, first_step: Scalar
 ) -> Step:
-    """Return the state of `run_with_tangents` before its first step, at time zero."""
+    """Return the state of `sampled` before its first step, at time zero."""
     # The clock of the run is zero at its start. Steps that end at impacts need a resolution finer
     # than the rounding errors of large times.
     systems = SystemFamily(family, scheme.formulation, t0)
@@ -246,7 +209,7 @@ def _sampled_from(
     max_steps: Scalar,
     kept: Kept,
 ) -> Sampled:
-    """Return the result of `run_with_tangents`, given the result of `_first`."""
+    """Return the result of `sampled`, given the result of `_first`."""
     method, systems = scheme.method, SystemFamily(family, scheme.formulation, t0)
     system, own_end, own_times = systems.system(), t_end - t0, times - t0
     recorders: dict[str, Recorders] = {
@@ -370,7 +333,27 @@ def sampled(
     max_steps: Scalar,
     kept: Kept = NOTHING_ELSE,
 ) -> Sampled:
-    """Return the result of `run_with_tangents`, by compiled programs."""
+    """Integrate the state and its derivatives, and evaluate quantities and their derivatives at
+    given times. This is the whole run of `sensitivities` and fits.
+
+    The derivatives are with respect to the coordinates of the parameters on their scales, such as
+    logarithms of the values.
+
+    **Arguments:**
+
+    - `scheme`: integration method and formulation of the equations of motion.
+    - `family`: scene and initial state as functions of the p parameters.
+    - `outputs`: the quantities to evaluate, by name.
+    - `times`: (N,) s, not decreasing, not before `t0`. The run ends with the step that reaches the
+      last time. So the last time must be `t_end` or later, as `padded` ensures; if it is earlier,
+      the run may count as unfinished (`max_steps_reached`). Times after `t_end` are not reached.
+    - `t0`, `t_end`: s, start and end of the run; no step goes past the end.
+    - `first_step`: s, length of the first step that is tried.
+    - `max_steps`: largest number of attempts.
+    - `kept`: results to keep besides the values of the quantities. If a contact has more impacts
+      than `kept.impacts`, the record lacks some of them, and the caller must repeat the run with
+      more room, as `recorded_run` does.
+    """
     first = _first_compiled(scheme, family, t0, t_end, first_step)
     return sampled_compiled(first, scheme, family, outputs, times, t0, t_end, max_steps, kept)
 
@@ -378,10 +361,10 @@ def sampled(
 def recorded_run(
     arguments: tuple[PyTree, ...], states: bool, impacts: bool, sections: dict[str, SectionRecorder]
 ) -> Sampled:
-    """Call `run_with_tangents`, with larger buffers each time until they have room for all impacts,
+    """Call `sampled`, with larger buffers each time until they have room for all impacts,
     and return its last result as NumPy arrays.
 
-    **Arguments:** `arguments`: all arguments of `run_with_tangents` except `kept`; `states`,
+    **Arguments:** `arguments`: all arguments of `sampled` except `kept`; `states`,
     `impacts`: whether to keep states and impacts; `sections`: recorders of crossings, by name of
     the section.
     """
