@@ -20,29 +20,33 @@ For fewer, it computes the same as for a PyTree of scalars."""
 class Stacked(eqx.Module):
     """Numbers of a PyTree as one array.
 
-    - `array`: the numbers, in the order of the PyTree's leaves.
+    - `array`: the numbers; along the last axis, in the order of the PyTree's n leaves.
     - `structure`: structure of the PyTree.
     """
 
-    array: Float[jax.Array, " n"]
+    array: Float[jax.Array, "... n"]
     structure: Hashable = eqx.field(static=True)
 
 
 def stacked(tree: PyTree[Scalar]) -> PyTree:
-    """Return a PyTree of at least `FEWEST` floats of JAX as a `Stacked`, any other unchanged."""
+    """Return a PyTree of at least `FEWEST` floats of JAX as a `Stacked`, any other unchanged.
+
+    Instead of floats, the leaves may be arrays of one shape, such as derivatives by parameters.
+    """
     leaves, structure = jax.tree.flatten(tree)
     if len(leaves) < FEWEST or not all(isinstance(leaf, jax.Array) for leaf in leaves):
         return tree
-    first = leaves[0].aval
-    if any(leaf.shape or leaf.dtype != first.dtype for leaf in leaves):
+    shape, dtype = leaves[0].shape, leaves[0].dtype
+    if any(leaf.shape != shape or leaf.dtype != dtype for leaf in leaves):
         return tree
-    rows = [jax.lax.reshape(leaf, (1,)) for leaf in leaves]
-    return Stacked(jax.lax.concatenate(rows, 0), structure)
+    columns = [jax.lax.reshape(leaf, (*shape, 1)) for leaf in leaves]
+    return Stacked(jax.lax.concatenate(columns, len(shape)), structure)
 
 
 def unstacked(tree: PyTree) -> PyTree[Scalar]:
     """Return the PyTree whose numbers a `Stacked` has, and any other PyTree unchanged."""
     if not isinstance(tree, Stacked):
         return tree
-    rows = jax.lax.split(tree.array, (1,) * tree.array.size)
-    return jax.tree.unflatten(tree.structure, [jax.lax.reshape(row, ()) for row in rows])
+    *shape, count = tree.array.shape
+    columns = jax.lax.split(tree.array, (1,) * count, axis=len(shape))
+    return jax.tree.unflatten(tree.structure, [jax.lax.reshape(c, shape) for c in columns])

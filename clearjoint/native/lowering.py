@@ -22,6 +22,7 @@ from functools import partial
 import numpy as np
 from jax.core import ShapedArray
 from jax.extend import core, source_info_util
+from jax.interpreters import partial_eval
 from numpy.typing import ArrayLike
 
 from ..compilation.xla import CALLS, ELEMENTWISE, SHARED
@@ -388,6 +389,8 @@ class Lowering:
         as a vector."""
         if isinstance(array, Packed):
             return array.value
+        if isinstance(array, int) and self.ops.kinds[array].endswith("p"):
+            return array
         values = self.values(array)
         return self.ops.pack(values * (self.ops.packed_length if len(values) == 1 else 1))
 
@@ -505,44 +508,82 @@ class Lowering:
         kind: str,
         shape: tuple[int, ...],
         arguments: Sequence[Array],
+        by_vectors: bool = False,
     ) -> InMemory:
         """Add a loop that applies a function to the elements of arrays, and return its results.
 
         **Arguments:** `rule`: adds the operations for one element of each argument, and returns
         the result; `kind`, `shape`: those of the array of results; `arguments`: arrays of that
-        shape, and scalars, which are the same for all elements.
+        shape, and scalars, which are the same for all elements; `by_vectors`: whether the function
+        also takes vectors, so that a program with tangents computes several elements at once.
         """
+        ops = self.ops
         out = self.new_array(shape, kind)
         forms = [a if isinstance(a, int) else self.in_memory(a, shape) for a in arguments]
 
-        def visit(k: Value) -> None:
+        def apply_to(suffix: str, given: Sequence[Value | InMemory], index: Value) -> None:
             values = [
-                self.ops.load(a.kind, a.start, k) if isinstance(a, InMemory) else a for a in forms
+                a if isinstance(a, int) else ops.load(a.kind + suffix, a.start, index)
+                for a in given
             ]
-            self.ops.store(rule(*values), out.start, k)
+            ops.store(rule(*values), out.start, index)
 
-        self.ops.repeat(out.size, visit)
+        step = ops.packed if by_vectors and ops.packed else 1
+        if step > 1:
+            vectors = [self.vector(a) if isinstance(a, int) else a for a in forms]
+            length = ops.constant("i", step)
+
+            def visit(k: Value) -> None:
+                apply_to("p", vectors, ops.emit("mul", "i", k, length))
+
+            ops.repeat(out.size // step, visit)
+        # The elements that don't fill a vector.
+        for k in range(out.size // step * step, out.size if step > 1 else 0):
+            apply_to("", forms, ops.constant("i", k))
+        if step == 1:
+            ops.repeat(out.size, partial(apply_to, "", forms))
         return out
 
     def _by_one_loop(self, closed: core.ClosedJaxpr, arguments: list[Array]) -> list[Array]:
-        """Add a loop that computes the element of a jaxpr's result from those of its arguments.
+        """Add a loop for each result of a jaxpr, which computes an element of the result from those
+        of the arguments.
 
-        **Arguments:** `closed`: made by `elementwise`; `arguments`: arrays of the shape of its
-        result, and scalars.
+        **Arguments:** `closed`: made by `elementwise`, or by JAX's derivatives from such a jaxpr;
+        `arguments`: arrays of the shapes of its results, and scalars.
         """
-        (out,) = (aval_of(atom) for atom in closed.jaxpr.outvars)
+        results: list[Array] = []
+        for out in closed.jaxpr.outvars:
+            # The derivatives of a linear function do not need its values, which have another shape.
+            part, used = partial_eval.dce_jaxpr(
+                closed.jaxpr, [other is out for other in closed.jaxpr.outvars]
+            )
+            shape, kind = tuple(aval_of(out).shape), kind_of(aval_of(out))
+            variables = (*part.invars, *(v for e in part.eqns for v in e.outvars))
+            # Versions of JAX differ in how they repeat a scalar: an equation for it has no rule
+            # for single elements, and then each operation has a loop.
+            if not all(tuple(aval_of(v).shape) in ((), shape) for v in variables) or not all(
+                equation.primitive.name in RULES for equation in part.eqns
+            ):
+                return self.inline(closed, arguments)
+            needed = [array for array, is_used in zip(arguments, used, strict=True) if is_used]
+            rule = partial(self._element, part)
+            results.append(self._by_loop(rule, kind, shape, needed, by_vectors=True))
+        return results
 
-        def element(*values: Value) -> Value:
-            known: dict[Atom, Array] = dict(zip(closed.jaxpr.invars, values, strict=True))
-            for equation in closed.jaxpr.eqns:
-                name, operands = equation.primitive.name, equation.invars
-                given = [scalar(self._atom(atom, known)) for atom in operands]
-                parameter = equation.params.get(PARAMETERS.get(name, ""))
-                rule = self.operation(name, aval_of(equation.outvars[0]), parameter)
-                known[equation.outvars[0]] = rule(*given)
-            return scalar(self._atom(closed.jaxpr.outvars[0], known))
-
-        return [self._by_loop(element, kind_of(out), tuple(out.shape), arguments)]
+    def _element(self, jaxpr: core.Jaxpr, *values: Value) -> Value:
+        """Add the equations of a jaxpr for one element of each argument, or a vector of them, and
+        return that of the result."""
+        known: dict[Atom, Array] = dict(zip(jaxpr.invars, values, strict=True))
+        are_vectors = any(self.ops.kinds[value].endswith("p") for value in values)
+        for equation in jaxpr.eqns:
+            name = equation.primitive.name
+            given = [scalar(self._atom(atom, known)) for atom in equation.invars]
+            # Numbers in the jaxpr are scalars.
+            given = [*map(self.vector, given)] if are_vectors else given
+            parameter = equation.params.get(PARAMETERS.get(name, ""))
+            rule = self.operation(name, aval_of(equation.outvars[0]), parameter)
+            known[equation.outvars[0]] = rule(*given)
+        return scalar(self._atom(jaxpr.outvars[0], known))
 
     # Equations.
 
@@ -654,10 +695,7 @@ class Lowering:
             if equation.params.get("name") == SHARED:
                 return self._call_shared(closed, arguments)
             if equation.params.get("name") == ELEMENTWISE:
-                # Versions of JAX differ in how they repeat a scalar: an equation for it has no
-                # rule for single elements, and then each operation has a loop.
-                fits = all(inner.primitive.name in RULES for inner in closed.jaxpr.eqns)
-                if fits and any(isinstance(array, InMemory) for array in arguments):
+                if any(isinstance(array, InMemory) for array in arguments):
                     return self._by_one_loop(closed, arguments)
             repeated = self._repeated.get(id(equation))
             if repeated is not None:
@@ -839,7 +877,7 @@ class Lowering:
         if shape == ():
             return rule(*self.flatten(arguments))
         if aval.size > LARGEST_UNROLLED:
-            return self._by_loop(rule, kind, shape, arguments)
+            return self._by_loop(rule, kind, shape, arguments, by_vectors=True)
         if self.is_packed(shape):
             return Packed(rule(*map(self.vector, arguments)))
         # A small array: the operation is added for each element.

@@ -63,7 +63,6 @@ from ..step.dense_output import require_dense
 from ..step.discontinuities import require_declared
 from ..step.method import Scheme
 from ..step.settings import Settings
-from ..step.solvers import UnrolledExplicit
 
 BY_NUMPY = 16
 """Number of starts of the same structure that are checked in Python. For further ones a native
@@ -195,16 +194,11 @@ def derivative_scheme(
     require_declared(scene)
     # Redundant constraints need another solution of the equations of motion.
     scheme = Scheme.on_host(settings, bool(redundant))
-    solver = scheme.method.solver
-    require_dense(solver)
-    assert isinstance(solver, UnrolledExplicit)
+    require_dense(scheme.method.solver)
     # Only runs with tangents have this tolerance: the factor by which errors of tangents may be
     # larger than those of the variables.
     tolerance = np.asarray(settings.derivative_tolerance, float)
-    method = replace(
-        scheme.method, solver=replace(solver, stacks=False), derivative_tolerance=tolerance
-    )
-    return replace(scheme, method=method)
+    return replace(scheme, method=replace(scheme.method, derivative_tolerance=tolerance))
 
 
 _recheck = cached_by_numbers(recheck)

@@ -200,9 +200,10 @@ def _controller_decision(
         along_before, along_after = (
             magnitudes(scaled(t)) for t in (step.tangents.y, trial.tangents.y)
         )
-        before = before, tangent_sizes(system, before, along_before)
-        after = after, tangent_sizes(system, after, along_after)
-        error = error, jax.tree.map(lambda e: e / tolerance, scaled(trial.tangents.error))
+        before = stacked(before), stacked(tangent_sizes(system, before, along_before))
+        after = stacked(after), stacked(tangent_sizes(system, after, along_after))
+        along = jax.tree.map(lambda e: e / tolerance, scaled(trial.tangents.error))
+        error = stacked(error), stacked(along)
     else:
         before, after, error = map(stacked, (before, after, error))
     # `wrap(1)` tells diffrax's controller that time runs forward. Its second result, the start of

@@ -23,6 +23,7 @@ from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
+from jaxtyping import PyTree
 
 from ...dynamics.contact_events import ContactGap, ContactGaps, any_of, contact_gaps
 from ...dynamics.contact_forces import EntrySpeeds, LoadedContact, contact_force, depth_at_wall
@@ -47,14 +48,10 @@ def slopes_jump(scene: Scene) -> bool:
 
 
 def across_contacts(
-    system: System,
-    before: ContactGaps,
-    y: Variables,
-    entry_speeds: EntrySpeeds,
-    t: Scalar,
-    keep: Condition,
+    system: System, before: ContactGaps, y: Variables, entry_speeds: EntrySpeeds, t: Scalar
 ) -> Variables:
-    """Return the variables at the end of a step, corrected for contacts that begin or end there.
+    """Return the variables at the end of a step, corrected for contacts that begin or end there:
+    y + (f+ - f-) tau, summed over the contacts.
 
     The correction changes the variables themselves by rounding errors only, but it adds the
     saltation to their derivatives.
@@ -64,48 +61,50 @@ def across_contacts(
     - `before`, `entry_speeds`: contact gaps (penetrations, m, and their rates, m/s) and entry
       speeds, m/s, at the start of the step, by joint and contact.
     - `y`: variables at the end of the step; `t`: the time there, s, on the clock of `system`.
-    - `keep`: whether the step is accepted; otherwise `y` is returned.
     """
+    motions, joints = system.motions(y.motion), system.scene.contact_joints()
+    times = _contact_times(system.scene, before, contact_gaps(system.scene, motions))
+    kinds = Kinds(system.scene)
 
-    def corrected(y: Variables) -> Variables:
-        """Return y + (f+ - f-) tau, summed over the contacts."""
-        mechanics, joints = system.mechanics(y.motion), system.scene.contact_joints()
-        motions = mechanics.motions
-        times = _contact_times(system.scene, before, contact_gaps(system.scene, motions))
-        kinds = Kinds(system.scene)
+    def mean_forces(name: str) -> dict[str, LoadedContact]:
+        speeds, bristles = entry_speeds.get(name, {}), y.bristles.get(name, {})
+        given = motions, tuple(times[name]), speeds, bristles
+        forces = kinds.evaluate(_mean_forces, joints[name], *given)
+        return dict(zip(times[name], forces, strict=True))
 
-        def mean_forces(name: str) -> dict[str, LoadedContact]:
-            speeds, bristles = entry_speeds.get(name, {}), y.bristles.get(name, {})
-            given = motions, tuple(times[name]), speeds, bristles
-            forces = kinds.evaluate(_mean_forces, joints[name], *given)
-            return dict(zip(times[name], forces, strict=True))
+    # Forces of contacts without an event in this step are computed too. They have no effect,
+    # because their times are zero.
+    forces = {name: mean_forces(name) for name in times}
+    # The derivative of the product of a rate and a time has two terms. Derivatives of the masses
+    # are left out: they are multiplied by the times, which are rounding errors, so that they are a
+    # rounding error of the other term. They were a sixth of the program of a run with tangents.
+    fixed, motion = jax.tree.map(_constant, (system, y.motion))
+    mechanics = fixed.mechanics(motion)
 
-        # Forces of contacts without an event in this step are computed too. They have no effect,
-        # because their times are zero.
-        forces = {name: mean_forces(name) for name in times}
+    def rates(times: ByLabel[Scalar]) -> Variables:
+        # Each force times the time for which the step lacks it.
+        impulses = each_label(
+            lambda name, label: _multiplied(forces[name][label], times[name][label]), times
+        )
+        dynamics = fixed.dynamics_under(mechanics, impulses, t)
+        powers = fixed.powers(dynamics, t)
+        return jax.tree.map(jnp.asarray, Variables(dynamics.variable_rates, powers))
 
-        def rates(times: ByLabel[Scalar]) -> Variables:
-            # Each force times the time for which the step lacks it.
-            impulses = each_label(
-                lambda name, label: _multiplied(forces[name][label], times[name][label]), times
-            )
-            dynamics = system.dynamics_under(mechanics, impulses, t)
-            powers = system.powers(dynamics, t)
-            return jax.tree.map(jnp.asarray, Variables(dynamics.variable_rates, powers))
+    # The rates are a linear function of the contact forces plus terms that do not depend on them
+    # (gravity, springs, gyroscopic terms). Their derivative in the direction `times`, at contact
+    # forces of zero, is the linear part alone: (f+ - f-) tau, including the reactions of the
+    # constraints.
+    none = jax.tree.map(jnp.zeros_like, times)
+    change = jax.jvp(rates, (none,), (times,))[1]
+    motion = jax.tree.map(lambda value, by: value + by, y.motion, change.motion)
+    work = {name: e + change.work.get(name, 0.0) for name, e in y.work.items()}
+    # Bristle deflections stay, because `updated_bristles` sets them afterwards.
+    return replace(y, motion=motion, work=work)
 
-        # The rates are a linear function of the contact forces plus terms that do not depend on
-        # them (gravity, springs, gyroscopic terms). Their derivative in the direction `times`, at
-        # contact forces of zero, is the linear part alone: (f+ - f-) tau, including the reactions
-        # of the constraints.
-        none = jax.tree.map(jnp.zeros_like, times)
-        change = jax.jvp(rates, (none,), (times,))[1]
-        motion = jax.tree.map(lambda value, by: value + by, y.motion, change.motion)
-        work = {name: e + change.work.get(name, 0.0) for name, e in y.work.items()}
-        # Bristle deflections stay, because `updated_bristles` sets them afterwards.
-        return replace(y, motion=motion, work=work)
 
-    changes = any_changes(system.scene, before, system.contact_gaps(y.motion))
-    return jax.lax.cond(keep & changes, corrected, lambda y: y, y)
+def _constant(leaf: PyTree) -> PyTree:
+    # JAX would make arrays of the numbers that are folded into formulas.
+    return jax.lax.stop_gradient(leaf) if isinstance(leaf, jax.Array) else leaf
 
 
 def _jumping_contacts(scene: Scene) -> dict[str, list[str]]:

@@ -41,16 +41,15 @@ multiplied by the slope of the time map if the step has one. Other solvers use o
 class UnrolledExplicit(diffrax.AbstractSolver):
     """An explicit Runge-Kutta solver whose stages are written out instead of computed in a loop.
 
-    **Arguments:** `method`: diffrax's solver, which supplies the tableau; `stacks`: whether a step
-    computes many variables as one array (see `.math.stacked`). In runs with derivatives it does
-    not, since each variable has a vector of tangents.
+    A step computes many variables as one array (see `.math.stacked`).
+
+    **Arguments:** `method`: diffrax's solver, which supplies the tableau.
 
     The state that the solver carries from one step to the next consists of the rates at the start
     of the next step. Arguments and results of the methods are those of diffrax's `AbstractSolver`.
     """
 
     method: diffrax.AbstractERK
-    stacks: bool = eqx.field(default=True, static=True)
     term_structure = diffrax.ODETerm
 
     @property
@@ -80,10 +79,7 @@ class UnrolledExplicit(diffrax.AbstractSolver):
     def information_like(self, y: PyTree) -> "DenseInformation":
         """Return a placeholder with the structure and shapes of the data for dense output of a step
         of the variables `y`. Its numbers have no meaning. A loop needs it as its initial value."""
-        return {"y0": y, "stages": (self._form(y),) * self.method.tableau.num_stages}  # pyright: ignore[reportAttributeAccessIssue]
-
-    def _form(self, tree: PyTree[Scalar]) -> PyTree:
-        return stacked(tree) if self.stacks else tree
+        return {"y0": y, "stages": (stacked(y),) * self.method.tableau.num_stages}  # pyright: ignore[reportAttributeAccessIssue]
 
     def step(
         self,
@@ -114,10 +110,10 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         """
         tableau = _tableau(self.method)
         h = t1 - t0
-        start = self._form(y0)
+        start = stacked(y0)
         # With a traced condition, every lane would compute both branches, so the rates are then
         # computed unconditionally.
-        last = self._form(solver_state) if made_jump is False else terms.vf(t0, start, args)
+        last = stacked(solver_state) if made_jump is False else terms.vf(t0, start, args)
         # With a time map the independent variable is not the time t but a fraction x of the step,
         # 0 to 1. The tableau's nodes are values of x, and dy/dx = dy/dt dt/dx.
         stages, y = [_rates_by_fraction(last, 0.0, time_map)], start

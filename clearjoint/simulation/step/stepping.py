@@ -19,7 +19,8 @@ dissipated and supplied powers, J, which are computed with the motion. Times on 
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TypeVar
+from functools import partial
+from typing import TypeAlias, TypeVar
 
 import diffrax
 import jax
@@ -44,7 +45,7 @@ from ...result_codes import RESULTS
 from .acceptance import decide_step
 from .breakpoint_events import across_breakpoints
 from .method import SystemFamily
-from .saltation import across_contacts, contacts_jump, slopes_jump
+from .saltation import across_contacts, any_changes, contacts_jump, slopes_jump
 from .solvers import UnrolledExplicit
 from .step_length import end_of_step
 from .step_state import (
@@ -305,6 +306,10 @@ def _accepted_state(
     )
 
 
+Ends: TypeAlias = tuple[Variables, Variables | None]
+"""Variables at the end of a step, and their tangents; ``None`` in a run without tangents."""
+
+
 def _across_discontinuities(
     method: Method,
     system: System,
@@ -312,7 +317,7 @@ def _across_discontinuities(
     step: Step,
     trial: Trial,
     keep: Condition,
-) -> tuple[Variables, Variables | None]:
+) -> Ends:
     """Return the variables at the end of a trial step and their tangents, corrected for
     discontinuities of forces there. The tangents are ``None`` without a `family`.
 
@@ -335,15 +340,27 @@ def _across_discontinuities(
         return y1, y_tangents
     t1 = trial.t1
 
-    # All corrections are one function of the system, so that `family` can differentiate them by the
-    # parameters. Bristles come last, because they depend on the corrected motion.
-    def across(system: System, y: Variables, entry_speeds: EntrySpeeds) -> tuple[Variables, None]:
-        """Return the corrected variables, and no auxiliary result."""
-        if contacts:
-            # The forces are those before a breakpoint at the end; `across_breakpoints` needs those
-            # on both sides.
-            time = one_sided_time(system, step.t, t1)
-            y = across_contacts(system, step.contact_gaps, y, entry_speeds, time, keep)
+    def corrected(correction: Callable[..., Variables], at: Ends) -> Ends:
+        """Return variables and tangents after a correction, which is a function of the system, the
+        variables and the entry speeds."""
+        y, along = at
+        if family is None:
+            return correction(system, y, step.entry_speeds), None
+        assert step.tangents is not None
+        tangents = along, step.tangents.entry_speeds
+        y, _, along = family.with_derivatives(
+            lambda *given: (correction(*given), None), (y, step.entry_speeds), tangents
+        )
+        return y, along
+
+    def contacts_corrected(system: System, y: Variables, entry_speeds: EntrySpeeds) -> Variables:
+        # The forces are those before a breakpoint at the end; `across_breakpoints` needs those on
+        # both sides.
+        time = one_sided_time(system, step.t, t1)
+        return across_contacts(system, step.contact_gaps, y, entry_speeds, time)
+
+    # Bristles come last, because they depend on the corrected motion.
+    def others_corrected(system: System, y: Variables, entry_speeds: EntrySpeeds) -> Variables:
         if has_breakpoints:
             y = across_breakpoints(system, step.t, y, entry_speeds, t1, keep)
         if y.bristles:
@@ -351,14 +368,18 @@ def _across_discontinuities(
             motions = system.motions(y.motion)
             bristles = updated_bristles(system.scene, y.bristles, motions, *gaps, lands)
             y = replace(y, bristles=bristles)
-        return y, None
+        return y
 
-    if family is None:
-        return across(system, y1, step.entry_speeds)[0], None
-    assert step.tangents is not None
-    tangents = y_tangents, step.tangents.entry_speeds
-    y1, _, y_tangents = family.with_derivatives(across, (y1, step.entry_speeds), tangents)
-    return y1, y_tangents
+    ends = y1, y_tangents
+    if contacts:
+        changes = keep & any_changes(system.scene, step.contact_gaps, trial.gaps)
+        # JAX needs less time to trace derivatives inside of a branch than those of a branch.
+        ends = jax.lax.cond(
+            changes, partial(corrected, contacts_corrected), lambda ends: ends, ends
+        )
+    if has_breakpoints or y1.bristles:
+        ends = corrected(others_corrected, ends)
+    return ends
 
 
 def _second_rates(
