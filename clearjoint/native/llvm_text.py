@@ -1,4 +1,4 @@
-"""Text of a program in LLVM's intermediate language, written by llvmlite.
+"""Text of a program in LLVM's intermediate language.
 
 A product that is used only as a term of one sum is computed together with the sum, by a fused
 multiply-add. This module decides for which products this is done. If LLVM decided, the choice
@@ -9,36 +9,37 @@ A program consists of blocks, which are lists of entries: operations, and branch
 contain blocks themselves (see `.operations`). A value is the result of an operation, a branch or a
 loop, or a constant, and is named by an integer. Its kind is "f" (float64), "i" (int64), "w" (int32)
 or "b" (bool). With the suffix "p" it is a vector of tangents, which are derivatives by parameters.
+
+The text is written here and not by `llvmlite.ir`, whose objects for instructions took three times
+as long, a tenth of a first answer.
 """
 
+import struct
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
-from llvmlite import ir
-
-from .operations import Block, Branch, Entry, Loop, Operation, Operations, Value
+from .operations import Block, Branch, Entry, Loop, Number, Operation, Operations, Value
 from .pieces import FEWEST, Division, cells_written, count_operations
 
-_BASES = {"f": ir.DoubleType(), "i": ir.IntType(64), "w": ir.IntType(32), "b": ir.IntType(1)}
+_BASES = {"f": "double", "i": "i64", "w": "i32", "b": "i1"}
 _CELL = {"f": "f", "i": "i", "w": "i", "b": "i"}
 """Kinds of numbers in memory, where all have 64 bits, by the first letters of values' kinds."""
-_SIGNS = {"lt": "<", "le": "<=", "gt": ">", "ge": ">=", "eq": "==", "ne": "!="}
-_INSTRUCTIONS: dict[str, tuple[str, ...]] = {
-    **{name: (name,) for name in ("fadd", "fsub", "fmul", "fdiv", "fneg", "select", "xor")},
-    **{name: (name,) for name in ("add", "sub", "mul")},
-    **{name: (f"{name}_",) for name in ("and", "or", "not")},
-    "divide_whole": ("sdiv",),
-    "remainder_whole": ("srem",),
-    "shift_left": ("shl",),
-    "shift_right": ("ashr",),
-    **{f"f{name}": ("fcmp_ordered", sign) for name, sign in _SIGNS.items()},
-    **{f"i{name}": ("icmp_signed", sign) for name, sign in _SIGNS.items()},
-    "fne": ("fcmp_unordered", "!="),
-    "is_nan_either": ("fcmp_unordered", "uno"),
+_SIGNS = ("lt", "le", "gt", "ge", "eq")
+_INSTRUCTIONS = {
+    **{name: name for name in ("fadd", "fsub", "fmul", "fdiv", "xor", "and", "or")},
+    **{name: name for name in ("add", "sub", "mul")},
+    "divide_whole": "sdiv",
+    "remainder_whole": "srem",
+    "shift_left": "shl",
+    "shift_right": "ashr",
+    **{f"f{sign}": f"fcmp o{sign}" for sign in _SIGNS},
+    **{f"i{sign}": f"icmp {'' if sign == 'eq' else 's'}{sign}" for sign in _SIGNS},
+    "ine": "icmp ne",
+    "fne": "fcmp une",
+    "is_nan_either": "fcmp uno",
 }
-"""Methods of llvmlite's builder, by the names of operations. A method for comparisons stands
-with its first argument, the comparison's sign."""
+"""LLVM's instructions of two arguments of one type, by the names of operations."""
 _CONVERSIONS = {
     "int_to_float": "sitofp",
     "bool_to_float": "uitofp",
@@ -48,7 +49,7 @@ _CONVERSIONS = {
     "float_bits": "bitcast",
     "float_of_bits": "bitcast",
 }
-"""Methods of llvmlite's builder that take the type of the result, by the names of operations."""
+"""LLVM's instructions that change the type of their argument, by the names of operations."""
 _INTRINSICS = {
     **{name: name for name in ("sqrt", "floor", "ceil", "fma", "copysign")},
     "abs": "fabs",
@@ -56,9 +57,9 @@ _INTRINSICS = {
     "round_away": "round",
 }
 """LLVM's functions that most processors have as instructions, by the names of operations."""
-Form: TypeAlias = Any
-"""A type of LLVM, scalar or vector. Type checkers don't know the attributes of llvmlite's types."""
-Word: TypeAlias = Any
+Form: TypeAlias = str
+"""A type of LLVM, scalar or vector, such as "double" or "<4 x double>"."""
+Word: TypeAlias = str
 """A value in LLVM's language: a constant, an argument or the result of an instruction."""
 LIBRARY = frozenset(
     "sin cos tan asin acos atan atan2 sinh cosh tanh "  # noqa: SIM905
@@ -99,9 +100,14 @@ class _Writer:
 
     def __init__(self, program: Operations):
         self._program, self._width = program, program.width
-        self._module = ir.Module()
-        self._functions: dict[int, ir.Function] = {}
+        self._lines: list[str] = []
         self._values: dict[Value, Word] = {}
+        self._types: dict[str, Form] = {}
+        # Types of the results of the functions, and functions from outside of the module.
+        self._returned: dict[int, Form] = {}
+        self._declared: dict[str, str] = {}
+        # Numbers of the latest result and label, and the label of the block that is written.
+        self._number, self._block = 0, ""
         self._uses: Counter[Value] = Counter()
         # Identities of the entries that are needed, as returned by `id`.
         self._live: set[int] = set()
@@ -136,56 +142,59 @@ class _Writer:
                 )
                 division.divide(block, [] if result is None else [result])
                 for piece, operations in division.pieces.items():
-                    self._begin(piece, f"f{piece}", ir.VoidType())
+                    self._begin(piece, "void")
                     self._write_operations(operations)
-                    self._builder.ret_void()
+                    self._lines += ["ret void", "}"]
             results = self._results(number)
-            returned = _BASES["i"] if is_program else ir.VoidType()
+            returned = "i64" if is_program else "void"
             if results:
-                returned = ir.LiteralStructType(list(map(self._type_of, results)))
+                returned = f"{{{', '.join(map(self._type_of, results))}}}"
             parameters, _ = self._program.signatures.get(number, ([], []))
-            name = "program" if is_program else f"f{number}"
-            function = self._begin(number, name, returned, parameters)
-            if number in self._program.signatures and not _uses_memory(block):
-                # Calls with equal arguments may be joined, and moved across writes to memory.
-                function.attributes.add("readnone")
-                function.attributes.add("nounwind")
+            # Calls with equal arguments may be joined, and moved across writes to memory.
+            is_pure = number in self._program.signatures and not _uses_memory(block)
+            self._begin(number, returned, parameters, is_pure, is_program)
             self._write(block)
             if results:
-                together = returned(ir.Undefined)
+                together = "undef"
                 for k, value in enumerate(results):
-                    together = self._builder.insert_value(together, self._value(value), k)
-                self._builder.ret(together)
+                    together = self._add(
+                        f"insertvalue {returned} {together}, {self._typed(value)}, {k}"
+                    )
+                self._lines.append(f"ret {returned} {together}")
             elif not is_program:
-                self._builder.ret_void()
-        if result is None:
-            returned = _BASES["i"](0)
-        else:
-            returned = self._value(result)
-            returned = returned if self._width == 1 else self._element(returned, 0)
-        self._builder.ret(returned)
-        return str(self._module)
+                self._lines.append("ret void")
+            elif result is None:
+                self._lines.append("ret i64 0")
+            else:
+                word, form = self._value(result), self._type_of(result)
+                word = word if self._width == 1 else self._element(form, word, 0)
+                self._lines.append(f"ret i64 {word}")
+            self._lines.append("}")
+        return "\n".join([*self._lines, *self._declared.values(), ""])
 
     def _begin(
-        self, number: int, name: str, returned: Form, parameters: Sequence[Value] = ()
-    ) -> ir.Function:
+        self,
+        number: int,
+        returned: Form,
+        parameters: Sequence[Value] = (),
+        is_pure: bool = False,
+        is_program: bool = False,
+    ) -> None:
         """Begin a function, to which the following instructions are added."""
-        form = ir.FunctionType(returned, [ir.PointerType(), *map(self._type_of, parameters)])
-        function = ir.Function(self._module, form, name)
-        # On an unaligned stack, vectors would extend across two cache lines.
-        function.attributes.alignstack = 64
-        if name != "program":
-            # Functions save time of compilation. Inlined, one would be compiled for each call.
-            function.linkage = "internal"
-            function.attributes.add("noinline")
-        self._memory, *arguments = function.args
-        self._values.update(zip(parameters, arguments, strict=True))
+        self._returned[number] = returned
+        self._values.update((value, f"%a{k}") for k, value in enumerate(parameters))
         # A function reaches its memory by this pointer only, which LLVM cannot see by itself.
-        self._memory.add_attribute("noalias")
-        self._memory.attributes.align = 64
-        self._functions[number] = function
-        self._builder = ir.IRBuilder(function.append_basic_block())
-        return function
+        memory = "ptr noalias align 64 %memory"
+        arguments = ", ".join([memory, *map(self._typed, parameters)])
+        # Functions save time of compilation. Inlined, one would be compiled for each call.
+        scope, name = ("", "program") if is_program else ("internal ", f"f{number}")
+        attributes = "" if is_program else " noinline"
+        attributes += " nounwind readnone" if is_pure else ""
+        # On an unaligned stack, vectors would extend across two cache lines.
+        self._lines.append(
+            f"define {scope}{returned} @{name}({arguments}){attributes} alignstack(64) {{"
+        )
+        self._begin_block(self._label())
 
     # Which operations are needed, and which products are fused.
 
@@ -286,27 +295,52 @@ class _Writer:
 
     # Text.
 
+    def _add(self, instruction: str) -> Word:
+        """Add an instruction and return its result."""
+        self._number += 1
+        word = f"%v{self._number}"
+        self._lines.append(f"{word} = {instruction}")
+        return word
+
+    def _label(self) -> str:
+        """Return a new label for a block."""
+        self._number += 1
+        return f"b{self._number}"
+
+    def _begin_block(self, label: str) -> None:
+        self._lines.append(f"{label}:")
+        self._block = label
+
     def _type(self, kind: str) -> Form:
         """Return LLVM's type of a kind of values.
 
         It is a vector of tangents for a kind with the suffix "p", otherwise a scalar, or a vector
         of lanes if the program has several.
         """
-        count = self._program.packed if kind.endswith("p") else self._width
-        base = _BASES[kind[0]]
-        return base if count == 1 and not kind.endswith("p") else ir.VectorType(base, count)
+        form = self._types.get(kind)
+        if form is None:
+            count = self._program.packed if kind.endswith("p") else self._width
+            form = _BASES[kind[0]]
+            if count > 1 or kind.endswith("p"):
+                form = f"<{count} x {form}>"
+            self._types[kind] = form
+        return form
 
     def _type_of(self, value: Value) -> Form:
         return self._type(self._program.kinds[value])
 
+    def _typed(self, value: Value) -> str:
+        """Return LLVM's type of a value, and the value."""
+        return f"{self._type_of(value)} {self._value(value)}"
+
     def _value(self, value: Value) -> Word:
         """Return LLVM's value for a value of the program, in the function that is being written: a
         constant, or the result of an instruction."""
-        number = self._program.constants.get(value)
-        if number is not None and value not in self._values:
-            # llvmlite repeats the number in all elements of a vector.
-            self._values[value] = self._type(self._program.kinds[value])(number)
-        return self._values[value]
+        word = self._values.get(value)
+        if word is None:
+            form, number = self._type_of(value), self._program.constants[value]
+            word = self._values[value] = _constant(form, number)
+        return word
 
     def _write(self, block: Block) -> None:
         """Write the entries of a block."""
@@ -327,9 +361,9 @@ class _Writer:
         """Write operations between which no branch or loop stands."""
         for k, operation in enumerate(operations, 1):
             if k % LONGEST_BLOCK == 0:
-                following = self._builder.append_basic_block()
-                self._builder.branch(following)
-                self._builder.position_at_end(following)
+                following = self._label()
+                self._lines.append(f"br label %{following}")
+                self._begin_block(following)
             result = self._written(operation)
             if operation.out is not None and result is not None:
                 self._values[operation.out] = result
@@ -390,54 +424,66 @@ class _Writer:
         **Raises:** `NotImplementedError` for the name of an operation that this module cannot
         write, which would be an error of this package.
         """
-        name, arguments, builder = entry.name, entry.arguments, self._builder
-        if name == "call":
-            return builder.call(self._functions[entry.number], [self._memory])
-        if name == "evaluate":
-            number, *values = arguments
-            function = self._functions[int(self._program.constants[number])]
-            return builder.call(function, [self._memory, *map(self._value, values)])
-        if name == "result":
-            together, *place = arguments
-            number, k = (int(self._program.constants[value]) for value in place)
-            return builder.extract_value(
-                self._value(together), sorted(self._needed_results[number]).index(k)
-            )
+        name, arguments, add = entry.name, entry.arguments, self._add
         if name == "load":
             return self._load(entry)
         if name == "store":
             return self._store(entry)
+        if name == "call":
+            self._lines.append(f"call void @f{entry.number}(ptr %memory)")
+            return None
+        if name == "evaluate":
+            number, *values = arguments
+            function = int(self._program.constants[number])
+            given = ", ".join(["ptr %memory", *map(self._typed, values)])
+            return add(f"call {self._returned[function]} @f{function}({given})")
+        if name == "result":
+            together, *place = arguments
+            number, k = (int(self._program.constants[value]) for value in place)
+            index = sorted(self._needed_results[number]).index(k)
+            return add(f"extractvalue {self._returned[number]} {self._value(together)}, {index}")
         assert entry.out is not None
-        form = self._type(self._program.kinds[entry.out])
+        form = self._type_of(entry.out)
         if entry.out in self._fused:
             return self._fused_sum(entry, form)
-        given = [self._value(value) for value in arguments]
         if name in _INSTRUCTIONS:
-            method, *sign = _INSTRUCTIONS[name]
-            return getattr(builder, method)(*sign, *given)
+            a, b = arguments
+            return add(f"{_INSTRUCTIONS[name]} {self._typed(a)}, {self._value(b)}")
+        if name in _INTRINSICS:
+            given = map(self._value, arguments)
+            return self._intrinsic(_INTRINSICS[name], form, given)
+        first, words = self._typed(arguments[0]), [self._value(value) for value in arguments]
+        if name == "fneg":
+            return add(f"fneg {first}")
+        if name == "not":
+            return add(f"xor {first}, {_constant(form, -1)}")
+        if name == "select":
+            return add(f"select {', '.join(map(self._typed, arguments))}")
         if name in _CONVERSIONS:
-            return getattr(builder, _CONVERSIONS[name])(*given, form)
+            return add(f"{_CONVERSIONS[name]} {first} to {form}")
         if name == "float_to_int":
             # Saturating: numbers out of range become the nearest integer, and NaN zero, whereas
             # the result of LLVM's plain instruction is undefined for them.
-            return self._intrinsic(f"fptosi.sat.{_mangled(form)}", form, given)
-        if name in _INTRINSICS:
-            return self._intrinsic(_INTRINSICS[name], form, given)
+            floats = self._type_of(arguments[0])
+            full = f"llvm.fptosi.sat.{_mangled(form)}.{_mangled(floats)}"
+            return self._call(full, form, [(floats, words[0])])
         if name in LIBRARY:
-            return self._library(name, form, given)
+            return self._library(name, form, words)
         if name == "splat":
-            return self._splat(form, given[0])
+            return self._splat(form, words[0])
         if name == "build":
             # Vectors of the processor have lengths that are powers of two, so the vector is longer
             # than the list of tangents unless their number is one too. The further elements repeat
             # the last tangent, so that conditions on them never differ from those on the tangents.
             # With undefined numbers, the program might take a branch that no tangent needs.
-            return self._vector(form, given + given[-1:] * (form.count - len(given)))
+            _, count = _parts(form)
+            return self._vector(form, words + words[-1:] * (count - len(words)))
         if name == "element":
-            return self._element(given[0], int(self._program.constants[arguments[1]]))
+            k = int(self._program.constants[arguments[1]])
+            return self._element(self._type_of(arguments[0]), words[0], k)
         if name == "any":
             # The result is the same in all lanes.
-            condition = self._holds_in_any(given[0])
+            condition = self._holds_in_any(arguments[0])
             return condition if self._width == 1 else self._splat(form, condition)
         raise NotImplementedError(name)
 
@@ -445,70 +491,74 @@ class _Writer:
         """Write a sum or difference, one of whose terms is a product, as a fused multiply-add."""
         a, b = entry.arguments
         product, other = (a, b) if a in self._products else (b, a)
-        given = [self._value(value) for value in (*self._products[product], other)]
+        words = [self._value(value) for value in (*self._products[product], other)]
         if entry.name == "fsub":
             # x y - z = fma(x, y, -z), and z - x y = fma(-x, y, z).
             k = 2 if product == a else 0
-            given[k] = self._builder.fneg(given[k])
-        return self._intrinsic("fma", form, given)
+            words[k] = self._add(f"fneg {form} {words[k]}")
+        return self._intrinsic("fma", form, words)
 
-    def _intrinsic(self, name: str, form: Form, given: list[Word]) -> Word:
-        """Call one of LLVM's functions, whose result has the type `form`.
+    def _intrinsic(self, name: str, form: Form, words: Iterable[Word]) -> Word:
+        """Call one of LLVM's functions whose arguments and result have the type `form`.
 
-        **Arguments:** `name`: name without the prefix "llvm." and the suffix for the type of the
-        first argument; `given`: the arguments.
+        **Arguments:** `name`: name without the prefix "llvm." and the suffix for the type; `words`:
+        the arguments.
         """
-        full = f"llvm.{name}.{_mangled(given[0].type)}"
-        return self._builder.call(self._declared(full, form, given), given)
+        return self._call(f"llvm.{name}.{_mangled(form)}", form, [(form, word) for word in words])
 
-    def _declared(self, name: str, form: Form, given: list[Word]) -> ir.Function:
-        """Return a function from outside of the module, and declare it if this is its first use.
+    def _call(
+        self, name: str, form: Form, given: Sequence[tuple[Form, Word]], attributes: str = ""
+    ) -> Word:
+        """Call a function from outside of the module, and declare it if this is its first use.
 
-        **Arguments:** `form`: type of the result; `given`: values of the types that the function
-        takes.
+        **Arguments:** `form`: type of the result; `given`: types and values of the arguments;
+        `attributes`: those of the function.
         """
-        known = self._module.globals.get(name)
-        types = [value.type for value in given]
-        return known or ir.Function(self._module, ir.FunctionType(form, types), name)
+        if name not in self._declared:
+            types = ", ".join(each for each, _ in given)
+            self._declared[name] = f"declare {form} @{name}({types}){attributes}"
+        arguments = ", ".join(f"{each} {word}" for each, word in given)
+        return self._add(f"call {form} @{name}({arguments})")
 
-    def _library(self, name: str, form: Form, given: list[Word]) -> Word:
+    def _library(self, name: str, form: Form, words: list[Word]) -> Word:
         """Call a function of the C library for each lane or tangent."""
-        scalars = [_BASES["f"](None)] * len(given)
-        function = self._declared(name, _BASES["f"], scalars)
-        # Declared to have no side effects, so that LLVM may omit calls whose results are not used.
-        function.attributes.add("nounwind")
-        function.attributes.add("readnone")
-        call = self._builder.call
-        if not isinstance(form, ir.VectorType):
-            return call(function, given)
-        elements = (
-            call(function, [self._element(value, k) for value in given]) for k in range(form.count)
+        base, count = _parts(form)
+
+        def call(words: Iterable[Word]) -> Word:
+            # Declared to have no side effects, so that LLVM may omit calls whose results are not
+            # used.
+            return self._call(name, base, [(base, word) for word in words], " nounwind readnone")
+
+        if count == 0:
+            return call(words)
+        return self._vector(
+            form, [call([self._element(form, word, k) for word in words]) for k in range(count)]
         )
-        return self._vector(form, elements)
 
     def _vector(self, form: Form, elements: Iterable[Word]) -> Word:
         """Return a vector of the type `form` with the given elements."""
-        vector = form(ir.Undefined)
+        (base, _), vector = _parts(form), "undef"
         for k, element in enumerate(elements):
-            vector = self._builder.insert_element(vector, element, _BASES["w"](k))
+            vector = self._add(f"insertelement {form} {vector}, {base} {element}, i32 {k}")
         return vector
 
-    def _element(self, vector: Word, k: int) -> Word:
-        return self._builder.extract_element(vector, _BASES["w"](k))
+    def _element(self, form: Form, vector: Word, k: int) -> Word:
+        return self._add(f"extractelement {form} {vector}, i32 {k}")
 
     def _splat(self, form: Form, element: Word) -> Word:
         """Return a vector whose elements are all equal to a given one."""
-        undefined = form(ir.Undefined)
-        one = self._builder.insert_element(undefined, element, _BASES["w"](0))
-        mask = ir.VectorType(_BASES["w"], form.count)(0)
-        return self._builder.shuffle_vector(one, undefined, mask)
+        base, count = _parts(form)
+        first = self._add(f"insertelement {form} undef, {base} {element}, i32 0")
+        mask = f"<{count} x i32> zeroinitializer"
+        return self._add(f"shufflevector {form} {first}, {form} undef, {mask}")
 
-    def _holds_in_any(self, condition: Word) -> Word:
+    def _holds_in_any(self, condition: Value) -> Word:
         """Return a scalar condition that is true if the given one holds in any lane or for any
         tangent."""
-        if not isinstance(condition.type, ir.VectorType):
-            return condition
-        return self._intrinsic("vector.reduce.or", _BASES["b"], [condition])
+        form, word = self._type_of(condition), self._value(condition)
+        if _parts(form)[1] == 0:
+            return word
+        return self._call(f"llvm.vector.reduce.or.{_mangled(form)}", "i1", [(form, word)])
 
     def _pointer(self, start: int, index: Value | None, lane: int = 0) -> Word:
         """Return the address of a lane's number in the cell `start`, or in `start` + `index`.
@@ -516,13 +566,14 @@ class _Writer:
         The numbers of all lanes in a cell are consecutive, so the address for lane 0, the default,
         is also that of the whole cell.
         """
-        number, builder = _BASES["i"], self._builder
-        offset = number(start * self._width + lane)
+        offset: Word = str(start * self._width + lane)
         if index is not None:
             word = self._value(index)
-            word = word if self._width == 1 else self._element(word, lane)
-            offset = builder.add(builder.mul(word, number(self._width)), offset)
-        return builder.gep(self._memory, [offset], inbounds=True, source_etype=_BASES["f"])
+            if self._width > 1:
+                word = self._element(self._type_of(index), word, lane)
+                word = self._add(f"mul i64 {word}, {self._width}")
+            offset = self._add(f"add i64 {word}, {offset}")
+        return self._add(f"getelementptr inbounds double, ptr %memory, i64 {offset}")
 
     def _is_one_cell(self, index: Value | None) -> bool:
         """Return whether all lanes are known to read or write the same cell.
@@ -535,36 +586,45 @@ class _Writer:
         """Write the instructions that read a cell, and return the content. If the lanes may have
         different indices, and so read different cells, the cells are read lane by lane."""
         assert entry.out is not None
-        kind, builder = self._program.kinds[entry.out], self._builder
-        cell, index = self._type(_CELL[kind[0]] + kind[1:]), next(iter(entry.arguments), None)
-        if self._is_one_cell(index):
+        kind, index = self._program.kinds[entry.out], next(iter(entry.arguments), None)
+        cell = self._type(_CELL[kind[0]] + kind[1:])
+
+        def load(form: Form, lane: int = 0) -> Word:
             # Only 8 bytes of alignment are known: a vector of tangents may begin at any cell.
-            content = builder.load(self._pointer(entry.number, index), align=8, typ=cell)
+            pointer = self._pointer(entry.number, index, lane)
+            return self._add(f"load {form}, ptr {pointer}, align 8")
+
+        if self._is_one_cell(index):
+            content = load(cell)
         else:
-            pointers = (self._pointer(entry.number, index, lane) for lane in range(self._width))
-            numbers = (builder.load(each, align=8, typ=cell.element) for each in pointers)
-            content = self._vector(cell, numbers)
+            base, _ = _parts(cell)
+            content = self._vector(cell, [load(base, lane) for lane in range(self._width)])
         if kind[0] == "b":
-            return builder.icmp_signed("!=", content, cell(0))
-        return builder.trunc(content, self._type(kind)) if kind[0] == "w" else content
+            return self._add(f"icmp ne {cell} {content}, {_constant(cell, 0)}")
+        if kind[0] == "w":
+            return self._add(f"trunc {cell} {content} to {self._type(kind)}")
+        return content
 
     def _store(self, entry: Operation) -> None:
         """Write the instructions that store a value in a cell. If the lanes may have different
         indices, and so write to different cells, the numbers are stored lane by lane."""
         value, index = (*entry.arguments, None)[:2]
         assert value is not None
-        kind, builder = self._program.kinds[value], self._builder
-        cell, content = self._type(_CELL[kind[0]] + kind[1:]), self._value(value)
+        kind, content = self._program.kinds[value], self._value(value)
+        cell = self._type(_CELL[kind[0]] + kind[1:])
         # In memory, integers and bools have 64 bits.
         if kind[0] in "bw":
-            extend = builder.zext if kind[0] == "b" else builder.sext
-            content = extend(content, cell)
+            extend = "zext" if kind[0] == "b" else "sext"
+            content = self._add(f"{extend} {self._typed(value)} to {cell}")
         if self._is_one_cell(index):
-            builder.store(content, self._pointer(entry.number, index), align=8)
+            pointer = self._pointer(entry.number, index)
+            self._lines.append(f"store {cell} {content}, ptr {pointer}, align 8")
             return
+        base, _ = _parts(cell)
         for lane in range(self._width):
             pointer = self._pointer(entry.number, index, lane)
-            builder.store(self._element(content, lane), pointer, align=8)
+            word = self._element(cell, content, lane)
+            self._lines.append(f"store {base} {word}, ptr {pointer}, align 8")
 
     def _write_branch(self, entry: Branch) -> None:
         """Write a jump to the block `yes` if the condition holds in any lane or for any tangent,
@@ -578,22 +638,19 @@ class _Writer:
         Both blocks continue after the branch. There, a phi instruction gives each result the value
         from the block that was executed.
         """
-        builder, append = self._builder, self._builder.append_basic_block
-        yes, no, end = append(), append(), append()
-        builder.cbranch(self._holds_in_any(self._value(entry.condition)), yes, no)
+        yes, no, end = self._label(), self._label(), self._label()
+        condition = self._holds_in_any(entry.condition)
+        self._lines.append(f"br i1 {condition}, label %{yes}, label %{no}")
         ends = []
         for label, block in ((yes, entry.yes), (no, entry.no)):
-            builder.position_at_end(label)
+            self._begin_block(label)
             self._write(block)
             # If the block contains branches or loops, it does not end in the basic block `label`.
-            ends.append(builder.block)
-            builder.branch(end)
-        builder.position_at_end(end)
+            ends.append(self._block)
+            self._lines.append(f"br label %{end}")
+        self._begin_block(end)
         for out, *values in zip(entry.outs, entry.yes_values, entry.no_values, strict=True):
-            phi = builder.phi(self._type(self._program.kinds[out]))
-            for value, label in zip(values, ends, strict=True):
-                phi.add_incoming(self._value(value), label)
-            self._values[out] = phi
+            self._values[out] = self._add(self._phi(values, ends))
 
     def _write_loop(self, entry: Loop) -> None:
         """Write a loop, which consists of a head and a body.
@@ -605,24 +662,48 @@ class _Writer:
         for lanes that have finished before others: the body itself contains the operations "select"
         by which such lanes keep their values (see `control.loop`).
         """
-        builder, append = self._builder, self._builder.append_basic_block
-        before, head, body, end = builder.block, append(), append(), append()
-        builder.branch(head)
-        builder.position_at_end(head)
-        phis = [builder.phi(self._type(self._program.kinds[carry])) for carry in entry.carries]
-        for carry, phi, first in zip(entry.carries, phis, entry.first, strict=True):
-            phi.add_incoming(self._value(first), before)
-            self._values[carry] = phi
+        before, head, body, end = self._block, self._label(), self._label(), self._label()
+        self._lines.append(f"br label %{head}")
+        self._begin_block(head)
+        start = len(self._lines)
+        # Completed below, since the values from the body have no names yet.
+        self._values.update((carry, self._add("phi")) for carry in entry.carries)
         self._write(entry.head)
-        builder.cbranch(self._holds_in_any(self._value(entry.condition)), body, end)
-        builder.position_at_end(body)
+        condition = self._holds_in_any(entry.condition)
+        self._lines.append(f"br i1 {condition}, label %{body}, label %{end}")
+        self._begin_block(body)
         self._write(entry.body)
         # A phi names the basic block from which the jump comes. If the body contains branches or
         # loops, that is not `body` but the block in which its writing has ended.
-        for phi, following in zip(phis, entry.following, strict=True):
-            phi.add_incoming(self._value(following), builder.block)
-        builder.branch(head)
-        builder.position_at_end(end)
+        carries = zip(entry.carries, entry.first, entry.following, strict=True)
+        for k, (carry, *values) in enumerate(carries, start):
+            phi = self._phi(values, [before, self._block])
+            self._lines[k] = f"{self._values[carry]} = {phi}"
+        self._lines.append(f"br label %{head}")
+        self._begin_block(end)
+
+    def _phi(self, values: Sequence[Value], labels: Sequence[str]) -> str:
+        """Return the instruction whose result is one of the values, by the block from which the
+        program comes."""
+        pairs = zip(values, labels, strict=True)
+        incoming = ", ".join(f"[{self._value(value)}, %{label}]" for value, label in pairs)
+        return f"phi {self._type_of(values[0])} {incoming}"
+
+
+def _parts(form: Form) -> tuple[Form, int]:
+    """Return the type of the elements of a vector, and their number, which is 0 for a scalar."""
+    if not form.startswith("<"):
+        return form, 0
+    count, base = form[1:-1].split(" x ")
+    return base, int(count)
+
+
+def _constant(form: Form, number: Number) -> Word:
+    """Return a number as a value of a type; a vector has it in all of its elements."""
+    base, count = _parts(form)
+    # Floats are written by their bits.
+    word = f"0x{struct.pack('>d', number).hex()}" if base == "double" else str(int(number))
+    return f"<{', '.join([f'{base} {word}'] * count)}>" if count else word
 
 
 def _uses_memory(block: Block) -> bool:
@@ -638,6 +719,6 @@ def _uses_memory(block: Block) -> bool:
 def _mangled(form: Form) -> str:
     """Return the type as LLVM writes it at the end of the names of overloaded intrinsics, such as
     "v4f64" in "llvm.sqrt.v4f64"."""
-    if isinstance(form, ir.VectorType):
-        return f"v{form.count}{form.element.intrinsic_name}"
-    return form.intrinsic_name
+    base, count = _parts(form)
+    name = "f64" if base == "double" else base
+    return f"v{count}{name}" if count else name

@@ -694,9 +694,9 @@ class Lowering:
             closed = equation.params[CALLS[name]]
             if equation.params.get("name") == SHARED:
                 return self._call_shared(closed, arguments)
-            if equation.params.get("name") == ELEMENTWISE:
-                if any(isinstance(array, InMemory) for array in arguments):
-                    return self._by_one_loop(closed, arguments)
+            is_elementwise = equation.params.get("name") == ELEMENTWISE
+            if is_elementwise and any(isinstance(array, InMemory) for array in arguments):
+                return self._by_one_loop(closed, arguments)
             repeated = self._repeated.get(id(equation))
             if repeated is not None:
                 return self._call(repeated, closed, arguments)

@@ -44,7 +44,7 @@ those that run once in a call of the package. For a chain of ten joints with bac
 of the checks takes 0.7 s to compile at level 0 and 5 s at level 2, and then runs for 15 and 9 µs.
 Results do not depend on the level, because `.llvm_text` decides which products are fused, and LLVM
 gets no permission to rearrange operations on floats."""
-LARGE = 500_000
+LARGE = 450_000
 """Number of characters of a program's text from which on LLVM makes only the passes over it that
 shorten a run: for a chain of 30 joints with backlash, all passes took as long as generating machine
 code, and runs were as fast with one. Without that one, a step took 1.15 times as long."""
