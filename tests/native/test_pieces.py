@@ -83,7 +83,7 @@ def test_functions_get_and_return_large_arrays(monkeypatch):
         jnp.asarray(np.random.default_rng(3).normal(size=60)),
     )
     native = NativeProgram(jax.make_jaxpr(stages)(*arguments))
-    assert native.code.text.count('call void @f') == 4
+    assert native.code.text.count("call void @f") == 4
     for mine, expected in zip(native(arguments), jax.jit(stages)(*arguments), strict=True):
         np.testing.assert_allclose(mine, expected, rtol=1e-14, atol=1e-15)
 
@@ -111,6 +111,50 @@ def test_stacked_trees_have_the_results_of_their_leaves(size):
     np.testing.assert_allclose(array, jax.tree.leaves(by_array(0.5, tree)), rtol=1e-15)
     if size == 200:
         assert len(natives[1].code.text) < 0.8 * len(natives[0].code.text)
+
+
+@pytest.mark.parametrize("is_linear", [True, False])
+@pytest.mark.parametrize("count", [1, 3, 8])
+def test_stacked_trees_have_the_derivatives_of_their_leaves(count, is_linear):
+    rng = np.random.default_rng(count)
+    names = [f"x{k:03}" for k in range(FEWEST + 1)]
+    tree = dict(zip(names, jnp.asarray(rng.normal(size=len(names))), strict=True))
+    along = {name: jnp.asarray(rng.normal(size=count)) for name in names}
+
+    def formula(h, x):
+        return x + h * (0.3 * (x if is_linear else jnp.exp(x)) - 0.1 * x)
+
+    def by_leaf(h, tree):
+        return jax.tree.map(partial(formula, h), tree)
+
+    def by_array(h, tree):
+        return unstacked(jax.tree.map(partial(elementwise, formula, h), stacked(tree)))
+
+    def differentiated(h, tree, along, by):
+        # Twice, so that tangents of a result are those of an argument.
+        def twice(tree):
+            return by(h, by(2.0 * h, tree))
+
+        derivative = jax.vmap(lambda along: jax.jvp(twice, (tree,), (along,)), out_axes=(None, 0))
+        return derivative(along)
+
+    arguments = 0.5, tree, along
+    # As in runs with derivatives, tangents are vectors of the processor.
+    tangents = count if count > 1 else 0
+    programs = [
+        NativeProgram(jax.make_jaxpr(partial(differentiated, by=by))(*arguments), tangents)
+        for by in (by_leaf, by_array)
+    ]
+    leaves = jax.tree.leaves(arguments)
+    written_out, array = (np.concatenate(program(leaves), axis=None) for program in programs)
+    # A nonlinear function has a loop for its values and others for its derivatives, so that other
+    # products are fused with sums.
+    if is_linear:
+        np.testing.assert_array_equal(array, written_out)
+    values = np.array([*tree.values()]), np.array([*along.values()]).T
+    value, derivatives = differentiated(0.5, *values, by=formula)
+    expected = np.concatenate([value, derivatives.T], axis=None)
+    np.testing.assert_allclose(array, expected, rtol=1e-13, atol=1e-15)
 
 
 def test_stacked_trees_are_in_memory():

@@ -89,7 +89,7 @@ def test_functions_have_the_bits_of_inlined_code(function, tangents, monkeypatch
         monkeypatch.setattr(lowering, "MOST_ELEMENTARY", 0 if size == 1 else size)
         made = program(function, *arguments, tangents=tangents)
         found[size] = made(arguments)
-        assert ('call void @f' in made.code.text) == (size == 1)
+        assert ("call void @f" in made.code.text) == (size == 1)
         # Those of `alike`, and of elementary functions.
         assert (made.code.text.count("define internal {") >= 3) == (size == 1)
     for one, other in zip(found[1], found[10**9], strict=True):
@@ -102,10 +102,10 @@ def test_functions_have_the_bits_of_inlined_code(function, tangents, monkeypatch
 def test_invariants_of_all_calls_are_computed_once(monkeypatch):
     monkeypatch.setattr(lowering, "SMALLEST_FUNCTION", 1)
     text = program(run, *START).code.text
-    assert text.count('call void @f') == 4 + 3  # Calls of `rates`, and in it of `inner`.
-    functions, outside = text.split('define i64 @program(')
-    assert outside.count('call double @llvm.sqrt') == 1
-    assert '@llvm.sqrt.f64(double %' not in functions
+    assert text.count("call void @f") == 4 + 3  # Calls of `rates`, and in it of `inner`.
+    functions, outside = text.split("define i64 @program(")
+    assert outside.count("call double @llvm.sqrt") == 1
+    assert "@llvm.sqrt.f64(double %" not in functions
 
 
 def test_lanes_that_leave_a_branch_keep_results_of_functions(way):
@@ -119,7 +119,7 @@ def test_lanes_that_leave_a_branch_keep_results_of_functions(way):
 
     own, state = START[0], (jnp.asarray(0), *START[1:])
     loop = LaneLoop(turn, status, (), own, state)
-    assert ('call void @f' in loop.code.text) == (way == "functions")
+    assert ("call void @f" in loop.code.text) == (way == "functions")
     stiffness = 1.0 + RNG.random(WIDTH)
 
     def ends(lanes):
