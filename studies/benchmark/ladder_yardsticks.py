@@ -24,7 +24,7 @@ TARGET = 1e-6
 """Largest error of a position at the end that counts as equal, m."""
 FINEST = 1e-11
 """Relative tolerance of the solution with which positions are compared."""
-MOST_STEPS = 200_000
+MOST_STEPS = 20_000
 """Largest number of MuJoCo's steps that is tried."""
 INTEGRATORS = ("RK4", "implicitfast")
 STAGES = 6
