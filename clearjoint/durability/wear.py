@@ -5,7 +5,6 @@ extrapolated over as many cycles as the change of the profiles allows.
 """
 
 import dataclasses
-import hashlib
 import shutil
 import warnings
 from collections.abc import Mapping
@@ -20,6 +19,7 @@ import numpy as np
 from jaxtyping import Float
 from tqdm.auto import tqdm
 
+from ..compilation.digests import LONG, digest
 from ..fields.checks import require, require_count, require_positive
 from ..fields.leaves import ordered_like
 from ..fields.objects import with_arrays
@@ -830,10 +830,10 @@ def _digest(scene: Scene, state: State, run: _CycleRun, goals: np.ndarray) -> st
         jax.jvp(lambda u, a=along: a.without_profiles(scene, state, u), (0.0,), (1.0,))[1]
         for along in run.directions.values()
     ]
-    parts = [repr(named), repr(goals.tolist()), str(jax.tree.structure((scene, state)))]
+    parts: list[str | bytes] = [repr(named), repr(goals.tolist()), str(jax.tree.structure((scene, state)))]
     leaves = jax.tree.leaves((scene, state, effects))
-    parts += [np.asarray(leaf).tobytes().hex() for leaf in leaves]
-    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+    parts += [np.asarray(leaf).tobytes() for leaf in leaves]
+    return digest(*parts, digits=LONG)
 
 
 def _with_splines(scene: Scene, rates: Mapping[str, WearRates], samples: int) -> Scene:

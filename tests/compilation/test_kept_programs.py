@@ -53,10 +53,10 @@ def call(pair, factor):
 def folder(monkeypatch, tmp_path):
     """The folder of saved programs; code of this module is accepted like that of the packages."""
     TRACED.clear()
-    monkeypatch.setattr(package_code, "_STATE", package_code._State())
+    monkeypatch.setattr(package_code, "_contents", [])
     package_code.remember_contents()
-    accepted = (*plain_values.NUMERIC, __name__.split(".")[0])
-    monkeypatch.setattr(plain_values, "NUMERIC", accepted)
+    known = plain_values._KNOWN | {__name__.split(".")[0]}
+    monkeypatch.setattr(plain_values, "_KNOWN", known)
     before = jax.config.jax_compilation_cache_dir  # pyright: ignore
     jax.config.update("jax_compilation_cache_dir", str(tmp_path))
     keep_programs()

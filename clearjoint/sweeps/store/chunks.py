@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from .program import DIGITS, digest
+from ...compilation.digests import DIGITS, digest
 
 if TYPE_CHECKING:
     import zarr

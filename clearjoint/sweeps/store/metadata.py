@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ...compilation.digests import digest
 from ...fields.checks import require
 from ..outputs import BY_LANE, LANE, RESULT, Coordinate, Layout, Variable, dataset
 from .chunks import (
@@ -36,7 +37,7 @@ from .chunks import (
     read,
     require_of_system,
 )
-from .program import Identity, digest
+from .program import Identity
 
 if TYPE_CHECKING:
     import xarray as xr
