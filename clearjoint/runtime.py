@@ -78,8 +78,8 @@ def configure(threads: int | None = None, cache: str | os.PathLike | None = None
     the package is upgraded, or if functions, classes or constants in its modules, or attributes of
     its classes, are replaced; it then uses and saves no whole programs. It does not notice if
     entries of this package's dictionaries and lists are replaced, or anything in other packages
-    (JAX, NumPy, Diffrax, ...), which are recognised by their versions. If you replace these, set the
-    environment variable ``CLEARJOINT_KEEP_PROGRAMS=0``: only machine code is saved then, and no
+    (JAX, NumPy, Diffrax, ...), which are recognised by their versions. If you replace these, set
+    the environment variable ``CLEARJOINT_KEEP_PROGRAMS=0``: only machine code is saved then, and no
     whole programs. ``JAX_ENABLE_COMPILATION_CACHE=0`` switches all saving off.
 
     Files in the folder are executed. A new folder is accessible to you alone. A read-only folder is

@@ -6,7 +6,6 @@ extrapolated over as many cycles as the change of the profiles allows.
 
 import dataclasses
 import shutil
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from os import PathLike
@@ -35,6 +34,7 @@ from ..result_codes import RESULTS
 from ..simulation.run.saving import Saving
 from ..simulation.run.simulate import simulate
 from ..simulation.step.settings import Settings
+from ..sweeps.store.metadata import remove_abandoned, unfinished, write_dataset
 from .wear_depths import quadrature_times, wear_depths
 from .wear_derivatives import (
     PARTS,
@@ -690,16 +690,14 @@ class _Store:
         complete. `_folder` returns the folder of this complete store: `path`, or the folder beside
         it with the suffix "old".
         """
-        new, old = _beside(self.path, "new"), _beside(self.path, "old")
-        shutil.rmtree(new, ignore_errors=True)
-        with warnings.catch_warnings():
-            # Zarr warns that version 3 of its format doesn't specify texts yet.
-            warnings.simplefilter("ignore")
-            found.assign_attrs(digest=self.digest).to_zarr(new, mode="w", consolidated=False)
-        if self.path.exists():
-            shutil.rmtree(old, ignore_errors=True)
-            self.path.rename(old)
-        new.rename(self.path)
+        old = _old(self.path)
+        remove_abandoned(self.path)
+        with unfinished(self.path) as new:
+            write_dataset(new, found.assign_attrs(digest=self.digest))
+            if self.path.exists():
+                shutil.rmtree(old, ignore_errors=True)
+                self.path.rename(old)
+            new.rename(self.path)
         shutil.rmtree(old, ignore_errors=True)
 
     def read(self, first: _Stages) -> _Stages:
@@ -733,17 +731,15 @@ class _Store:
         )
 
 
-def _beside(path: Path, suffix: str) -> Path:
-    """Return the path of a folder beside a store, on the same file system, so that it can be
-    renamed."""
-    return path.with_name(f"{path.name}.{suffix}")
+def _old(path: Path) -> Path:
+    """Return the folder to which the old store is moved while the one at a path is replaced."""
+    return path.with_name(f"{path.name}.old")
 
 
 def _folder(path: Path) -> Path:
     """Return the folder that has the contents of the store with the given path: the path itself, or
     the folder of the old store between the two renamings of `_Store.write`."""
-    old = _beside(path, "old")
-    return old if old.exists() and not path.exists() else path
+    return _old(path) if _old(path).exists() and not path.exists() else path
 
 
 def _version(folder: Path) -> int | None:
@@ -830,7 +826,11 @@ def _digest(scene: Scene, state: State, run: _CycleRun, goals: np.ndarray) -> st
         jax.jvp(lambda u, a=along: a.without_profiles(scene, state, u), (0.0,), (1.0,))[1]
         for along in run.directions.values()
     ]
-    parts: list[str | bytes] = [repr(named), repr(goals.tolist()), str(jax.tree.structure((scene, state)))]
+    parts: list[str | bytes] = [
+        repr(named),
+        repr(goals.tolist()),
+        str(jax.tree.structure((scene, state))),
+    ]
     leaves = jax.tree.leaves((scene, state, effects))
     parts += [np.asarray(leaf).tobytes() for leaf in leaves]
     return digest(*parts, digits=LONG)
