@@ -111,6 +111,19 @@ def test_settings_are_part_of_the_key(folder):
     assert len(TRACED) == 3
 
 
+def test_a_process_with_replaced_code_neither_reads_nor_saves_programs(folder, monkeypatch):
+    call(PAIR, 2.0)
+    with monkeypatch.context() as patch:
+        patch.setattr(run_checks, "check_numbers", lambda *_: None)
+        call(PAIR, 2.0)
+        call(PAIR, 3.0)
+    call(PAIR, 3.0)
+    assert len(TRACED) == 4
+    package_code.remember_contents()
+    call(PAIR, 2.0)
+    assert len(TRACED) == 4
+
+
 def test_the_disk_is_searched_once_in_a_process(folder):
     function = NativeFunction(added)
     function(PAIR, 2.0)

@@ -25,7 +25,7 @@ REPLACED = {
     "a class": (cj, "Body", cj.State),
     "a method": (cj.frictions.RegularisedCoulomb, "ratio", other),
     "a special method": (cj.quantities.Position, "__call__", other),
-    "an inherited method": (cj.laws.HuntCrossley, "require_supported", other),
+    "an inherited method": (cj.laws.HuntCrossley, "onset_offset", other),
 }
 
 

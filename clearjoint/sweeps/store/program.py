@@ -324,10 +324,7 @@ class _Traced:
         return {RUN: (after, outcome(plan, scene, lane, end_time))}
 
     def impact_tables(self, numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
-        """Return the impacts recorded after one step, by variable of the impact tables; an empty
-        dictionary without tables."""
-        if not lane.run.records[IMPACTS]:
-            return {}
+        """Return the impacts recorded after one step, by variable of the impact tables."""
         # A row is still wanted in each log, so that the code that records an impact is traced.
         request = replace(_request(end_time, end_time), wanted=dict.fromkeys(lane.buffers(), 1))
         after = step_lane(self.impacts_plan, self.scene(numbers), lane, request)
