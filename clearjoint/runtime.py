@@ -75,10 +75,11 @@ def configure(threads: int | None = None, cache: str | os.PathLike | None = None
     package's classes, numbers, strings and arrays, the whole program is saved, and the next process
     loads the program without tracing. A call with a user-defined class or function is traced in
     each process, so that a change of the user's code always takes effect. A process also notices if
-    functions or constants of this package are replaced, or if the package is upgraded; programs
-    saved before the change are not used then. A process does not notice if private functions of
-    other packages (JAX, Diffrax, Equinox, ...) are replaced. If you replace such functions, set the
-    environment variable ``CLEARJOINT_KEEP_PROGRAMS=0``: only machine code is saved then, and no
+    the package is upgraded, or if functions, classes or constants in its modules, or attributes of
+    its classes, are replaced; it then uses and saves no whole programs. It does not notice if
+    entries of this package's dictionaries and lists are replaced, or anything in other packages
+    (JAX, NumPy, Diffrax, ...), which are recognised by their versions. If you replace these, set
+    the environment variable ``CLEARJOINT_KEEP_PROGRAMS=0``: only machine code is saved then, and no
     whole programs. ``JAX_ENABLE_COMPILATION_CACHE=0`` switches all saving off.
 
     Files in the folder are executed. A new folder is accessible to you alone. A read-only folder is

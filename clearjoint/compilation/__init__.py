@@ -9,7 +9,8 @@
   this setting. `prepare_folder` makes the folder of saved programs.
 - `program_of` returns the jaxpr of a function.
 - `seconds_of_compiling` returns how long the present compilation has taken so far.
-- `plain_values.digest_of` and `package_code.source_digest` make the keys of saved programs.
+- `digests.digest` returns the digest of texts and bytes; `plain_values.digest_of`, that of a value,
+  and `package_code.source_digest`, that of the package's sources, make the keys of saved programs.
 - `remember_contents` records the code of the package, so that `source_digest` notices later
   changes. It is called once, at the end of the import of the package.
 """

@@ -1,32 +1,32 @@
-"""Digests of values that consist only of numbers, texts, arrays, and code of known packages.
+"""Digests of values that consist only of data, and of functions and classes of known packages.
 
-A digest is part of the key under which a compiled program is saved. The content of such a value and
-the sources of these packages determine the program. Values that contain functions, classes or
-instances of classes from other packages are refused, since a change of the sources of these would
-not be noticed.
+A digest is part of the key under which a compiled program is saved, as are the digest of this
+package's sources and the versions of the other known packages. Values that contain functions,
+classes or instances of classes from elsewhere are refused, since a change of the sources of these
+would not be noticed.
 """
 
-import dataclasses
-import enum
-import functools
-import hashlib
 import sys
 import types
-from collections import OrderedDict
+from collections.abc import Iterator
 
 import jax
 import numpy as np
 from jax.core import Tracer
 
-from .package_code import PACKAGE, is_remembered
+from .digests import LONG, digest
+from .package_code import PACKAGE
 
-NUMERIC = ("diffrax", "equinox", "lineax", "optimistix")
-"""Packages whose classes and functions, such as solvers and norms, are accepted like those of this
-package. Their versions identify their sources."""
+VERSIONED = (
+    *("beartype", "diffrax", "equinox", "jax", "jaxlib", "jaxtyping", "lineax", "ml_dtypes"),
+    *("numpy", "optimistix"),
+)
+"""Packages whose versions identify their sources."""
+_KNOWN = {PACKAGE, *VERSIONED, "builtins", "collections", "copyreg", "functools", "types"}
+"""Packages whose functions and classes are accepted. Most modules of Python's standard library are
+not, because a user's file such as ``profile.py`` may have the name of one."""
 _DATA = (type(None), bool, int, float, complex, str, bytes, type(Ellipsis))
 """Types whose values are identified by their `repr`."""
-_BASES = ("abc", "collections.abc", "enum", "typing")
-"""Modules whose base classes are accepted, since they add no data of their own to an instance."""
 
 
 class NotPlainError(Exception):
@@ -42,10 +42,11 @@ def digest_of(value: object) -> str:
 
     **Arguments:** `value`: may consist of
 
-    - numbers, strings, bytes, ``None``, ``...``, arrays, dtypes and `jax.ShapeDtypeStruct`;
-    - tuples, lists, dictionaries, frozen sets and `functools.partial`;
-    - functions and classes that are members of a module of this package or of `NUMERIC`, instances
-      of such classes, and their methods.
+    - numbers, strings, bytes, ``None``, ``...``, arrays, tuples, lists, dictionaries and frozen
+      sets;
+    - functions and classes that are members of a module of this package, of one in `VERSIONED` or
+      of basic ones of Python, such as `functools`; their methods; and instances of such classes
+      that can be pickled.
 
     **Raises:** `NotPlainError` for a value that contains anything else, an array that JAX traces,
     an array of objects, or itself, and for a value that is nested too deeply.
@@ -56,10 +57,9 @@ def digest_of(value: object) -> str:
     (True, False)
     """
     try:
-        text = repr(_nested(value))
+        return digest(repr(_nested(value)), digits=LONG)
     except RecursionError:
         raise NotPlainError("a value that contains itself") from None
-    return hashlib.blake2b(text.encode(), digest_size=20).hexdigest()
 
 
 def _nested(value: object) -> object:
@@ -77,71 +77,42 @@ def _nested(value: object) -> object:
     if kind is frozenset:
         # Its order depends on the process.
         return kind.__name__, *sorted(repr(_nested(member)) for member in value)  # pyright: ignore
-    if kind in (dict, OrderedDict, types.MappingProxyType):
+    if kind in (dict, types.MappingProxyType):
         return kind.__name__, *((_nested(k), _nested(v)) for k, v in value.items())  # pyright: ignore
     if isinstance(value, Tracer):
         raise NotPlainError("an array that JAX traces, whose numbers are unknown")
     if kind is np.ndarray or isinstance(value, np.generic | jax.Array):
-        return _array(np.asarray(value))
-    if isinstance(value, np.dtype):
-        return "dtype", value.name, value.str, value.descr
-    if kind is functools.partial:
-        return "partial", *map(_nested, (value.func, value.args, value.keywords))  # pyright: ignore
+        array = np.asarray(value)
+        if array.dtype.hasobject:
+            raise NotPlainError("an array of objects")
+        return "array", array.dtype.name, array.dtype.descr, array.shape, array.tobytes()
     if kind is types.MethodType:
         return "method", *map(_nested, (value.__func__, value.__self__))  # pyright: ignore
-    if kind is jax.ShapeDtypeStruct:
-        return "shape", value.shape, str(value.dtype), value.weak_type  # pyright: ignore
     # Functions and classes have a qualified name.
     if isinstance(getattr(value, "__qualname__", None), str):
         return _named(value)
-    return _instance(value)
-
-
-def _array(array: np.ndarray) -> object:
-    if array.dtype.hasobject:
-        raise NotPlainError("an array of objects")
-    return "array", array.dtype.name, array.dtype.descr, array.shape, array.tobytes()
+    named = _named(kind)
+    try:
+        reduced = value.__reduce_ex__(4)
+    except (TypeError, ValueError):
+        reduced = None
+    if not isinstance(reduced, tuple):
+        raise NotPlainError(f"an instance of {kind.__qualname__}, whose data cannot be read")
+    # Items of lists and dictionaries are iterators.
+    parts = [list(part) if isinstance(part, Iterator) else part for part in reduced]
+    return "instance", named, *map(_nested, parts)
 
 
 def _named(value: object) -> object:
     """Return a tuple with module and qualified name of a function or class.
 
-    **Raises:** `NotPlainError` if the module does not belong to `NUMERIC` and is no module of this
-    package whose objects are recorded (`is_remembered`), or if that name in the module refers
+    **Raises:** `NotPlainError` if its package is not known, or if that name in the module refers
     neither to the value nor to a wrapper of it.
     """
-    module, name = getattr(value, "__module__", None), getattr(value, "__qualname__", "")
-    package = str(module).split(".")[0]
-    accepted = is_remembered(str(module)) if package == PACKAGE else package in NUMERIC
-    member = sys.modules.get(str(module)) if accepted else None
+    module, name = str(getattr(value, "__module__", None)), getattr(value, "__qualname__", "")
+    member = sys.modules.get(module) if module.split(".")[0] in _KNOWN else None
     for part in name.split("."):
         member = getattr(member, part, None)
     if member is not value and getattr(member, "__wrapped__", None) is not value:
         raise NotPlainError(f"{module}.{name}")
     return "named", module, name
-
-
-def _instance(value: object) -> object:
-    """Return a tuple with the class, the items and all attributes of an instance, including
-    attributes that are not fields.
-
-    **Raises:** `NotPlainError` if `digest_of` refuses the class, one of its base classes or an
-    attribute, or if the instance has no attributes, fields or items that can be read.
-    """
-    cls = type(value)
-    named = _named(cls)
-    # Named tuples and enumerations of strings hold data as items.
-    items = tuple(value) if isinstance(value, tuple | str) else ()
-    # Data of these bases are part of `items` or of the attributes. Any other base class must be
-    # that of an accepted package, since it might hold data that are not seen here.
-    covered = (object, tuple, str, int if isinstance(value, enum.Enum) else object)
-    for base in cls.__mro__[1:]:
-        if base not in covered and base.__module__ not in _BASES:
-            _named(base)
-    attributes = dict(getattr(value, "__dict__", {}))
-    if dataclasses.is_dataclass(value):
-        names = [field.name for field in dataclasses.fields(value)]
-        attributes |= {name: getattr(value, name) for name in names if hasattr(value, name)}
-    elif not (items or hasattr(value, "__dict__")):
-        raise NotPlainError(f"an instance of {cls.__qualname__}, whose data cannot be read")
-    return "instance", named, _nested(items), _nested(attributes)

@@ -6,7 +6,6 @@ therefore made accessible to its owner only, and a folder to which others may wr
 could exchange because they may write to one of the folders above it, is not used.
 """
 
-import hashlib
 import os
 import stat
 import tempfile
@@ -17,13 +16,13 @@ from pathlib import Path
 
 import jax
 
+from .digests import LONG, digest
+
 MOST_BYTES = 1_000_000_000
 """Largest total size of the files, in bytes. In a larger folder, the files that have not been used
 for longest are removed."""
 _OTHER_PATH = "give another path to `configure(cache=...)` or in the variable CLEARJOINT_CACHE."
 _SUFFIX = ".program"
-_DIGEST = 20
-"""Length in bytes of the digest in front of each file's content."""
 _is_on = False
 """Whether whole native programs are saved."""
 
@@ -185,8 +184,8 @@ class ProgramStore:
         whole = content = b""
         with system_errors_suppressed(), suppress(zlib.error):
             whole = _read_private(path) or b""
-            content = zlib.decompress(whole[_DIGEST:])
-        if whole[:_DIGEST] != _digest(key, content):
+            content = zlib.decompress(whole[LONG:])
+        if whole[:LONG] != _checksum(key, content):
             return None
         with system_errors_suppressed():
             # Set the time of the last use, which is not possible in a read-only folder.
@@ -205,7 +204,7 @@ class ProgramStore:
         if not is_private(self._folder):
             return
         # Level 1 is the fastest one: a program is written once, while its user waits.
-        whole = _digest(key, content) + zlib.compress(content, 1)
+        whole = _checksum(key, content) + zlib.compress(content, 1)
         # The file is renamed only when it is complete, so that others never read a part of it.
         handle, name = tempfile.mkstemp(dir=self._folder)
         try:
@@ -236,6 +235,5 @@ class ProgramStore:
             total -= size
 
 
-def _digest(key: str, content: bytes) -> bytes:
-    # BLAKE2 takes at most 64 bytes as its key.
-    return hashlib.blake2b(content, key=key.encode()[:64], digest_size=_DIGEST).digest()
+def _checksum(key: str, content: bytes) -> bytes:
+    return digest(key, content, digits=LONG).encode()

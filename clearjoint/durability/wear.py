@@ -5,29 +5,28 @@ extrapolated over as many cycles as the change of the profiles allows.
 """
 
 import dataclasses
-import hashlib
 import shutil
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import Float
 from tqdm.auto import tqdm
 
+from ..compilation.digests import LONG, digest
+from ..fields.cautions import quiet
 from ..fields.checks import require, require_count, require_positive
-from ..fields.leaves import ordered_like
 from ..fields.objects import with_arrays
 from ..fields.types import ArrayLike
 from ..model.bodies import BodyState, State
 from ..model.clearance_joints.clearance import ClearanceJoint
 from ..model.clearance_joints.journal_bases import require_bases_only
-from ..model.profiles import PeriodicSpline
+from ..model.joints.base import AbstractConstraint, AbstractContactJoint
+from ..model.profiles import AbstractProfile, PeriodicSpline
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter, check_parameters
 from ..quantities.base import require_known
@@ -35,6 +34,7 @@ from ..result_codes import RESULTS
 from ..simulation.run.saving import Saving
 from ..simulation.run.simulate import simulate
 from ..simulation.step.settings import Settings
+from ..sweeps.store.metadata import remove_abandoned, unfinished, write_dataset
 from .wear_depths import quadrature_times, wear_depths
 from .wear_derivatives import (
     PARTS,
@@ -690,16 +690,14 @@ class _Store:
         complete. `_folder` returns the folder of this complete store: `path`, or the folder beside
         it with the suffix "old".
         """
-        new, old = _beside(self.path, "new"), _beside(self.path, "old")
-        shutil.rmtree(new, ignore_errors=True)
-        with warnings.catch_warnings():
-            # Zarr warns that version 3 of its format doesn't specify texts yet.
-            warnings.simplefilter("ignore")
-            found.assign_attrs(digest=self.digest).to_zarr(new, mode="w", consolidated=False)
-        if self.path.exists():
-            shutil.rmtree(old, ignore_errors=True)
-            self.path.rename(old)
-        new.rename(self.path)
+        old = _old(self.path)
+        remove_abandoned(self.path)
+        with unfinished(self.path) as new:
+            write_dataset(new, found.assign_attrs(digest=self.digest))
+            if self.path.exists():
+                shutil.rmtree(old, ignore_errors=True)
+                self.path.rename(old)
+            new.rename(self.path)
         shutil.rmtree(old, ignore_errors=True)
 
     def read(self, first: _Stages) -> _Stages:
@@ -733,17 +731,15 @@ class _Store:
         )
 
 
-def _beside(path: Path, suffix: str) -> Path:
-    """Return the path of a folder beside a store, on the same file system, so that it can be
-    renamed."""
-    return path.with_name(f"{path.name}.{suffix}")
+def _old(path: Path) -> Path:
+    """Return the folder to which the old store is moved while the one at a path is replaced."""
+    return path.with_name(f"{path.name}.old")
 
 
 def _folder(path: Path) -> Path:
     """Return the folder that has the contents of the store with the given path: the path itself, or
     the folder of the old store between the two renamings of `_Store.write`."""
-    old = _beside(path, "old")
-    return old if old.exists() and not path.exists() else path
+    return _old(path) if _old(path).exists() and not path.exists() else path
 
 
 def _version(folder: Path) -> int | None:
@@ -830,10 +826,14 @@ def _digest(scene: Scene, state: State, run: _CycleRun, goals: np.ndarray) -> st
         jax.jvp(lambda u, a=along: a.without_profiles(scene, state, u), (0.0,), (1.0,))[1]
         for along in run.directions.values()
     ]
-    parts = [repr(named), repr(goals.tolist()), str(jax.tree.structure((scene, state)))]
+    parts: list[str | bytes] = [
+        repr(named),
+        repr(goals.tolist()),
+        str(jax.tree.structure((scene, state))),
+    ]
     leaves = jax.tree.leaves((scene, state, effects))
-    parts += [np.asarray(leaf).tobytes().hex() for leaf in leaves]
-    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+    parts += [np.asarray(leaf).tobytes() for leaf in leaves]
+    return digest(*parts, digits=LONG)
 
 
 def _with_splines(scene: Scene, rates: Mapping[str, WearRates], samples: int) -> Scene:
@@ -845,25 +845,24 @@ def _with_splines(scene: Scene, rates: Mapping[str, WearRates], samples: int) ->
     joints = dict(scene.joints)
     for name, of_joint in rates.items():
         joint = joints[name]
-        assert isinstance(joint, ClearanceJoint)
-        for part in PARTS:
+        splines: dict[str, PeriodicSpline] = {}
+        for part, field in zip(PARTS, PROFILES, strict=True):
             if getattr(of_joint, part) > 0.0:
-                given = getattr(joint, f"{part}_profile")
-                values = (
-                    np.zeros(samples)
-                    if given is None
-                    else np.asarray(given.at(_angles(samples)).value)
-                )
-                spline = PeriodicSpline.through(values)
-                # ``None``, the profile of a circle, counts as a leaf only by `is_leaf`.
-                joint = eqx.tree_at(
-                    lambda j, part=part: getattr(j, f"{part}_profile"),
-                    joint,
-                    spline,
-                    is_leaf=lambda node: node is None,
-                )
-        joints[name] = joint
+                profile = getattr(joint, field)
+                # ``None`` is the profile of a circle.
+                values = 0.0 if profile is None else profile.at(_angles(samples)).value
+                splines[field] = PeriodicSpline.through(np.broadcast_to(values, samples))
+        joints[name] = _with_profiles(joint, splines)
     return dataclasses.replace(scene, joints=joints)
+
+
+def _with_profiles(
+    joint: AbstractConstraint | AbstractContactJoint, profiles: Mapping[str, AbstractProfile]
+) -> ClearanceJoint:
+    """Return the joint with other profiles, by name of the field."""
+    assert isinstance(joint, ClearanceJoint)
+    with quiet():  # Cautions are for the profiles that a user gives.
+        return dataclasses.replace(joint, **profiles)
 
 
 def _angles(samples: int) -> np.ndarray:
@@ -885,10 +884,10 @@ def _with_depths(
     parameter. With further rows, the new profiles are `MovingSpline`s, which the parameters move
     along these derivatives; without them, they are `PeriodicSpline`s.
     """
-    given = scene
+    joints = dict(scene.joints)
     for j, name in enumerate(names):
         for k, (field, sign) in enumerate(zip(PROFILES, (1.0, -1.0), strict=True)):
-            profile = getattr(scene.joints[name], field)
+            profile = getattr(joints[name], field)
             # Wear enlarges the radius of the bearing and reduces that of the journal.
             rows = sign * depths[:, j, k]
             if isinstance(profile, PeriodicSpline | MovingSpline) and len(
@@ -903,11 +902,8 @@ def _with_depths(
                     if len(rows) > 1
                     else PeriodicSpline(worn)
                 )
-                scene = eqx.tree_at(
-                    lambda s, n=name, f=field: getattr(s.joints[n], f), scene, changed
-                )
-    # `tree_at` sorts the names, but the user may see this scene.
-    return ordered_like(given, scene)
+                joints[name] = _with_profiles(joints[name], {field: changed})
+    return dataclasses.replace(scene, joints=joints)
 
 
 def check_wear(

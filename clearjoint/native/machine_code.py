@@ -11,7 +11,6 @@ not trace the function or make the text either.
 
 import ctypes
 import functools
-import hashlib
 import pickle
 import sys
 import time
@@ -29,8 +28,9 @@ from jaxtyping import PyTree
 from numpy.typing import ArrayLike
 
 from ..compilation import keeps_programs
+from ..compilation.digests import LONG, digest
 from ..compilation.package_code import ChangedCodeError, source_digest
-from ..compilation.plain_values import NUMERIC, NotPlainError, digest_of
+from ..compilation.plain_values import VERSIONED, NotPlainError, digest_of
 from ..compilation.program_store import ProgramStore, cache_in_use, system_errors_suppressed
 from .cells import Memory, Region
 from .llvm_text import llvm_text
@@ -48,8 +48,6 @@ LARGE = 450_000
 """Number of characters of a program's text from which on LLVM makes only the passes over it that
 shorten a run: for a chain of 30 joints with backlash, all passes took as long as generating machine
 code, and runs were as fast with one. Without that one, a step took 1.15 times as long."""
-_PACKAGES = (*NUMERIC, "beartype", "jax", "jaxlib", "jaxtyping", "ml_dtypes", "numpy")
-"""Packages on whose versions programs depend."""
 _IRRELEVANT = ("cache_dir", "persistent_cache", "compilation_cache", "log", "traceback", "dump")
 """Programs do not depend on settings of JAX whose names contain one of these texts."""
 
@@ -220,7 +218,7 @@ def _saved_object_file(text: str, optimisation: int) -> bytes:
     **Raises:** `UnsupportedPrimitiveError` if LLVM rejects the text.
     """
     parts = text, str(optimisation), *_target()
-    key = hashlib.sha256("\n".join(parts).encode()).hexdigest()
+    key = digest(*parts, digits=LONG)
     store = _store()
     code = None if store is None else store.read(key)
     if code is None:
@@ -287,7 +285,7 @@ def load_or_make(
     - if JAX's compilation cache is not in use;
     - if the package's code has changed since its import;
     - if the function or its arguments contain classes or functions that belong neither to this
-      package nor to one in `NUMERIC`, since a change of their code would not be noticed;
+      package nor to one of a known version, since a change of their code would not be noticed;
     - if they contain other values that `digest_of` refuses;
     - if the program cannot be pickled or written.
 
@@ -347,7 +345,7 @@ def _key(function: Callable[..., PyTree], arguments: tuple[PyTree, ...], optimis
     the arguments, but not on their numbers.
 
     **Raises:** `NotPlainError` if function or arguments contain classes or functions that belong
-    neither to this package nor to one in `NUMERIC`, or other values that `digest_of` refuses;
+    neither to this package nor to one of a known version, or other values that `digest_of` refuses;
     `ChangedCodeError` if the package's own code has changed since its import.
     """
     shapes = jax.tree.map(_form, arguments)
@@ -375,7 +373,7 @@ def is_weak(array: ArrayLike) -> bool:
 
 @functools.cache
 def _versions() -> tuple[str, ...]:
-    return (sys.version, *(f"{name} {_version(name)}" for name in _PACKAGES))
+    return (sys.version, *(f"{name} {_version(name)}" for name in VERSIONED))
 
 
 def _version(package: str) -> str:

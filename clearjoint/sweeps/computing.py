@@ -104,7 +104,7 @@ def _by_executor(
 
     # `run_chunks` calls both functions in this thread, so the store and the bar need no lock.
     def on_done(chunk: int, results: LaneArrays) -> None:
-        store.write(chunk, missing[chunk], results)
+        store.write({chunk: (missing[chunk], results)})
         bar.set_description_str(STORED, refresh=False)
         bar.update(len(missing[chunk]))
 
@@ -210,7 +210,7 @@ class _Writer:
             for chunk in chunks[first : first + WRITTEN_TOGETHER]:
                 lanes, results = concatenated(self._waiting[chunk])
                 parts[chunk] = lanes.tolist(), results
-            self._store.write_chunks(parts)
+            self._store.write(parts)
             # Only now: if an error interrupts the writing, it is repeated at the end of the sweep.
             for chunk, (lanes, _) in parts.items():
                 del self._waiting[chunk]

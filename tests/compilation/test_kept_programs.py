@@ -53,10 +53,10 @@ def call(pair, factor):
 def folder(monkeypatch, tmp_path):
     """The folder of saved programs; code of this module is accepted like that of the packages."""
     TRACED.clear()
-    monkeypatch.setattr(package_code, "_STATE", package_code._State())
+    monkeypatch.setattr(package_code, "_contents", [])
     package_code.remember_contents()
-    accepted = (*plain_values.NUMERIC, __name__.split(".")[0])
-    monkeypatch.setattr(plain_values, "NUMERIC", accepted)
+    known = plain_values._KNOWN | {__name__.split(".")[0]}
+    monkeypatch.setattr(plain_values, "_KNOWN", known)
     before = jax.config.jax_compilation_cache_dir  # pyright: ignore
     jax.config.update("jax_compilation_cache_dir", str(tmp_path))
     keep_programs()
@@ -109,6 +109,19 @@ def test_settings_are_part_of_the_key(folder):
     with jax.numpy_rank_promotion("raise"):
         call(PAIR, 2.0)
     assert len(TRACED) == 3
+
+
+def test_a_process_with_replaced_code_neither_reads_nor_saves_programs(folder, monkeypatch):
+    call(PAIR, 2.0)
+    with monkeypatch.context() as patch:
+        patch.setattr(run_checks, "check_numbers", lambda *_: None)
+        call(PAIR, 2.0)
+        call(PAIR, 3.0)
+    call(PAIR, 3.0)
+    assert len(TRACED) == 4
+    package_code.remember_contents()
+    call(PAIR, 2.0)
+    assert len(TRACED) == 4
 
 
 def test_the_disk_is_searched_once_in_a_process(folder):

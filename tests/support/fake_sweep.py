@@ -71,7 +71,7 @@ def compute(store: SweepMemory | SweepStore, chunks=None) -> None:
     """Write what is missing, or that of some chunks."""
     for chunk, lanes in store.missing().items():
         if chunks is None or chunk in chunks:
-            store.write(chunk, tuple(lanes), results(store.layout, lanes))
+            store.write({chunk: (tuple(lanes), results(store.layout, lanes))})
 
 
 def large_layout() -> Layout:
@@ -88,4 +88,4 @@ def fill(path: Path, calls: Path) -> None:
     with calls.open("a") as log:
         for chunk, lanes in store.missing().items():
             print(chunk, file=log, flush=True)
-            store.write(chunk, lanes, results(large, lanes))
+            store.write({chunk: (lanes, results(large, lanes))})

@@ -70,7 +70,7 @@ def test_what_is_damaged_is_named_and_computed_anew(path, name, damage):
     missing, warned = recorded(store.missing)
     assert [text for text in messages if text not in warned] == []
     assert missing == {CHUNK: LANES}
-    store.write(CHUNK, LANES, results(layout(), LANES))
+    store.write({CHUNK: (LANES, results(layout(), LANES))})
     found, warned = recorded(lambda: open_sweep(path))
     assert warned == ""
     identical(found, whole)
@@ -98,7 +98,7 @@ def test_the_last_chunk_which_is_not_full_is_computed_anew(path):
     store = opened(path, layout())
     missing, warned = recorded(store.missing)
     assert missing == {2: [10, 11]} and "position/c/2/0/0 is damaged" in warned
-    store.write(2, [10, 11], results(layout(), [10, 11]))
+    store.write({2: ([10, 11], results(layout(), [10, 11]))})
     identical(recorded(lambda: open_sweep(path))[0], complete(layout()))
 
 
@@ -165,7 +165,7 @@ def test_exchanged_chunks_are_computed_again(path, name):
 def test_a_lane_alone_does_not_mend_the_others_of_a_damaged_chunk(path):
     flipped(path / "by_lane" / "position" / FILES["position"])
     store = opened(path, layout())
-    store.write(CHUNK, LANES[:2], results(layout(), LANES[:2]))
+    store.write({CHUNK: (LANES[:2], results(layout(), LANES[:2]))})
     assert store.missing() == {CHUNK: LANES[2:]}
     compute(store)
     identical(open_sweep(path), complete(layout()))

@@ -47,7 +47,7 @@ def results_of(chunk: int):
 
 
 def write(store, chunk: int, arrays) -> None:
-    store.write(chunk, lanes_of(chunk), arrays)
+    store.write({chunk: (lanes_of(chunk), arrays)})
 
 
 @pytest.fixture(scope="module")

@@ -146,13 +146,13 @@ def test_further_variables_are_pending_until_their_lanes_have_run_again(path):
     assert [len(lanes) for lanes in store.missing().values()] == [5, 5, 2]
     for chunk in (0, 1):
         lanes = store.missing()[chunk]
-        store.write(chunk, lanes, with_energy(store, lanes))
+        store.write({chunk: (lanes, with_energy(store, lanes))})
     found = open_sweep(path).stack(lane=("clearance", "restitution"))
     assert np.flatnonzero(found["result"] == -1).tolist() == [10, 11]
     assert opened(path, layout(**ENERGY), {RUN: "falls", "energy": "new"}).missing() == {
         2: [10, 11]
     }
-    store.write(2, [10, 11], with_energy(store, [10, 11]))
+    store.write({2: ([10, 11], with_energy(store, [10, 11]))})
     found = open_sweep(path)
     xr.testing.assert_equal(found.drop_vars("energy"), before)
     assert found["energy"].values.ravel().tolist() == list(range(12))
@@ -200,10 +200,10 @@ def test_lanes_of_who_lacks_a_variable_are_pending_with_it(tmp_path):
     path = tmp_path / "sweep.zarr"
     old = opened(path, layout())
     new = opened(path, layout(**ENERGY), {RUN: "falls", "energy": "new"})
-    new.write(0, [0, 1], with_energy(new, [0, 1]))
+    new.write({0: ([0, 1], with_energy(new, [0, 1]))})
     assert old.missing()[0] == new.missing()[0] == [2, 3, 4]
-    old.write(0, [2, 3, 4], results(old.layout, [2, 3, 4]))
+    old.write({0: ([2, 3, 4], results(old.layout, [2, 3, 4]))})
     assert 0 not in old.missing() and new.missing()[0] == [0, 1, 2, 3, 4]
-    new.write(0, range(5), with_energy(new, range(5)))
+    new.write({0: (range(5), with_energy(new, range(5)))})
     assert 0 not in new.missing()
     assert open_sweep(path)["energy"].values.ravel()[:5].tolist() == [0, 1, 2, 3, 4]

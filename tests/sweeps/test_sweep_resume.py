@@ -64,7 +64,7 @@ def path(tmp_path):
 def interrupted(path, chunks: int, error=KeyboardInterrupt) -> None:
     """Sweep into a store until so many chunks are written."""
 
-    def write(store, parts, write=SweepStore.write_chunks, left=[chunks]):  # noqa: B006
+    def write(store, parts, write=SweepStore.write, left=[chunks]):  # noqa: B006
         first = dict(list(parts.items())[: left[0]])
         write(store, first)
         left[0] -= len(first)
@@ -72,7 +72,7 @@ def interrupted(path, chunks: int, error=KeyboardInterrupt) -> None:
             raise error
 
     with pytest.MonkeyPatch.context() as patch, pytest.raises(error):
-        patch.setattr(SweepStore, "write_chunks", write)
+        patch.setattr(SweepStore, "write", write)
         swept(STIFFNESS, chunk=CHUNK, path=path)
 
 
@@ -197,13 +197,13 @@ import clearjoint as cj, numpy as np
 from tests.support import rotor
 cj.configure()
 from clearjoint.sweeps.store.store import SweepStore
-write = SweepStore.write_chunks
+write = SweepStore.write
 def slowly(store, parts):
     for chunk in parts:
         write(store, {{chunk: parts[chunk]}})
         print(chunk, flush=True)
         time.sleep(0.2)
-SweepStore.write_chunks = slowly
+SweepStore.write = slowly
 few = {{"turnings": rotor.OUTPUTS["turnings"]}}
 rotor.swept(np.linspace(1.0, 100.0, 20), chunk={chunk}, outputs=few, path={path!r})
 """
@@ -258,7 +258,7 @@ def test_lanes_of_chunks_that_are_not_complete_are_stored_too(monkeypatch):
     monkeypatch.setattr(computing.time, "monotonic", lambda: now[0])
     with lane_progress(12, 0, False) as bar:
         lanes = {k: range(3 * k, 3 * k + 3) for k in range(4)}
-        writer = computing._Writer(lanes, SimpleNamespace(write_chunks=write), bar)
+        writer = computing._Writer(lanes, SimpleNamespace(write=write), bar)
         add = lambda *lanes: writer.add(np.array(lanes), {"result": np.zeros(len(lanes))})  # noqa: E731
         add(0, 3, 4, 6)
         assert written == [{0: [0], 1: [3, 4], 2: [6]}]
@@ -274,13 +274,13 @@ def test_lanes_whose_writing_is_interrupted_are_written_at_the_end(path, few, er
     """As by a second Ctrl-C, or by a time limit."""
     left = [error]
 
-    def write(store, parts, write=SweepStore.write_chunks):
+    def write(store, parts, write=SweepStore.write):
         if left:
             raise left.pop()
         write(store, parts)
 
     with pytest.MonkeyPatch.context() as patch, pytest.raises(error):
-        patch.setattr(SweepStore, "write_chunks", write)
+        patch.setattr(SweepStore, "write", write)
         swept(STIFFNESS, chunk=CHUNK, outputs=FEW, path=path)
     assert (cj.open_sweep(path)["result"] == 0).any()
     xr.testing.assert_identical(swept(STIFFNESS, chunk=CHUNK, outputs=FEW, path=path), few)

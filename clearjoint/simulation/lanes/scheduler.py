@@ -605,8 +605,7 @@ def _columns(
 
 _LOOPS: RecentPrograms[LaneLoop] = RecentPrograms()
 """Native loops that this process has made, by structure, shapes, types and static values of the
-data of their lanes. Batches whose data agree in these share a loop. (An entry in a plain `dict`
-would count as a change of the package's code, see `clearjoint.compilation.package_code`.)"""
+data of their lanes. Batches whose data agree in these share a loop."""
 _LOOPS_LOCK = threading.Lock()
 
 

@@ -17,26 +17,18 @@ import time
 import uuid
 import warnings
 from collections.abc import Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ...compilation.digests import digest
+from ...compilation.program_store import system_errors_suppressed
 from ...fields.checks import require
 from ..outputs import BY_LANE, LANE, RESULT, Coordinate, Layout, Variable, dataset
-from .chunks import (
-    checked_files,
-    chunk_file,
-    compressors,
-    make_folder,
-    opened,
-    opened_group,
-    read,
-    require_of_system,
-)
-from .program import Identity, digest
+from .chunks import chunk_file, compressors, make_folder, opened, opened_group, read, write
+from .program import Identity
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -60,23 +52,16 @@ def unfinished(path: Path) -> Iterator[Path]:
         # Zarr writes several files at the same time. After the error of one, as on a full disk, it
         # still makes others, and their folders, so that what was removed would come back.
         for _ in range(_REMOVALS):
-            _remove(new)
+            shutil.rmtree(new, ignore_errors=True)
             time.sleep(_REMOVAL_PERIOD)
         raise
     finally:
-        _remove(new)
+        with system_errors_suppressed():
+            shutil.rmtree(new)
 
 
 _REMOVALS, _REMOVAL_PERIOD = 10, 0.05
 """How often, and with which time in between, s, an incomplete store is removed after an error."""
-
-
-def _remove(folder: Path) -> None:
-    """Remove a folder as far as the system allows it."""
-    try:
-        shutil.rmtree(folder)
-    except OSError as error:
-        require_of_system(error)
 
 
 def move(file: Path, to: Path) -> None:
@@ -86,47 +71,62 @@ def move(file: Path, to: Path) -> None:
     file.replace(to)
 
 
+def write_dataset(path: Path, results: "xr.Dataset") -> None:
+    """Write a dataset as a Zarr store to a new folder."""
+    from zarr.codecs import Crc32cCodec, ZstdCodec
+
+    # The files have no checksum of `.chunks`, because other programs read them too. With a CRC,
+    # these programs refuse a damaged file.
+    codecs = {"compressors": (ZstdCodec(), Crc32cCodec())}
+    with warnings.catch_warnings():
+        # Zarr warns that version 3 of its format doesn't specify texts and consolidated metadata
+        # yet.
+        warnings.simplefilter("ignore")
+        results.to_zarr(
+            path,
+            mode="w",
+            zarr_format=3,
+            consolidated=True,
+            encoding={str(name): codecs for name in results.variables},
+            # Zarr would omit the file of an empty chunk, and that of an older grid would stay.
+            write_empty_chunks=True,
+        )
+
+
 def write_grid(path: Path, results: "xr.Dataset") -> None:
     """Write results as the grid of the store at a path, in place of an earlier grid.
 
     If the arrays differ in names, shapes or attributes from those of the earlier grid, that grid is
     removed first, and a program that opens the grid before the new one is complete finds none. If
-    they don't differ, files are replaced one by one, with the result codes last, so that a lane
-    whose code says that it is done has all its numbers.
+    they don't differ, files with other content are replaced one by one, with the result codes last,
+    so that a lane whose code says that it is done has all its numbers.
 
     **Arguments:** `path`: folder of the store; `results`: results along the axes of the sweep.
     """
-    from zarr.codecs import Crc32cCodec, ZstdCodec
-
-    # The files have no checksum of `checked_files`, because other programs read them too. With a
-    # CRC, these programs refuse a damaged file.
-    codecs = {"compressors": (ZstdCodec(), Crc32cCodec())}
     with unfinished(path) as new:
-        with warnings.catch_warnings():
-            # Zarr warns that version 3 of its format doesn't specify texts and consolidated
-            # metadata yet.
-            warnings.simplefilter("ignore")
-            encoding = {str(name): codecs for name in results.variables}
-            results.to_zarr(
-                new,
-                mode="w",
-                zarr_format=3,
-                consolidated=True,
-                encoding=encoding,
-                # Zarr would omit the file of an empty chunk, and that of an older grid would stay.
-                write_empty_chunks=True,
-            )
+        write_dataset(new, results)
         # The file `ROOT` lists the arrays. If it changes, it is removed first and written last, so
-        # that a reader finds either all arrays or none. Result codes are written after all other
-        # arrays, so that no lane counts as done before its numbers exist.
-        root, old_root = new / ROOT, path / ROOT
-        if not old_root.exists() or root.read_bytes() != old_root.read_bytes():
+        # that a reader finds either all arrays or none.
+        if not _same(new / ROOT, path / ROOT):
             remove_grid(path)
-        files = [file.relative_to(new) for file in new.rglob("*") if file.is_file()]
-        # The key is smallest for other arrays, since `False` is less than `True`, then for result
-        # codes, and largest for `ROOT`.
-        for file in sorted(files, key=lambda file: (file == Path(ROOT), file.parts[0] == RESULT)):
+        _move_all(new, path)
+
+
+def _move_all(new: Path, path: Path) -> None:
+    """Move those files of a group whose content is new to another folder.
+
+    The file `ROOT` lists the arrays and is moved last: until then the group reads as before.
+    Result codes are moved after all other arrays, so that no lane counts as done before its numbers
+    exist.
+    """
+    files = [file.relative_to(new) for file in new.rglob("*") if file.is_file()]
+    for file in sorted(files, key=lambda file: (file == Path(ROOT), file.parts[0] == RESULT)):
+        if not _same(new / file, path / file):
             move(new / file, path / file)
+
+
+def _same(file: Path, other: Path) -> bool:
+    return other.exists() and file.read_bytes() == other.read_bytes()
 
 
 def remove_grid(path: Path) -> None:
@@ -136,36 +136,6 @@ def remove_grid(path: Path) -> None:
     for entry in path.iterdir():
         if entry.name != BY_LANE and entry.is_dir():
             shutil.rmtree(entry)
-
-
-def grid_shows(path: Path, results: "xr.Dataset") -> bool:
-    """Return whether the grid at a path is intact and has the same variables, values and attributes
-    as `results`. Return ``False`` also if there is no grid.
-    """
-    # A damaged file may raise any error. In a thread, which no signal interrupts, all of them can
-    # be caught, and an error of a signal handler, such as a time limit, is not among them.
-    with ThreadPoolExecutor(1) as thread:
-        return thread.submit(_grid_shows, path, results).result()
-
-
-def _grid_shows(path: Path, results: "xr.Dataset") -> bool:
-    import xarray as xr
-
-    try:
-        # Readers find the metadata of the arrays in the file `ROOT`, or in a file of each array.
-        for consolidated in (True, False):
-            with xr.open_zarr(path, chunks=None, consolidated=consolidated) as grid:
-                # Result codes come first, since they tell at once if lanes have been added.
-                if set(grid.variables) != set(results.variables) or not all(
-                    results.variables[name].identical(grid.variables[name])
-                    for name in sorted(results.variables, key=lambda name: name != RESULT)
-                ):
-                    return False
-                if grid.attrs != results.attrs:
-                    return False
-        return True
-    except Exception:
-        return False
 
 
 if TYPE_CHECKING:
@@ -229,13 +199,9 @@ def extend(path: Path, contents: Contents) -> None:
 
     **Arguments:** `contents`: contents of the extended store.
     """
-    with unfinished(path) as store:
-        _write(store / BY_LANE, contents)
-        files = [file.relative_to(store) for file in store.rglob("*") if file.is_file()]
-        # The file `ROOT` lists the arrays and is replaced last: until then the store reads as
-        # before, also if this process is killed.
-        for file in sorted(files, key=lambda file: file == Path(BY_LANE, ROOT)):
-            move(store / file, path / file)
+    with unfinished(path) as group:
+        _write(group, contents)
+        _move_all(group, path / BY_LANE)
     remove_grid(path)
 
 
@@ -312,7 +278,7 @@ def _opened(path: Path) -> "tuple[zarr.Group, dict[str, Any]]":
             f"The store {path} can't be read, because {file} is damaged: restore that file from a "
             "copy, or delete the store to compute it again."
         )
-    return opened_group(path / BY_LANE, "r"), attrs
+    return opened_group(path / BY_LANE), attrs
 
 
 def _digest(root: Mapping[str, Any]) -> str:
@@ -347,7 +313,7 @@ def _write(path: Path, contents: Contents) -> None:
         _FORMAT: _VERSION,
     }
     attributes = {**layout.settings, **layout.notes, **own}
-    group = zarr.create_group(checked_files()(path), zarr_format=3, attributes=attributes)
+    group = zarr.create_group(path, zarr_format=3, attributes=attributes)
     # Labels along the lanes: values of the axes, digests of the lanes, and the order.
     columns = layout.values()
     along_lanes = [
@@ -355,10 +321,21 @@ def _write(path: Path, contents: Contents) -> None:
         *(Coordinate(digests[name], values[order]) for name, values in identity.lanes.items()),
         Coordinate(order_name, order),
     ]
-    for coordinate in along_lanes:
-        _write_labels(group, coordinate, LANE, layout.chunk)
-    for coordinate in layout.coordinates:
-        _write_labels(group, coordinate, coordinate.name, max(len(coordinate.values), 1))
+    labels = [(coordinate, LANE, layout.chunk) for coordinate in along_lanes]
+    labels += [(c, c.name, max(len(c.values), 1)) for c in layout.coordinates]
+    for coordinate, dim, chunk in labels:
+        name, values, _ = coordinate
+        attributes: dict[str, Any] = coordinate.attributes
+        array = group.create_array(
+            name,
+            shape=values.shape,
+            chunks=(chunk,),
+            dtype=str if values.dtype.kind == "U" else values.dtype,
+            compressors=compressors(),
+            dimension_names=(dim,),
+            attributes=attributes,
+        )
+        write(path, array, values)
     for name, variable in layout.variables.items():
         group.create_array(
             name,
@@ -381,22 +358,6 @@ def _write(path: Path, contents: Contents) -> None:
     root = json.loads((path / ROOT).read_text())
     root["attributes"][_DIGEST] = _digest(root)
     (path / ROOT).write_text(json.dumps(root, indent=2))
-
-
-def _write_labels(group: "zarr.Group", coordinate: Coordinate, dim: str, chunk: int) -> None:
-    """Write an array of labels along the dimension `dim`, in chunks of `chunk` labels."""
-    name, values, _ = coordinate
-    dtype: Any = str if values.dtype.kind == "U" else values.dtype
-    attributes: dict[str, Any] = coordinate.attributes
-    group.create_array(
-        name,
-        shape=values.shape,
-        chunks=(chunk,),
-        dtype=dtype,
-        dimension_names=(dim,),
-        attributes=attributes,
-    )
-    opened(group, name)[:] = values
 
 
 def _values(path: Path, group: "zarr.Group", name: str) -> np.ndarray:

@@ -21,7 +21,6 @@ of globals, helpers, base classes and properties, as far as this code is in the 
 
 import dataclasses
 import enum
-import hashlib
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -36,6 +35,7 @@ from jax.core import ShapedArray
 from jax.extend.core import ClosedJaxpr, Jaxpr, Literal, Var
 from jaxtyping import Int, PyTree
 
+from ...compilation.digests import digest, number
 from ...compilation.xla import CALLS, program_of
 from ...fields.types import ArrayLike
 from ...math.vectors import ConstantFolded, Scalar, unpack
@@ -58,9 +58,6 @@ from ...simulation.step.dense_output import Snapshot
 from ..axes import Lanes
 from ..work import variable_name
 
-DIGITS = 16
-"""Number of characters of a digest, hexadecimal: 64 bits, with which equal digests of different
-programs are practically excluded."""
 _ADDRESS = " at 0x"
 """Text that marks an address in the `repr` of a Python function; it differs between processes."""
 _WITHOUT_RESULT = {"debug_callback", "debug_print"}
@@ -214,17 +211,6 @@ def _shape(atom: Var | Literal) -> ShapedArray:
     return atom.aval
 
 
-def digest(*parts: str | bytes) -> str:
-    """Return the digest of a sequence of texts or bytes, as a text of `DIGITS` characters."""
-    state = hashlib.blake2b(digest_size=DIGITS // 2)
-    for part in parts:
-        content = part.encode() if isinstance(part, str) else part
-        # With its length in front, ("ab", "c") differs from ("a", "bc").
-        state.update(b"%d:" % len(content))
-        state.update(content)
-    return state.hexdigest()
-
-
 RUN = ""
 """Key of the digests of the run itself in dictionaries whose other keys are names of variables or
 outputs."""
@@ -338,10 +324,7 @@ class _Traced:
         return {RUN: (after, outcome(plan, scene, lane, end_time))}
 
     def impact_tables(self, numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
-        """Return the impacts recorded after one step, by variable of the impact tables; an empty
-        dictionary without tables."""
-        if not lane.run.records[IMPACTS]:
-            return {}
+        """Return the impacts recorded after one step, by variable of the impact tables."""
         # A row is still wanted in each log, so that the code that records an impact is traced.
         request = replace(_request(end_time, end_time), wanted=dict.fromkeys(lane.buffers(), 1))
         after = step_lane(self.impacts_plan, self.scene(numbers), lane, request)
@@ -421,7 +404,7 @@ def identity_of(digests: Mapping[str, str], lanes: Lanes, tasks: Task, saved: st
     arrays = [leaf for leaf in scenes if eqx.is_array(leaf)]
     starts = row_digests([*arrays, *states, tasks.end_time, tasks.first_step])
     for lane, message in lanes.bad.items():
-        starts[lane] = _number(message.encode())
+        starts[lane] = number(message.encode())
     times = {} if tasks.save_at is None else {saved: row_digests([tasks.save_at])}
     return Identity(digests, {RUN: starts, **times})
 
@@ -437,13 +420,8 @@ def row_digests(columns: Iterable[ArrayLike]) -> Int[np.ndarray, " n"]:
         # The bytes of a lane's rows stand one after the other in a row of `table`.
         rows = [np.ascontiguousarray(a[block]).reshape(block.stop - first, -1) for a in arrays]
         table = np.concatenate([row.view(np.uint8) for row in rows], axis=1)
-        digests[block] = [_number(row.tobytes()) for row in table]
+        digests[block] = [number(row.tobytes()) for row in table]
     return digests
-
-
-def _number(content: bytes) -> int:
-    """Return the digest of bytes as a 64-bit integer."""
-    return int.from_bytes(hashlib.blake2b(content, digest_size=8).digest(), "big", signed=True)
 
 
 def matching_lanes(

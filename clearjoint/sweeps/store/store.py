@@ -48,7 +48,6 @@ from .metadata import (
     contents_of,
     create,
     extend,
-    grid_shows,
     remove_abandoned,
     write_grid,
 )
@@ -210,6 +209,9 @@ if TYPE_CHECKING:
     import xarray as xr
     import zarr
 
+Parts = Mapping[int, tuple[Sequence[int], LaneArrays]]
+"""Results of some lanes by number of the chunk: numbers of n lanes of this chunk, in any order, and
+an array (n, ...) of these lanes, in the same order, for every variable by name."""
 _NAMED = 5
 """Number of damaged files that a warning names."""
 GRID_PERIOD, GRID_SHARE = 60.0, 0.02
@@ -235,12 +237,8 @@ class SweepMemory:
         """Return the numbers of the lanes that have no results yet, by number of their chunk."""
         return _missing(self._arrays[RESULT], np.arange(self.layout.lanes), self.layout.chunk)
 
-    def write(self, chunk: int, lanes: Sequence[int], results: LaneArrays) -> None:
-        """Keep the results of some lanes; the arguments are those of `SweepStore.write`."""
-        self.write_chunks({chunk: (lanes, results)})
-
-    def write_chunks(self, parts: Mapping[int, tuple[Sequence[int], LaneArrays]]) -> None:
-        """Keep the results of some lanes; the argument is that of `SweepStore.write_chunks`."""
+    def write(self, parts: Parts) -> None:
+        """Keep the results of some lanes; the argument is that of `SweepStore.write`."""
         for lanes, results in parts.values():
             for name, values in results.items():
                 self._arrays[name][list(lanes)] = values  # NumPy takes a tuple for indices of axes
@@ -310,7 +308,7 @@ class SweepStore:
 
         **Warns:** `UserWarning` that names damaged files.
         """
-        group = opened_group(self._folder, "r")
+        group = opened_group(self._folder)
         codes = _arrays(self.path, group, self._contents)[RESULT]
         missing = _missing(codes, self._contents.order, self.layout.chunk)
         if missing and not os.access(self._folder, os.W_OK):
@@ -318,28 +316,16 @@ class SweepStore:
             raise PermissionError(errno.EACCES, text, str(self._folder))
         return missing
 
-    def write(self, chunk: int, lanes: Sequence[int], results: LaneArrays) -> None:
-        """Write results of some lanes of one chunk to disk, as `write_chunks` does.
-
-        **Arguments:** `chunk`: number of the chunk; `lanes`: numbers of n lanes of this chunk, in
-        any order; `results`: an array (n, ...) of these lanes, in the same order, for every
-        variable of `layout` by name.
-        """
-        self.write_chunks({chunk: (lanes, results)})
-
-    def write_chunks(self, parts: Mapping[int, tuple[Sequence[int], LaneArrays]]) -> None:
-        """Write results of some lanes of several chunks to disk.
+    def write(self, parts: Parts) -> None:
+        """Write results of some lanes of one or more chunks to disk.
 
         When this method returns, the lanes count as done, even if the process is killed afterwards.
         The grid is written too if its last writing is long enough ago (`GRID_PERIOD`,
         `GRID_SHARE`).
-
-        **Arguments:** `parts`: numbers of lanes and their results, as for `write`, by number of the
-        chunk.
         """
         with locked(self._folder):
             # Another process may have extended the store since it was opened.
-            group = opened_group(self._folder, "r+")
+            group = opened_group(self._folder)
             arrays = {name: opened(group, name) for name in self.layout.variables}
             added = group.attrs[ADDED]
             assert isinstance(added, list)
@@ -373,22 +359,18 @@ class SweepStore:
         are pending, the chunk's file of result codes is deleted, so that its lanes count as pending
         until the caller has written the new results.
 
-        **Arguments:** `arrays`: arrays of the store by name; `chunk`, `lanes`, `results`: as for
-        `write`.
+        **Arguments:** `arrays`: arrays of the store by name; `chunk`: number of the chunk; `lanes`,
+        `results`: as in `Parts`.
         """
         # The last chunk may have fewer rows than the others.
         first, size = chunk * self.layout.chunk, self.layout.chunk
         count = min(size, arrays[RESULT].shape[0] - first)
         rows = self._row_of[list(lanes)] - first
-        stored: dict[str, np.ndarray | None] = dict.fromkeys(results)
+        whole = {name: variable.pending(count) for name, variable in self.layout.variables.items()}
         if len(lanes) < count:
             stored = {name: read_chunk(self._folder, arrays[name], chunk) for name in results}
-        whole: LaneArrays = {}
-        for name, variable in self.layout.variables.items():
-            values = stored[name]
-            if values is None or any(part is None for part in stored.values()):
-                values = variable.pending(count)
-            whole[name] = np.array(values)
+            if not any(isinstance(part, str) for part in stored.values()):
+                whole = {name: np.array(part) for name, part in stored.items()}
         # If all stored rows are pending, perhaps because a file is damaged or missing, old result
         # codes are removed first: if this process were killed before it has written all arrays,
         # they would mark rows as done whose other values are missing.
@@ -399,8 +381,8 @@ class SweepStore:
         return whole
 
     def write_grid(self) -> None:
-        """Write the grid, the results along the axes for other programs, if the one on disk is
-        outdated and the store can be written to."""
+        """Write what has changed of the grid, the results along the axes for other programs, if the
+        store can be written to."""
         # A store that can't be written to serves only sweeps whose lanes are all done: `missing`
         # raises an error for other sweeps.
         if not os.access(self.path, os.W_OK):
@@ -408,9 +390,8 @@ class SweepStore:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # `dataset` warns of damaged files.
             results = _labelled(self.path, contents_of(self.path))
-        if not grid_shows(self.path, results):
-            with locked(self._folder):
-                write_grid(self.path, results)
+        with locked(self._folder):
+            write_grid(self.path, results)
 
     def _write_grid_if_due(self) -> None:
         start = time.monotonic()
@@ -507,7 +488,7 @@ def _missing(codes: np.ndarray, order: np.ndarray, chunk: int) -> dict[int, list
 def _labelled(path: Path, contents: Contents) -> "xr.Dataset":
     """Read the results of all lanes of a store, and return them as a dataset along the axes. Lanes
     with damaged files are pending, and a warning names the files."""
-    arrays = _arrays(path, opened_group(path / BY_LANE, "r"), contents)
+    arrays = _arrays(path, opened_group(path / BY_LANE), contents)
     row_of = np.argsort(contents.order)
     return dataset(contents.layout, {name: values[row_of] for name, values in arrays.items()})
 

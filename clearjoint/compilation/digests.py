@@ -1,0 +1,29 @@
+"""Digests of texts and bytes, which are the same in all processes.
+
+This module imports only Python's standard library, because `.package_code` does so.
+"""
+
+import hashlib
+
+DIGITS = 16
+"""Default number of characters of a digest, hexadecimal: 64 bits, with which equal digests of
+different contents are practically excluded among those that a store of results compares."""
+LONG = 40
+"""Number of characters of the digests that name saved programs, or that protect their files."""
+
+
+def digest(*parts: str | bytes, digits: int = DIGITS) -> str:
+    """Return the digest of a sequence of texts or bytes, as hexadecimal text of `digits` characters
+    (at most 128)."""
+    state = hashlib.blake2b(digest_size=digits // 2)
+    for part in parts:
+        content = part.encode() if isinstance(part, str) else part
+        # With its length in front, ("ab", "c") differs from ("a", "bc").
+        state.update(b"%d:" % len(content))
+        state.update(content)
+    return state.hexdigest()
+
+
+def number(content: bytes) -> int:
+    """Return the digest of bytes as a signed 64-bit integer."""
+    return int.from_bytes(hashlib.blake2b(content, digest_size=8).digest(), "big", signed=True)
