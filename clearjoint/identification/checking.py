@@ -22,13 +22,14 @@ from statistics import NormalDist
 import numpy as np
 from jaxtyping import Bool, Float
 
+from ..information.fisher_information import covariance
 from ..parametrisation.parameter import Parameter, step_limits
 from ..simulation.run.terminal import ProgressBar, telling_of_compiling
 from . import goodness_of_fit as statistics
 from .levenberg_marquardt import Ending, Iteration, Search, WindowSearch, search_with_damping
 from .posterior.posterior import ImpossiblePointsError, TooManyRunsError, drawn_posterior
 from .posterior.result import Posterior
-from .residuals import Experiment, RunMisfit, Samples, parameter_covariance, run_misfit
+from .residuals import Experiment, RunMisfit, Samples, run_misfit
 from .screening.level_sets import drawn_among, far_apart
 from .screening.misfit_curves import SideBySide
 
@@ -748,6 +749,4 @@ def _early_covariances(
     start, times = float(runs.start_time), np.asarray(runs.times)
     early = [times < start + fraction * (horizon - start) for fraction in (1.0, 0.5)]
     rows = best.jacobian.reshape(*data.weights.shape, -1)
-    return [
-        parameter_covariance((rows * part[:, None]).reshape(best.jacobian.shape)) for part in early
-    ]
+    return [covariance((rows * part[:, None]).reshape(best.jacobian.shape)) for part in early]

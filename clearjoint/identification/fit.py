@@ -11,8 +11,8 @@ import numpy as np
 from jaxtyping import Float
 
 from ..export.datasets import AbstractTabular, Labelled, labelled_dataset, texts
+from ..export.tables import aligned, duration, estimates_table, numbered
 from ..information import fisher_information as information
-from ..information.fisher_information import aligned
 from ..information.horizon import FitHorizon
 from ..measurements.series import Measurements
 from ..model.bodies import State
@@ -32,8 +32,7 @@ from . import goodness_of_fit as statistics
 from .checking import LikelihoodCheck
 from .levenberg_marquardt import Ending, Search
 from .posterior.result import Posterior
-from .report import duration, estimates_table, numbered
-from .residuals import LEAST_SINGULAR_VALUE, RunMisfit
+from .residuals import RunMisfit
 from .screening.screening import Screened
 
 if TYPE_CHECKING:
@@ -746,7 +745,10 @@ def _explanation(
     def without(kinds: Sequence[type[AbstractSeriesVariation]]) -> tuple[np.ndarray, np.ndarray]:
         columns = np.stack([effects[kind] for kind in kinds], axis=1)
         sizes = np.linalg.norm(columns, axis=0)
-        values = -np.linalg.lstsq(columns / sizes, residuals, rcond=LEAST_SINGULAR_VALUE)[0] / sizes
+        values = (
+            -np.linalg.lstsq(columns / sizes, residuals, rcond=information.LEAST_SINGULAR_VALUE)[0]
+            / sizes
+        )
         return values, residuals + columns @ values
 
     while len(chosen) < len(usable):

@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from .residuals import LEAST_SINGULAR_VALUE, RunMisfit
+from ..information.fisher_information import floored
+from .residuals import RunMisfit
 
 UNLIKELY = 1e-3
 """p-value of chi squared below which the noise, the model or the fit is considered wrong."""
@@ -50,13 +51,7 @@ def directions(jacobian: Float[np.ndarray, "M p"]) -> list[Direction]:
     **Arguments:** `jacobian`: (M, p) derivatives of the residuals, in standard deviations of the
     noise, by the coordinates.
     """
-    norms = np.linalg.norm(jacobian, axis=0)
-    # A parameter without effect gets a tiny norm, and with it a large but finite deviation.
-    norms = np.where(norms > 0.0, norms, max(norms.max(), 1.0) * LEAST_SINGULAR_VALUE)
-    # With columns of unit length, the decomposition does not depend on the units of the
-    # coordinates.
-    _, sizes, axes = np.linalg.svd(jacobian / norms, full_matrices=False)
-    sizes = np.maximum(sizes, LEAST_SINGULAR_VALUE * max(sizes[0], 1.0))
+    norms, sizes, axes = floored(jacobian)
     changes = []
     for size, axis in zip(sizes[::-1], axes[::-1], strict=True):
         along = axis / norms

@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 
+from ..export.tables import numbered
 from ..fields.cautions import PoorFitWarning, caution
 from ..fields.checks import require, require_count, require_positive, require_type
 from ..information.horizon import FitHorizon
@@ -29,7 +30,6 @@ from .levenberg_marquardt import (
     best_search,
     search_with_damping,
 )
-from .report import numbered
 from .residuals import Experiment, RunMisfit, Samples, check_start, experiment, run_misfit, samples
 from .screening.misfit_curves import SideBySide
 from .screening.screening import LOOSER, Screening, search_screened

@@ -22,7 +22,7 @@ from ..compilation import Compiled
 from ..fields.checks import require
 from ..fields.objects import on_device
 from ..fields.types import ArrayLike
-from ..information import fisher_information as information
+from ..information.fisher_information import covariance
 from ..math.vectors import Scalar
 from ..measurements.series import Measurements
 from ..model.bodies import State
@@ -353,23 +353,6 @@ def samples(measurements: Measurements, count: int) -> Samples:
     return Samples(values, weights, tuple(one.period for one in series))
 
 
-LEAST_SINGULAR_VALUE = 1e-12
-"""Smallest singular value of a Jacobian relative to the largest, with columns scaled to unit
-length. Smaller ones are raised to this value, so that the variance of an undetermined direction
-stays finite."""
-
-
-def parameter_covariance(jacobian: Float[np.ndarray, "M p"]) -> Float[np.ndarray, "p p"]:
-    """Return the covariance (p, p) of the estimated coordinates, for small noise.
-
-    Variances of combinations that the data don't determine are large but finite.
-
-    **Arguments:** `jacobian`: (M, p) derivatives of the residuals, in standard deviations of the
-    noise, by the coordinates.
-    """
-    return information.covariance(jacobian, LEAST_SINGULAR_VALUE)
-
-
 @dataclass(frozen=True)
 class RunMisfit:
     """Residuals and their Jacobian from one run, for S series at T times, M = S T.
@@ -404,7 +387,7 @@ class RunMisfit:
     @cached_property
     def covariance(self) -> Float[np.ndarray, "p p"]:
         """Covariance of the coordinates, (p, p), for residuals of unit variance."""
-        return parameter_covariance(self.jacobian)
+        return covariance(self.jacobian)
 
 
 def run_misfit(

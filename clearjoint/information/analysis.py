@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
+from ..export.tables import aligned, number, percent
 from ..fields.checks import as_number, require, require_types
 from ..fields.types import ArrayLike
 from ..measurements.series import Measurements, Series
@@ -22,7 +23,7 @@ from ..simulation.run.sensitivities import Sensitivities, sensitivities
 from ..simulation.step import presets
 from ..simulation.step.settings import Settings, settings_or, strictly_rising_times
 from . import fisher_information as information
-from .fisher_information import Combination, aligned, number, percent
+from .fisher_information import Combination
 
 
 @dataclass(frozen=True)

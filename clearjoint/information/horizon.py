@@ -24,6 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
+from ..export.tables import aligned, number, percent
 from ..fields.cautions import level_of_the_user
 from ..fields.checks import require, require_positive
 from ..model.bodies import State
@@ -43,7 +44,6 @@ from .analysis import (
     outputs_of,
     times_of,
 )
-from .fisher_information import aligned, number, percent
 
 LOOSER = 10.0
 """Ratio of the tolerance of a second run to that of the main run. The difference between the two

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from clearjoint.export.tables import duration
 from clearjoint.identification import checking
 from clearjoint.identification.identify import _Problem
-from clearjoint.identification.report import duration
 from clearjoint.identification.residuals import UNREACHED, experiment, samples
 from clearjoint.identification.screening.misfit_curves import SideBySide
 

@@ -36,8 +36,8 @@ from ..simulation.reductions.base import AbstractReduction
 from ..simulation.reductions.quantities import Peak
 from ..simulation.step import presets
 from ..simulation.step.settings import Settings, settings_or
-from ..sweeps.axes import Axis
-from ..sweeps.sweep import sweep
+from .axes import Axis
+from .sweep import sweep
 
 if TYPE_CHECKING:
     import xarray as xr
