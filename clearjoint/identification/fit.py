@@ -255,17 +255,16 @@ class Fit(AbstractTabular):
         if posterior is not None:
             low, high = posterior.box
             minima = [m for m in minima if ((m.coordinates < low) | (m.coordinates > high)).any()]
-        parts = [checking.intervals(minima, self.chi_squared)] if minima else []
+        parts = [checking.interval_ends(minima, self.chi_squared)] if minima else []
         if posterior is not None:
             scales = [parameter.scale for parameter in self.parameters.values()]
             pairs = zip(scales, posterior.intervals.values(), strict=True)
-            ends = np.array([[scale.coordinate(end) for end in two] for scale, two in pairs])
-            parts.append((ends[:, 0], ends[:, 1]))
+            parts.append(np.array([[s.coordinate(end) for end in two] for s, two in pairs]).T)
         elif self.check is not None and self.check.exploration is not None:
-            parts.append(self.check.exploration.intervals())
+            parts.append(np.array(self.check.exploration.intervals()))
         # The hull of all parts, in coordinates.
-        lows, highs = (np.vstack(ends) for ends in zip(*parts, strict=True))
-        ends = np.stack([lows.min(axis=0), highs.max(axis=0)])
+        rows = np.concatenate(parts)
+        ends = np.stack([rows.min(axis=0), rows.max(axis=0)])
         middle, half = ends.mean(axis=0), 0.5 * np.diff(ends, axis=0)[0] * self._interval_widening
         low = values_at(self.parameters, middle - half)
         high = values_at(self.parameters, middle + half)

@@ -9,9 +9,9 @@ import pytest
 import clearjoint as cj
 from clearjoint.export.tables import duration
 from clearjoint.identification import checking
+from clearjoint.identification.comparison import Comparison
 from clearjoint.identification.identify import _Problem
 from clearjoint.identification.residuals import UNREACHED, experiment, samples
-from clearjoint.identification.screening.misfit_curves import SideBySide
 
 STIFFNESS, MASS, START, NOISE = 50.0, 2.0, 0.3, 0.01
 TIMES = np.linspace(0.1, 20.0, 200)
@@ -38,7 +38,7 @@ def data():
 def side_by_side(data, **options):
     settings = replace(cj.presets.derivatives, rtol=1e-8, **options)
     runs = experiment(SCENE, STATE, PARAMETERS, {"x": CHANNEL}, TIMES, 0.0, settings)
-    return SideBySide(runs, samples(data, len(runs.times)))
+    return Comparison(runs, samples(data, len(runs.times)), PARAMETERS)
 
 
 def fitted(data, **options):
@@ -251,7 +251,7 @@ def test_a_valid_covariance_is_confirmed_by_few_runs(data, monkeypatch):
 
 
 def test_an_interrupted_screening_has_no_fit(data, monkeypatch):
-    monkeypatch.setattr(SideBySide, "chi_squared", raising(KeyboardInterrupt()))
+    monkeypatch.setattr(Comparison, "chi_squared", raising(KeyboardInterrupt()))
     with pytest.raises(cj.FitInterrupted, match="before the first run of a search") as stopped:
         fitted(data, starts=cj.Screening(40))
     assert stopped.value.fits == []
