@@ -469,13 +469,8 @@ class LikelihoodCheck:
         """
         if self.exploration is None:
             return 1
-        limit = self.exploration.lowest + RISE
-        distinct: list[RunMisfit] = []
-        for one in sorted(self.exploration.minima, key=lambda minimum: minimum.chi_squared):
-            apart = not any(inside(other, one.coordinates) for other in distinct)
-            if one.chi_squared <= limit and apart:
-                distinct.append(one)
-        return len(distinct)
+        limit, minima = self.exploration.lowest + RISE, self.exploration.minima
+        return len(statistics.distinct(minima, limit, lambda a, b: not inside(a, b.coordinates)))
 
 
 def check(

@@ -1,7 +1,7 @@
 """Statistics of a fit: tests of its residuals, uncertain directions, and competing minima."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
 from typing import NamedTuple
@@ -195,11 +195,19 @@ def competing_minima(best: RunMisfit, others: Sequence[RunMisfit]) -> list[RunMi
     from scipy.special import chdtri
 
     limit = float(chdtri(len(best.coordinates), 1.0 - CONFIDENCE))
-    minima = [best]
-    for one in sorted(others, key=lambda other: other.chi_squared):
-        if one.chi_squared - best.chi_squared <= limit and all(_apart(k, one) for k in minima):
-            minima.append(one)
-    return minima[1:]
+    return distinct([best, *others], best.chi_squared + limit, _apart)[1:]
+
+
+def distinct(
+    minima: Iterable[RunMisfit], limit: float, apart: Callable[[RunMisfit, RunMisfit], bool]
+) -> list[RunMisfit]:
+    """Return the minima with a chi squared up to `limit` that are `apart` from each lower one that
+    is returned, the lowest first."""
+    chosen: list[RunMisfit] = []
+    for one in sorted(minima, key=lambda minimum: minimum.chi_squared):
+        if one.chi_squared <= limit and all(apart(lower, one) for lower in chosen):
+            chosen.append(one)
+    return chosen
 
 
 def _apart(one: RunMisfit, other: RunMisfit) -> bool:

@@ -104,33 +104,20 @@ class Experiment(eqx.Module):
         true throughout, and the values of an output are NaN at the times that it misses.
         """
         at, end_time = on_device(coordinates), on_device(end_time)
+        given = self.scheme, self.family.at(at), self.outputs
+        limits = self.first_step, self.max_steps
         if self.sensors.delays:
             rising, indices, inside, end = _instants(self, at, end_time)
-            run = _delayed(self, at, rising, indices, inside, self._sampled(at, rising, end))
+            # Every output is evaluated at all of the rising times, whatever its delay.
+            run = sampled(*given, rising, self.start_time, end, *limits)
+            run = _delayed(self, at, rising, indices, inside, run)
         else:
-            run = self._sampled(at, self.times, end_time)
+            run = sampled(*given, self.times, self.start_time, end_time, *limits)
         if not self.sensors.of_values:
             return run
         numbers = run.values, run.derivatives, self.times - self.start_time, at
         readings, slopes = with_sensor_errors(self.sensors, *numbers)
         return replace(run, values=readings, derivatives=slopes)
-
-    def _sampled(self, coordinates: ArrayLike, times: jax.Array, end_time: jax.Array) -> Sampled:
-        """Run at coordinates (p,) up to `end_time`, s, and evaluate all outputs at given times.
-
-        **Arguments:** `times`: (N,) s, in ascending order, some of which may be equal. Every output
-        is evaluated at all of them, whatever its delay.
-        """
-        return sampled(
-            self.scheme,
-            self.family.at(coordinates),
-            self.outputs,
-            times,
-            self.start_time,
-            end_time,
-            self.first_step,
-            self.max_steps,
-        )
 
 
 @Compiled

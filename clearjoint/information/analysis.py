@@ -216,7 +216,9 @@ class Identifiability:
 
         They are infinite for parameters without effect on the data.
         """
-        return information.deviations_alone(self.root)
+        # The diagonal of F = R^T R holds the squared norms of the columns of the root R.
+        with np.errstate(divide="ignore"):
+            return 1.0 / np.linalg.norm(self.root, axis=0)
 
     @property
     def labels(self) -> list[str]:

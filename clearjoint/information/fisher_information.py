@@ -105,19 +105,6 @@ def _parts_together(
     return parts / np.where(lengths > 0.0, lengths, 1.0)[..., None, :]
 
 
-def deviations_alone(roots: Float[np.ndarray, "*T r p"]) -> Float[np.ndarray, "*T p"]:
-    """Return lower bounds (..., p) of the standard deviations of parameters estimated alone.
-
-    The bound of each parameter assumes that the values of all others are known. It is infinite if
-    the parameter has no effect on the data.
-
-    **Arguments:** `roots`: roots (..., r, p) of the information.
-    """
-    # The diagonal of F = R^T R holds the squared norms of the columns of the root R.
-    with np.errstate(divide="ignore"):
-        return 1.0 / np.linalg.norm(roots, axis=-2)
-
-
 def rank(roots: Float[np.ndarray, "*T r p"], accuracy: float) -> np.ndarray:
     """Return the number (...) of independent combinations of parameters that the data determine.
 
