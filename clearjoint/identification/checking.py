@@ -57,6 +57,8 @@ WORTH = 3.0
 exploring, even if these are more than `KEPT`."""
 DESCENTS = 6
 """Largest number of local searches in a round."""
+ROUNDS = 6
+"""Maximum number of rounds in which an exploration draws points."""
 SETTLED = 0.05
 """Growth of the intervals in a round, relative to their width, below which they are final."""
 
@@ -247,7 +249,6 @@ def explore(
     covariances: Sequence[Float[np.ndarray, "p p"]],
     limits: Float[np.ndarray, " p"],
     number: int,
-    rounds: int,
     likely: float,
     generator: np.random.Generator,
     affordable: Callable[[], bool] = lambda: True,
@@ -260,7 +261,7 @@ def explore(
     if the round before found a minimum that is lower by more than 3.84, or if noise doesn't explain
     the lowest chi squared. In every round, local searches start from some of the lowest points that
     are far from each other and from the known minima. The exploration ends when it has settled, as
-    defined for `Exploration.settled`, or after `rounds` rounds.
+    defined for `Exploration.settled`, or after `ROUNDS` rounds.
 
     **Arguments:**
 
@@ -271,7 +272,6 @@ def explore(
     - `limits`: (p,) largest distance of points from the minimum of the fit, in coordinates. The
       points drawn around a lower minimum may be as far from that minimum instead.
     - `number`: number of points in the first round.
-    - `rounds`: maximum number of rounds.
     - `likely`: largest chi squared that noise alone explains.
     - `generator`: source of random numbers.
     - `affordable`: function that returns whether there may be more runs. After the first round and
@@ -292,7 +292,7 @@ def explore(
     fresh = around(minimum.coordinates, covariances, number)
     points, values = minimum.coordinates[None], np.array([minimum.chi_squared])
     minima, best, before = [minimum], minimum, None
-    for count in range(1, rounds + 1):
+    for count in range(1, ROUNDS + 1):
         points = np.concatenate([points, fresh])
         values = np.concatenate([values, chi_squared(fresh)])
         # The lowest points are kept: at least `KEPT`, and all of a chi squared that is worth
@@ -357,8 +357,6 @@ def inside(minimum: RunMisfit, point: Float[np.ndarray, " p"]) -> bool:
     return float((offset / errors) @ np.linalg.pinv(scaled) @ (offset / errors)) < 1.0
 
 
-ROUNDS = 6
-"""Maximum number of rounds in which an exploration draws points."""
 STEPS_DOWN = 15
 """Maximum number of runs of a local search in the exploration; the final search in the lowest
 minimum has four times as many."""
@@ -502,93 +500,71 @@ def check(
     started = time.perf_counter()
     bar = ProgressBar(desc="check of the covariance", unit=" runs", leave=False, disable=not show)
     with telling_of_compiling(bar):
-        checked = _check(best, compared, number, on_iteration, cost, bar)
-    return replace(checked, seconds=time.perf_counter() - started)
+        # The seed is fixed: the check of the same fit always gives the same result.
+        generator = np.random.default_rng(0)
+        runs, data = compared.runs, compared.data
+        limits = _largest_offsets(best, step_limits(compared.parameters))
+        test = _quadratic_test(best, compared, limits, generator, bar)
+        count = len(test.actual)
+        if test.passed:
+            return LikelihoodCheck(test, None, (), count, time.perf_counter() - started, 0.0)
+        # A run with derivatives by p parameters costs about as much as 1 + p runs without.
+        each = 1 + len(best.coordinates)
+        most_runs = math.inf if number is not None else float(each * (cost + count))
+        if number is None:
+            number = int(np.clip(most_runs // 4, LEAST_NUMBER, MOST_NUMBER))
+        searches: list[Search] = []
+        computed = 0
 
+        def chi_squared(points: np.ndarray) -> np.ndarray:
+            nonlocal computed
+            computed += len(points)
+            # The last column is that of the whole record.
+            values = compared.chi_squared(points, compared.count)[:, -1]
+            bar.update(len(points))
+            return values
 
-def _check(
-    best: RunMisfit,
-    compared: Comparison,
-    number: int | None,
-    on_iteration: Callable[[Iteration], None],
-    cost: int,
-    bar: ProgressBar,
-) -> LikelihoodCheck:
-    """Return the result of `check`, without its time, and count all runs in `bar`."""
-    # The seed is fixed: the check of the same fit always gives the same result.
-    generator = np.random.default_rng(0)
-    runs, data = compared.runs, compared.data
-    limits = _largest_offsets(best, step_limits(compared.parameters))
-    test = _quadratic_test(best, compared, limits, generator, bar)
-    count = len(test.actual)
-    if test.passed:
-        return LikelihoodCheck(test, None, (), count, 0.0, 0.0)
-    # A run with derivatives by p parameters costs about as much as 1 + p runs without.
-    each = 1 + len(best.coordinates)
-    most_runs = math.inf if number is not None else float(each * (cost + count))
-    if number is None:
-        number = int(np.clip(most_runs // 4, LEAST_NUMBER, MOST_NUMBER))
-    searches: list[Search] = []
-    computed = 0
+        def descend(start: np.ndarray, near: float = NEAR, steps: int = STEPS_DOWN) -> RunMisfit:
+            end, max_changes = float(compared.times[-1]), step_limits(compared.parameters)
+            misfit = partial(run_misfit, runs, data, end)
+            lowest, iterations, ending = search_with_damping(
+                misfit, start, max_changes, near, steps, on_iteration
+            )
+            # An interruption, which `search_with_damping` catches, ends the whole check.
+            if ending is Ending.INTERRUPTED:
+                raise KeyboardInterrupt
+            searches.append(Search(start, (WindowSearch(end, iterations, ending),), lowest))
+            bar.update(len(iterations))
+            return lowest
 
-    def chi_squared(points: np.ndarray) -> np.ndarray:
-        nonlocal computed
-        computed += len(points)
-        # The last column is that of the whole record.
-        values = compared.chi_squared(points, compared.count)[:, -1]
-        bar.update(len(points))
-        return values
+        def left() -> float:
+            return most_runs - computed - each * sum(one.evaluations for one in searches)
 
-    def descend(start: np.ndarray, near: float = NEAR, steps: int = STEPS_DOWN) -> RunMisfit:
-        end, max_changes = float(compared.times[-1]), step_limits(compared.parameters)
-        misfit = partial(run_misfit, runs, data, end)
-        lowest, iterations, ending = search_with_damping(
-            misfit, start, max_changes, near, steps, on_iteration
-        )
-        # An interruption by the user, which `search_with_damping` catches, ends the whole check.
-        if ending is Ending.INTERRUPTED:
-            raise KeyboardInterrupt
-        searches.append(Search(start, (WindowSearch(end, iterations, ending),), lowest))
-        bar.update(len(iterations))
-        return lowest
-
-    def left() -> float:
-        return most_runs - computed - each * sum(one.evaluations for one in searches)
-
-    difference = float(chi_squared(best.coordinates[None])[0]) - best.chi_squared
-    farthest = np.minimum(limits, FARTHEST * np.sqrt(np.diag(best.covariance)))
-    likely = statistics.likely_chi_squared(data.count - len(best.coordinates))
-    # Chi squared of an early part of the record is smoother and wider: its covariance draws points
-    # beyond the minimum that the whole record's covariance describes.
-    covariances = [best.covariance, *_early_covariances(best, compared, test.horizon)]
-    explored = explore(
-        chi_squared,
-        descend,
-        best,
-        covariances,
-        farthest,
-        number,
-        ROUNDS,
-        likely,
-        generator,
-        lambda: left() > 0.0,
-    )
-    # The local searches of the exploration end early. If one of them has found a lower minimum, the
-    # fit moves there, which takes an accurate search. The test tolerates a decrease of chi squared
-    # up to `FLOOR`, so that a smaller one is no other minimum.
-    lowest = min(explored.minima, key=lambda minimum: minimum.chi_squared)
-    if best.chi_squared - lowest.chi_squared > FLOOR:
-        descend(lowest.coordinates, NEAREST, 4 * STEPS_DOWN)
-    count += len(explored.points) + sum(search.evaluations for search in searches)
-    posterior, bounded = None, math.isfinite(most_runs)
-    # If noise doesn't explain chi squared, the model is wrong, and so would be its posterior.
-    if explored.lowest <= likely and left() > LEAST_RUNS * POINTS * number:
-        half = np.minimum(farthest, MARGIN * _extent(explored, lowest))
-        box = lowest.coordinates - half, lowest.coordinates + half
-        most = int(min(left(), MOST_RUNS * number))
-        posterior = _small_posterior(compared, box, number, explored.lowest, most, bar)
-    results = test, explored, tuple(searches), count, 0.0, difference, posterior
-    return LikelihoodCheck(*results, bounded)
+        difference = float(chi_squared(best.coordinates[None])[0]) - best.chi_squared
+        farthest = np.minimum(limits, FARTHEST * np.sqrt(np.diag(best.covariance)))
+        likely = statistics.likely_chi_squared(data.count - len(best.coordinates))
+        # Chi squared of an early part of the record is smoother and wider: its covariance draws
+        # points beyond the minimum that the whole record's covariance describes.
+        covariances = [best.covariance, *_early_covariances(best, compared, test.horizon)]
+        given = chi_squared, descend, best, covariances, farthest, number
+        explored = explore(*given, likely, generator, lambda: left() > 0.0)
+        # The local searches of the exploration end early. If one of them has found a lower minimum,
+        # the fit moves there, which takes an accurate search. The test tolerates a decrease of chi
+        # squared up to `FLOOR`, so that a smaller one is no other minimum.
+        lowest = min(explored.minima, key=lambda minimum: minimum.chi_squared)
+        if best.chi_squared - lowest.chi_squared > FLOOR:
+            descend(lowest.coordinates, NEAREST, 4 * STEPS_DOWN)
+        count += len(explored.points) + sum(search.evaluations for search in searches)
+        posterior, bounded = None, math.isfinite(most_runs)
+        # If noise doesn't explain chi squared, the model is wrong, and so would be its posterior.
+        if explored.lowest <= likely and left() > LEAST_RUNS * POINTS * number:
+            half = np.minimum(farthest, MARGIN * _extent(explored, lowest))
+            box = lowest.coordinates - half, lowest.coordinates + half
+            most = int(min(left(), MOST_RUNS * number))
+            posterior = _small_posterior(compared, box, number, explored.lowest, most, bar)
+        seconds = time.perf_counter() - started
+        results = test, explored, tuple(searches), count, seconds, difference, posterior
+        return LikelihoodCheck(*results, bounded)
 
 
 def _extent(explored: Exploration, lowest: RunMisfit) -> Float[np.ndarray, " p"]:
