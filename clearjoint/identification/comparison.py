@@ -95,7 +95,7 @@ class Comparison:
         residual is replaced by the mean of the residuals at its time and at the `smoothing` - 1
         times before it, which are zero before the first time. 1 means no averaging.
         """
-        p = coordinates.shape[1]
+        runs = self.runs
         instants, sample_indices = self._instants(coordinates, count)
         curves = np.zeros((len(coordinates), count + 1))
         waiting: dict[int, np.ndarray] = {}
@@ -106,8 +106,12 @@ class Comparison:
             rows = np.stack([waiting.pop(lane) for lane in lanes])
             # Always the same number of rows, so that one compiled program serves all calls.
             filled = np.resize(rows, (TOGETHER, *rows.shape[1:]))
-            if self.runs.sensors.of_values:
-                filled = self._readings(filled, np.resize(coordinates[lanes], (TOGETHER, p)))
+            if runs.sensors.of_values:
+                quantities = dict(zip(runs.names, np.moveaxis(filled, 1, 0), strict=True))
+                at = np.resize(coordinates[lanes], (TOGETHER, coordinates.shape[1]))
+                elapsed = self.times - float(runs.start_time)
+                readings = readings_of_runs(runs.sensors, quantities, elapsed, at)
+                filled = np.stack([np.asarray(readings[name]) for name in runs.names], axis=1)
             columns = np.asarray(_cumulated(self.data, filled, smoothing))
             curves[lanes, 1:] = columns[: len(lanes), :count]
 
@@ -116,7 +120,7 @@ class Comparison:
             rows, counts = ended.logs[LOG]
             for k, (lane, reached) in enumerate(zip(ended.lanes.tolist(), counts, strict=True)):
                 predicted = np.full((len(sample_indices), len(self.times)), np.nan)
-                parts = zip(predicted, self.runs.names, sample_indices, strict=True)
+                parts = zip(predicted, runs.names, sample_indices, strict=True)
                 for row, name, indices in parts:
                     at = indices[lane if len(indices) > 1 else 0]
                     row[: len(at)] = np.where(at < reached, rows[name][k, at], np.nan)
@@ -134,15 +138,6 @@ class Comparison:
         if waiting:
             take()
         return curves
-
-    def _readings(
-        self, predicted: Float[np.ndarray, "n S T"], coordinates: Float[np.ndarray, "n p"]
-    ) -> Float[np.ndarray, "n S T"]:
-        """Return the readings of the sensors, with their errors except delays, in n runs."""
-        names, elapsed = self.runs.names, self.times - float(self.runs.start_time)
-        values = dict(zip(names, np.moveaxis(predicted, 1, 0), strict=True))
-        readings = readings_of_runs(self.runs.sensors, values, elapsed, coordinates)
-        return np.stack([np.asarray(readings[name]) for name in names], axis=1)
 
     def _tasks(self, coordinates: np.ndarray, instants: np.ndarray) -> Task:
         """Return the data of n lanes at coordinates (n, p).

@@ -293,9 +293,14 @@ class Identifiability:
         All parameters are estimated together. Deviations are infinite for parameters that the
         record so far doesn't determine.
         """
-        ends = np.searchsorted(self.sample_times, self.times, side="right")
-        roots = information.roots_over(self.rows, ends.tolist())
-        return information.deviations_together(roots, self.accuracy)
+        # The root of the rows so far, together with the new rows, has the same information as all
+        # these rows, so that each row enters only one decomposition.
+        root, roots, start = np.zeros((len(self.names),) * 2), [], 0
+        for end in np.searchsorted(self.sample_times, self.times, side="right").tolist():
+            root = information.root_of(np.concatenate([root, self.rows[start:end]]))
+            roots.append(root)
+            start = end
+        return information.deviations_together(np.array(roots), self.accuracy)
 
     def __str__(self) -> str:
         """Return tables of standard deviations, correlations and combinations, as text."""

@@ -35,25 +35,6 @@ def root_of(rows: Float[np.ndarray, "N p"]) -> Float[np.ndarray, "p p"]:
     return np.asarray(np.linalg.qr(np.concatenate([np.zeros((p, p)), rows]), mode="r"))
 
 
-def roots_over(rows: Float[np.ndarray, "N p"], ends: Sequence[int]) -> Float[np.ndarray, "T p p"]:
-    """Return roots (T, p, p) of the information of the first n rows, for each of T numbers n.
-
-    For rows in order of time, they tell how the accuracy of estimates improves with the length of a
-    record.
-
-    **Arguments:** `rows`: (N, p) derivatives; `ends`: the T numbers n, rising.
-    """
-    # The root of the rows so far, together with the new rows, has the same information as all these
-    # rows, so that each row enters only one decomposition.
-    root, start = np.zeros((rows.shape[1],) * 2), 0
-    roots = []
-    for end in ends:
-        root = root_of(np.concatenate([root, rows[start:end]]))
-        roots.append(root)
-        start = end
-    return np.array(roots)
-
-
 def deviations_together(
     roots: Float[np.ndarray, "*T r p"], accuracy: float
 ) -> Float[np.ndarray, "*T p"]:

@@ -186,22 +186,14 @@ class FitHorizon:
         guesses = [("offsets of", *self.information.labels, "converges")]
         for guess in self.guesses:
             guesses.append(("", *(f"{x:+.3g}" for x in guess.offsets), _until(guess.since)))
-        return "\n".join([*limits, "", *aligned(guesses), "", *self._deviations_by_length()])
-
-    def _deviations_by_length(self) -> list[str]:
-        """Return the lines of a table of the parameters' standard deviations.
-
-        The table has a row for the whole record, and a row for the record up to each limit that is
-        reached.
-        """
         deviations = self.information.over_time()
-        lengths = {float(self.times[-1])}
-        lengths |= {t for t in (self.convergence, self.numerical) if np.isfinite(t)}
+        ends = {end} | {t for t in (self.convergence, self.numerical) if np.isfinite(t)}
         rows = [("record", *self.information.labels)]
-        for length in sorted(lengths):
+        for length in sorted(ends):
             at = int(np.searchsorted(self.times, length))
             rows.append((f"{1e3 * length:.4g} ms", *(number(x) for x in deviations[at])))
-        return ["Standard deviations that data can reach, by length of the record:", *aligned(rows)]
+        head = "Standard deviations that data can reach, by length of the record:"
+        return "\n".join([*limits, "", *aligned(guesses), "", head, *aligned(rows)])
 
 
 def _until(time: float) -> str:
