@@ -55,8 +55,9 @@ class Comparison:
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     _batches: list[Batch] = field(default_factory=list, repr=False, compare=False)
-    """The latest batch of lanes, whose compiled programs the next one reuses; empty at first. It is
-    in a list because no field of a frozen dataclass can be replaced."""
+    """The latest batch of lanes, whose compiled programs the next one reuses, also with other
+    measurements; empty at first. It is in a list because no field of a frozen dataclass can be
+    replaced."""
 
     def of(self, measurements: Measurements) -> "Comparison":
         """Return the comparison with other measurements of the same channels and times."""
