@@ -113,7 +113,6 @@ from .fields.objects import without_modules as _without_modules
 from .identification.identify import FitInterrupted as FitInterrupted
 from .identification.identify import identify as identify
 from .identification.identify import identify_many as identify_many
-from .identification.largest import largest_feasible as largest_feasible
 from .identification.minimise import minimise as minimise
 from .identification.posterior.posterior import posterior as posterior
 from .identification.screening.screening import Screening as Screening
@@ -218,6 +217,7 @@ from .statistics.uncertain import Uncertain as Uncertain
 from .statistics.uncertain import design as design
 from .sweeps.axes import Axis as Axis
 from .sweeps.executors import ChunkError as ChunkError
+from .sweeps.largest import largest_feasible as largest_feasible
 from .sweeps.outputs import ImpactTable as ImpactTable
 from .sweeps.outputs import Saved as Saved
 from .sweeps.store.store import open_sweep as open_sweep

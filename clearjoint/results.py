@@ -1,7 +1,6 @@
 """Classes of the results that simulations, fits and other functions of the package return."""
 
 from .identification.fit import Fit as Fit
-from .identification.largest import LargestFeasible as LargestFeasible
 from .identification.levenberg_marquardt import Ending as Ending
 from .identification.levenberg_marquardt import Iteration as Iteration
 from .identification.minimise import Minimum as Minimum
@@ -23,3 +22,4 @@ from .simulation.results.solution import Trajectory as Trajectory
 from .simulation.run.sensitivities import Sensitivities as Sensitivities
 from .simulation.run.settle import Settled as Settled
 from .simulation.run.wall_impact import FreeImpact as FreeImpact
+from .sweeps.largest import LargestFeasible as LargestFeasible

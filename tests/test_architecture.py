@@ -48,6 +48,7 @@ THIRD_PARTY = {
         "plot",
         "scene_files",
         "statistics",
+        "sweeps",
         "views",
     },
     "xarray": {
@@ -61,7 +62,7 @@ THIRD_PARTY = {
         "statistics",
         "sweeps",
     },
-    "pandas": {"command_line", "export", "information", "measurements"},
+    "pandas": {"command_line", "export", "measurements"},
     "pint": {"measurements"},
     "tomlkit": {"scene_files"},
     "pdoc": {"reference"},

@@ -1,1 +1,1 @@
-"""Export of results as labelled arrays with units, data frames, CSV and netCDF files."""
+"""Export of results: labelled arrays with units, data frames, CSV and netCDF files, and tables."""

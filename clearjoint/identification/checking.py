@@ -14,7 +14,7 @@ the sum of their squares.
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from statistics import NormalDist
@@ -22,15 +22,16 @@ from statistics import NormalDist
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ..parametrisation.parameter import Parameter, step_limits
+from ..information.fisher_information import covariance
+from ..parametrisation.parameter import step_limits
 from ..simulation.run.terminal import ProgressBar, telling_of_compiling
 from . import goodness_of_fit as statistics
+from .comparison import Comparison
 from .levenberg_marquardt import Ending, Iteration, Search, WindowSearch, search_with_damping
 from .posterior.posterior import ImpossiblePointsError, TooManyRunsError, drawn_posterior
 from .posterior.result import Posterior
-from .residuals import Experiment, RunMisfit, Samples, parameter_covariance, run_misfit
+from .residuals import RunMisfit, run_misfit
 from .screening.level_sets import drawn_among, far_apart
-from .screening.misfit_curves import SideBySide
 
 STEPS = (-4.0, -2.0, -1.0, 1.0, 2.0, 4.0)
 """Distances of the test points from the minimum along each direction, in standard errors."""
@@ -56,6 +57,8 @@ WORTH = 3.0
 exploring, even if these are more than `KEPT`."""
 DESCENTS = 6
 """Largest number of local searches in a round."""
+ROUNDS = 6
+"""Maximum number of rounds in which an exploration draws points."""
 SETTLED = 0.05
 """Growth of the intervals in a round, relative to their width, below which they are final."""
 
@@ -213,35 +216,30 @@ class Exploration:
 
         A parameter's interval is the smallest one that contains all points whose chi squared is at
         most 3.84 above the lowest, and the interval that each minimum's own covariance predicts for
-        the same limit (see the function `intervals`). The higher the chi squared of a minimum, the
+        the same limit (see `interval_ends`). The higher the chi squared of a minimum, the
         narrower its predicted interval; minima above the limit have none.
         """
         allowed = self.points[self.chi_squared <= self.lowest + RISE]
-        ends = np.concatenate([allowed, *intervals(self.minima, self.lowest)])
+        ends = np.concatenate([allowed, interval_ends(self.minima, self.lowest)])
         return ends.min(axis=0), ends.max(axis=0)
 
 
-def intervals(
-    minima: Sequence[RunMisfit], lowest: float
-) -> tuple[Float[np.ndarray, "k p"], Float[np.ndarray, "k p"]]:
-    """Return lower and upper ends of the 95 % intervals around each of several minima, (k, p) each,
-    in coordinates.
+def interval_ends(minima: Sequence[RunMisfit], lowest: float) -> Float[np.ndarray, "k p"]:
+    """Return both ends of the 95 % intervals around each of several minima, (k, p), in coordinates.
 
     A parameter's interval contains the values for which chi squared, minimised over the other
     parameters by the minimum's covariance, is at most `RISE` above `lowest`. Minima whose own chi
-    squared is more than `RISE` above `lowest` are left out, so that k may be smaller than the
-    number of minima, or zero.
+    squared is more than `RISE` above `lowest` are left out, so that k may be zero.
 
     **Arguments:** `minima`: runs at the minima; `lowest`: smallest known chi squared.
     """
-    p, low, high = len(minima[0].coordinates), [], []
+    ends = []
     for one in minima:
         excess = RISE - (one.chi_squared - lowest)
         if excess >= 0.0:
             half = np.sqrt(excess * np.diag(one.covariance))
-            low.append(one.coordinates - half)
-            high.append(one.coordinates + half)
-    return np.array(low).reshape(-1, p), np.array(high).reshape(-1, p)
+            ends += [one.coordinates - half, one.coordinates + half]
+    return np.array(ends).reshape(-1, len(minima[0].coordinates))
 
 
 def explore(
@@ -251,7 +249,6 @@ def explore(
     covariances: Sequence[Float[np.ndarray, "p p"]],
     limits: Float[np.ndarray, " p"],
     number: int,
-    rounds: int,
     likely: float,
     generator: np.random.Generator,
     affordable: Callable[[], bool] = lambda: True,
@@ -264,7 +261,7 @@ def explore(
     if the round before found a minimum that is lower by more than 3.84, or if noise doesn't explain
     the lowest chi squared. In every round, local searches start from some of the lowest points that
     are far from each other and from the known minima. The exploration ends when it has settled, as
-    defined for `Exploration.settled`, or after `rounds` rounds.
+    defined for `Exploration.settled`, or after `ROUNDS` rounds.
 
     **Arguments:**
 
@@ -275,7 +272,6 @@ def explore(
     - `limits`: (p,) largest distance of points from the minimum of the fit, in coordinates. The
       points drawn around a lower minimum may be as far from that minimum instead.
     - `number`: number of points in the first round.
-    - `rounds`: maximum number of rounds.
     - `likely`: largest chi squared that noise alone explains.
     - `generator`: source of random numbers.
     - `affordable`: function that returns whether there may be more runs. After the first round and
@@ -296,7 +292,7 @@ def explore(
     fresh = around(minimum.coordinates, covariances, number)
     points, values = minimum.coordinates[None], np.array([minimum.chi_squared])
     minima, best, before = [minimum], minimum, None
-    for count in range(1, rounds + 1):
+    for count in range(1, ROUNDS + 1):
         points = np.concatenate([points, fresh])
         values = np.concatenate([values, chi_squared(fresh)])
         # The lowest points are kept: at least `KEPT`, and all of a chi squared that is worth
@@ -361,8 +357,6 @@ def inside(minimum: RunMisfit, point: Float[np.ndarray, " p"]) -> bool:
     return float((offset / errors) @ np.linalg.pinv(scaled) @ (offset / errors)) < 1.0
 
 
-ROUNDS = 6
-"""Maximum number of rounds in which an exploration draws points."""
 STEPS_DOWN = 15
 """Maximum number of runs of a local search in the exploration; the final search in the lowest
 minimum has four times as many."""
@@ -473,21 +467,13 @@ class LikelihoodCheck:
         """
         if self.exploration is None:
             return 1
-        limit = self.exploration.lowest + RISE
-        distinct: list[RunMisfit] = []
-        for one in sorted(self.exploration.minima, key=lambda minimum: minimum.chi_squared):
-            apart = not any(inside(other, one.coordinates) for other in distinct)
-            if one.chi_squared <= limit and apart:
-                distinct.append(one)
-        return len(distinct)
+        limit, minima = self.exploration.lowest + RISE, self.exploration.minima
+        return len(statistics.distinct(minima, limit, lambda a, b: not inside(a, b.coordinates)))
 
 
 def check(
     best: RunMisfit,
-    runs: Experiment,
-    data: Samples,
-    parameters: Mapping[str, Parameter],
-    units: Mapping[str, str],
+    compared: Comparison,
     number: int | None,
     on_iteration: Callable[[Iteration], None],
     cost: int = 0,
@@ -501,8 +487,7 @@ def check(
     **Arguments:**
 
     - `best`: the best run of the fit.
-    - `runs`: the scene to run; `data`: the samples with which to compare it.
-    - `parameters`, `units`: the parameters and the units of their values, by name.
+    - `compared`: the scene to run, and the samples with which to compare it.
     - `number`: number of points in the first round of an exploration. The number of points of the
       posterior and its largest number of runs are proportional to it. If it is ``None``,
       exploration and posterior together cost about as much as the fit and the test.
@@ -515,89 +500,71 @@ def check(
     started = time.perf_counter()
     bar = ProgressBar(desc="check of the covariance", unit=" runs", leave=False, disable=not show)
     with telling_of_compiling(bar):
-        given = best, runs, data, parameters, units, number, on_iteration, cost, bar
-        checked = _check(*given)
-    return replace(checked, seconds=time.perf_counter() - started)
+        # The seed is fixed: the check of the same fit always gives the same result.
+        generator = np.random.default_rng(0)
+        runs, data = compared.runs, compared.data
+        limits = _largest_offsets(best, step_limits(compared.parameters))
+        test = _quadratic_test(best, compared, limits, generator, bar)
+        count = len(test.actual)
+        if test.passed:
+            return LikelihoodCheck(test, None, (), count, time.perf_counter() - started, 0.0)
+        # A run with derivatives by p parameters costs about as much as 1 + p runs without.
+        each = 1 + len(best.coordinates)
+        most_runs = math.inf if number is not None else float(each * (cost + count))
+        if number is None:
+            number = int(np.clip(most_runs // 4, LEAST_NUMBER, MOST_NUMBER))
+        searches: list[Search] = []
+        computed = 0
 
+        def chi_squared(points: np.ndarray) -> np.ndarray:
+            nonlocal computed
+            computed += len(points)
+            # The last column is that of the whole record.
+            values = compared.chi_squared(points, compared.count)[:, -1]
+            bar.update(len(points))
+            return values
 
-def _check(
-    best: RunMisfit,
-    runs: Experiment,
-    data: Samples,
-    parameters: Mapping[str, Parameter],
-    units: Mapping[str, str],
-    number: int | None,
-    on_iteration: Callable[[Iteration], None],
-    cost: int,
-    bar: ProgressBar,
-) -> LikelihoodCheck:
-    """Return the result of `check`, without its time, and count all runs in `bar`."""
-    # The seed is fixed: the check of the same fit always gives the same result.
-    generator = np.random.default_rng(0)
-    limits = _largest_offsets(best, parameters)
-    test = _quadratic_test(best, runs, data, limits, generator, bar)
-    count = len(test.actual)
-    if test.passed:
-        return LikelihoodCheck(test, None, (), count, 0.0, 0.0)
-    # A run with derivatives by p parameters costs about as much as 1 + p runs without.
-    each = 1 + len(best.coordinates)
-    most_runs = math.inf if number is not None else float(each * (cost + count))
-    if number is None:
-        number = int(np.clip(most_runs // 4, LEAST_NUMBER, MOST_NUMBER))
-    searches: list[Search] = []
-    lanes, computed = SideBySide(runs, data), 0
+        def descend(start: np.ndarray, near: float = NEAR, steps: int = STEPS_DOWN) -> RunMisfit:
+            end, max_changes = float(compared.times[-1]), step_limits(compared.parameters)
+            misfit = partial(run_misfit, runs, data, end)
+            lowest, iterations, ending = search_with_damping(
+                misfit, start, max_changes, near, steps, on_iteration
+            )
+            # An interruption, which `search_with_damping` catches, ends the whole check.
+            if ending is Ending.INTERRUPTED:
+                raise KeyboardInterrupt
+            searches.append(Search(start, (WindowSearch(end, iterations, ending),), lowest))
+            bar.update(len(iterations))
+            return lowest
 
-    def chi_squared(points: np.ndarray) -> np.ndarray:
-        nonlocal computed
-        computed += len(points)
-        # The last column is that of the whole record.
-        values = lanes.chi_squared(points, lanes.count)[:, -1]
-        bar.update(len(points))
-        return values
+        def left() -> float:
+            return most_runs - computed - each * sum(one.evaluations for one in searches)
 
-    def descend(start: np.ndarray, near: float = NEAR, steps: int = STEPS_DOWN) -> RunMisfit:
-        searches.append(_descent(runs, data, parameters, start, near, steps, on_iteration))
-        bar.update(searches[-1].evaluations)
-        return searches[-1].best
-
-    def left() -> float:
-        return most_runs - computed - each * sum(one.evaluations for one in searches)
-
-    difference = float(chi_squared(best.coordinates[None])[0]) - best.chi_squared
-    farthest = np.minimum(limits, FARTHEST * np.sqrt(np.diag(best.covariance)))
-    likely = statistics.likely_chi_squared(data.count - len(best.coordinates))
-    # Chi squared of an early part of the record is smoother and wider: its covariance draws points
-    # beyond the minimum that the whole record's covariance describes.
-    covariances = [best.covariance, *_early_covariances(best, runs, data, test.horizon)]
-    explored = explore(
-        chi_squared,
-        descend,
-        best,
-        covariances,
-        farthest,
-        number,
-        ROUNDS,
-        likely,
-        generator,
-        lambda: left() > 0.0,
-    )
-    # The local searches of the exploration end early. If one of them has found a lower minimum, the
-    # fit moves there, which takes an accurate search. The test tolerates a decrease of chi squared
-    # up to `FLOOR`, so that a smaller one is no other minimum.
-    lowest = min(explored.minima, key=lambda minimum: minimum.chi_squared)
-    if best.chi_squared - lowest.chi_squared > FLOOR:
-        descend(lowest.coordinates, NEAREST, 4 * STEPS_DOWN)
-    count += len(explored.points) + sum(search.evaluations for search in searches)
-    posterior, bounded = None, math.isfinite(most_runs)
-    # If noise doesn't explain chi squared, the model is wrong, and so would be its posterior.
-    if explored.lowest <= likely and left() > LEAST_RUNS * POINTS * number:
-        half = np.minimum(farthest, MARGIN * _extent(explored, lowest))
-        box = lowest.coordinates - half, lowest.coordinates + half
-        most = int(min(left(), MOST_RUNS * number))
-        given = lanes, parameters, units, box, number, explored.lowest, most, bar
-        posterior = _small_posterior(*given)
-    results = test, explored, tuple(searches), count, 0.0, difference, posterior
-    return LikelihoodCheck(*results, bounded)
+        difference = float(chi_squared(best.coordinates[None])[0]) - best.chi_squared
+        farthest = np.minimum(limits, FARTHEST * np.sqrt(np.diag(best.covariance)))
+        likely = statistics.likely_chi_squared(data.count - len(best.coordinates))
+        # Chi squared of an early part of the record is smoother and wider: its covariance draws
+        # points beyond the minimum that the whole record's covariance describes.
+        covariances = [best.covariance, *_early_covariances(best, compared, test.horizon)]
+        given = chi_squared, descend, best, covariances, farthest, number
+        explored = explore(*given, likely, generator, lambda: left() > 0.0)
+        # The local searches of the exploration end early. If one of them has found a lower minimum,
+        # the fit moves there, which takes an accurate search. The test tolerates a decrease of chi
+        # squared up to `FLOOR`, so that a smaller one is no other minimum.
+        lowest = min(explored.minima, key=lambda minimum: minimum.chi_squared)
+        if best.chi_squared - lowest.chi_squared > FLOOR:
+            descend(lowest.coordinates, NEAREST, 4 * STEPS_DOWN)
+        count += len(explored.points) + sum(search.evaluations for search in searches)
+        posterior, bounded = None, math.isfinite(most_runs)
+        # If noise doesn't explain chi squared, the model is wrong, and so would be its posterior.
+        if explored.lowest <= likely and left() > LEAST_RUNS * POINTS * number:
+            half = np.minimum(farthest, MARGIN * _extent(explored, lowest))
+            box = lowest.coordinates - half, lowest.coordinates + half
+            most = int(min(left(), MOST_RUNS * number))
+            posterior = _small_posterior(compared, box, number, explored.lowest, most, bar)
+        seconds = time.perf_counter() - started
+        results = test, explored, tuple(searches), count, seconds, difference, posterior
+        return LikelihoodCheck(*results, bounded)
 
 
 def _extent(explored: Exploration, lowest: RunMisfit) -> Float[np.ndarray, " p"]:
@@ -616,9 +583,7 @@ def _extent(explored: Exploration, lowest: RunMisfit) -> Float[np.ndarray, " p"]
 
 
 def _small_posterior(
-    lanes: SideBySide,
-    parameters: Mapping[str, Parameter],
-    units: Mapping[str, str],
+    compared: Comparison,
     box: tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]],
     number: int,
     lowest: float,
@@ -630,103 +595,66 @@ def _small_posterior(
     Return ``None`` if the points don't represent the posterior, if they would need too many runs,
     or if none could be drawn.
 
-    **Arguments:** `lanes`: the runs, computed side by side, and the samples with which to compare
-    them; `parameters`, `units`, `number`: as in `check`; `box`: lower and upper ends (p,) of the
+    **Arguments:** `compared`, `number`: as in `check`; `box`: lower and upper ends (p,) of the
     coordinates; `lowest`: smallest chi squared that is known; `most_runs`: largest number of runs;
     `bar`: shows the number of runs.
     """
-
-    def uniform(points: np.ndarray) -> np.ndarray:
-        """Return the logarithm of a constant density at points (n, p)."""
-        return np.zeros(len(points))
-
     before = bar.n
 
     def on_step(time: float, runs: int) -> None:
         bar.set_postfix_str(f"posterior to {time:.4g} s")
         bar.update(before + runs - bar.n)
 
-    points = int(POINTS * number)
-    given = lanes, parameters, units, box, uniform, points
     try:
         # The seed is fixed at 0, so that the same fit always has the same posterior.
-        found = drawn_posterior(*given, 0, most_runs, on_step)
+        found = drawn_posterior(compared, box, None, int(POINTS * number), 0, most_runs, on_step)
     except (TooManyRunsError, ImpossiblePointsError):
         return None  # The fit keeps its other intervals.
     # Warnings say that the box cuts the posterior off, that the data hardly determine a parameter,
     # or that few runs have a weight. Points that do not come near the lowest minimum have missed
     # it.
     nearest = found.coordinates[found.log_likelihood.argmax()]
-    rise = float(lanes.chi_squared(nearest[None], lanes.count)[0, -1]) - lowest
+    rise = float(compared.chi_squared(nearest[None], compared.count)[0, -1]) - lowest
     return None if found.warnings or rise > RISE else found
 
 
 def _quadratic_test(
     best: RunMisfit,
-    runs: Experiment,
-    data: Samples,
+    compared: Comparison,
     limits: Float[np.ndarray, " p"],
     generator: np.random.Generator,
     bar: ProgressBar,
 ) -> QuadraticTest:
     """Compare runs at points around the best run with the prediction of its covariance.
 
-    **Arguments:** `best`, `runs`, `data`: as in `check`; `limits`: (p,) largest distance of the
-    points, in coordinates; `generator`: source of random numbers; `bar`: shows the number of runs.
+    **Arguments:** `best`, `compared`: as in `check`; `limits`: (p,) largest distance of the points,
+    in coordinates; `generator`: source of random numbers; `bar`: shows the number of runs.
     """
     offsets = displacements(best.covariance, limits, generator)
-    times, shape = np.asarray(runs.times), data.weights.shape
-    trials = []
+    data, times, moved = compared.data, compared.times, []
     for offset in offsets:
-        trials.append(run_misfit(runs, data, times[-1], best.coordinates + offset))
+        trial = run_misfit(compared.runs, data, times[-1], best.coordinates + offset)
+        moved.append(trial.residuals.reshape(data.weights.shape))
         bar.update()
-    moved = np.array([trial.residuals.reshape(shape) for trial in trials])
     # At far points chi squared deviates from the quadratic model because the scale of a parameter,
     # such as a logarithm, is not linear, whatever the motion: only near points decide up to which
     # time the fit is reliable. Half of the limits is the scale's `max_step`, where that is finite.
     near = np.all(np.abs(offsets) < 0.5 * limits, axis=1)
-    residuals, jacobian = best.residuals.reshape(shape), best.jacobian.reshape(*shape, -1)
-    return tested(residuals, jacobian, offsets, moved, times, near)
-
-
-def _descent(
-    runs: Experiment,
-    data: Samples,
-    parameters: Mapping[str, Parameter],
-    start: np.ndarray,
-    near: float,
-    steps: int,
-    on_iteration: Callable[[Iteration], None],
-) -> Search:
-    """Search for the local minimum near a start, coordinates (p,).
-
-    **Arguments:** `near`: Gauss-Newton step, in standard errors, below which the search ends;
-    `steps`: largest number of runs; the other arguments are as in `check`.
-
-    **Raises:** `KeyboardInterrupt` if the user interrupts the search.
-    """
-    end = float(runs.times[-1])
-    misfit = partial(run_misfit, runs, data, end)
-    lowest, iterations, ending = search_with_damping(
-        misfit, start, step_limits(parameters), near, steps, on_iteration
-    )
-    # `search_with_damping` catches an interruption by the user, which is to end the whole check.
-    if ending is Ending.INTERRUPTED:
-        raise KeyboardInterrupt
-    return Search(start, (WindowSearch(end, iterations, ending),), lowest)
+    residuals = best.residuals.reshape(data.weights.shape)
+    jacobian = best.jacobian.reshape(*residuals.shape, -1)
+    return tested(residuals, jacobian, offsets, np.array(moved), times, near)
 
 
 def _largest_offsets(
-    best: RunMisfit, parameters: Mapping[str, Parameter]
+    best: RunMisfit, max_changes: Float[np.ndarray, " p"]
 ) -> Float[np.ndarray, " p"]:
     """Return the largest distance of explored points from the estimates, (p,), in coordinates.
 
-    The distance is twice the scale's `max_step`, the largest change of the coordinate in one step
-    of a fit. For an infinite `max_step`, the distance is the larger of the coordinate's absolute
-    value and `FARTHEST` times the standard deviation that the estimate would have with all other
-    parameters known.
+    The distance is twice `max_changes`, the largest change of each coordinate in one step of a fit
+    by its scale's `max_step`. Where that is infinite, the distance is the larger of the
+    coordinate's absolute value and `FARTHEST` times the standard deviation that the estimate would
+    have with all other parameters known.
     """
-    max_changes = step_limits(parameters)
     norms = np.linalg.norm(best.jacobian, axis=0)
     alone = np.where(norms > 0.0, FARTHEST / np.where(norms > 0.0, norms, 1.0), 0.0)
     far = np.maximum(np.abs(best.coordinates), alone)
@@ -734,20 +662,20 @@ def _largest_offsets(
 
 
 def _early_covariances(
-    best: RunMisfit, runs: Experiment, data: Samples, horizon: float
+    best: RunMisfit, compared: Comparison, horizon: float
 ) -> list[Float[np.ndarray, "p p"]]:
     """Return the covariances (p, p) of the coordinates by two early parts of the record.
 
     One part ends at `horizon`, s, the other half way from the start of the run to `horizon`. The
     list is empty if `horizon` is infinite.
-
-    **Arguments:** `best`, `runs`, `data`: as in `check`.
     """
     if not math.isfinite(horizon):
         return []
-    start, times = float(runs.start_time), np.asarray(runs.times)
-    early = [times < start + fraction * (horizon - start) for fraction in (1.0, 0.5)]
-    rows = best.jacobian.reshape(*data.weights.shape, -1)
-    return [
-        parameter_covariance((rows * part[:, None]).reshape(best.jacobian.shape)) for part in early
-    ]
+    start, rows = float(compared.runs.start_time), best.jacobian
+    covariances = []
+    for fraction in (1.0, 0.5):
+        early = compared.times < start + fraction * (horizon - start)
+        # Rows are those of one series after the other.
+        part = np.tile(early, len(compared.data.weights))
+        covariances.append(covariance(rows * part[:, None]))
+    return covariances

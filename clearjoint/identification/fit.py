@@ -1,18 +1,18 @@
 """Result of a fit: estimates, uncertainty, tests of the residuals, and report."""
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
 from ..export.datasets import AbstractTabular, Labelled, labelled_dataset, texts
+from ..export.tables import aligned, duration, estimates_table, numbered
 from ..information import fisher_information as information
-from ..information.fisher_information import aligned
 from ..information.horizon import FitHorizon
 from ..measurements.series import Measurements
 from ..model.bodies import State
@@ -32,8 +32,7 @@ from . import goodness_of_fit as statistics
 from .checking import LikelihoodCheck
 from .levenberg_marquardt import Ending, Search
 from .posterior.result import Posterior
-from .report import duration, estimates_table, numbered
-from .residuals import LEAST_SINGULAR_VALUE, RunMisfit
+from .residuals import RunMisfit
 from .screening.screening import Screened
 
 if TYPE_CHECKING:
@@ -120,17 +119,16 @@ class Fit(AbstractTabular):
         "with"). Attributes are `ending`, `chi_squared`, `degrees_of_freedom`, `p_value` and
         `warnings`.
         """
-        names = [*self.parameters]
-        along, errors = ("parameter",), self.standard_errors
+        names, along = [*self.parameters], ("parameter",)
         variables = {
-            "estimate": Labelled(along, [self.estimates[name] for name in names]),
-            "standard_error": Labelled(along, [errors[name] for name in names]),
-            "interval": Labelled((*along, "bound"), [self.intervals[name] for name in names]),
+            "estimate": Labelled(along, [*self.estimates.values()]),
+            "standard_error": Labelled(along, [*self.standard_errors.values()]),
+            "interval": Labelled((*along, "bound"), [*self.intervals.values()]),
             "correlation": Labelled((*along, "with"), self.correlation),
         }
         labels = {
             "parameter": Labelled(along, texts(names)),
-            "unit": Labelled(along, texts([self.units[name] for name in names])),
+            "unit": Labelled(along, texts([*self.units.values()])),
             "bound": Labelled(("bound",), texts(["low", "high"])),
             "with": Labelled(("with",), texts(names)),
         }
@@ -176,17 +174,14 @@ class Fit(AbstractTabular):
         """
         if not self.correlated:
             return np.ones(len(self.parameters))
-        rows, stated, start = _sample_rows(self), self.best.best.covariance, 0
+        stated = self.best.best.covariance
         information = np.zeros_like(stated)
-        for name, residuals in self.residuals.items():
-            count = len(residuals)
-            part = rows[start : start + count]
-            start += count
-            noise = self._correlated_noise.get(name)
+        for name, rows in self._jacobians.items():
+            noise, count = self._correlated_noise.get(name), len(rows)
             if noise is None:
-                information += part.T @ part
+                information += rows.T @ rows
                 continue
-            own = noise.information(part)
+            own = noise.information(rows)
             # The fit has made the residuals smaller than the noise, by as many samples of it as
             # this trace; without correlation, that is the number of parameters.
             lost = float(np.trace(stated @ own)) / noise.variance
@@ -221,8 +216,8 @@ class Fit(AbstractTabular):
     def value_covariance(self) -> Float[np.ndarray, "p p"]:
         """Covariance of the values, (p, p), in products of `units`, by linearisation of the
         scales."""
-        scales = [parameter.scale for parameter in self.parameters.values()]
-        slopes = [float(s.slope(u)) for s, u in zip(scales, self.coordinates, strict=True)]
+        pairs = zip(self.parameters.values(), self.coordinates, strict=True)
+        slopes = [float(one.scale.slope(u)) for one, u in pairs]
         return self.covariance * np.outer(slopes, slopes)
 
     @property
@@ -256,20 +251,18 @@ class Fit(AbstractTabular):
         if posterior is not None:
             low, high = posterior.box
             minima = [m for m in minima if ((m.coordinates < low) | (m.coordinates > high)).any()]
-        parts = [checking.intervals(minima, self.chi_squared)] if minima else []
+        parts = [checking.interval_ends(minima, self.chi_squared)] if minima else []
         if posterior is not None:
-            scales = [parameter.scale for parameter in self.parameters.values()]
-            pairs = zip(scales, posterior.intervals.values(), strict=True)
-            ends = np.array([[scale.coordinate(end) for end in two] for scale, two in pairs])
-            parts.append((ends[:, 0], ends[:, 1]))
+            pairs = zip(self.parameters.values(), posterior.intervals.values(), strict=True)
+            ends = [[one.scale.coordinate(end) for end in two] for one, two in pairs]
+            parts.append(np.array(ends).T)
         elif self.check is not None and self.check.exploration is not None:
-            parts.append(self.check.exploration.intervals())
+            parts.append(np.array(self.check.exploration.intervals()))
         # The hull of all parts, in coordinates.
-        lows, highs = (np.vstack(ends) for ends in zip(*parts, strict=True))
-        ends = np.stack([lows.min(axis=0), highs.max(axis=0)])
+        rows = np.concatenate(parts)
+        ends = np.stack([rows.min(axis=0), rows.max(axis=0)])
         middle, half = ends.mean(axis=0), 0.5 * np.diff(ends, axis=0)[0] * self._interval_widening
-        low = values_at(self.parameters, middle - half)
-        high = values_at(self.parameters, middle + half)
+        low, high = (values_at(self.parameters, middle + sign * half) for sign in (-1.0, 1.0))
         return {name: (low[name], high[name]) for name in self.parameters}
 
     @property
@@ -300,9 +293,7 @@ class Fit(AbstractTabular):
 
         They are meaningless at times that this run does not reach (`Ending.FAILED`).
         """
-        times = self.measurements.times()
-        rows = zip(self.measurements.series.items(), self.best.best.predicted, strict=True)
-        return {name: row[np.searchsorted(times, s.times)] for (name, s), row in rows}
+        return self._at_samples(self.best.best.predicted.ravel())
 
     @cached_property
     def residuals(self) -> dict[str, np.ndarray]:
@@ -310,10 +301,18 @@ class Fit(AbstractTabular):
 
         They are 1e6 at times that the fitted run does not reach, and enter `chi_squared` so.
         """
-        times, best = self.measurements.times(), self.best.best
-        rows = best.residuals.reshape(best.predicted.shape)
-        pairs = zip(self.measurements.series.items(), rows, strict=True)
-        return {name: row[np.searchsorted(times, s.times)] for (name, s), row in pairs}
+        return self._at_samples(self.best.best.residuals)
+
+    @cached_property
+    def _jacobians(self) -> dict[str, np.ndarray]:
+        """Derivatives of the residuals of each series by name, (N, p), by the coordinates."""
+        return self._at_samples(self.best.best.jacobian)
+
+    def _at_samples(self, rows: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the rows (S T, ...) at the samples of each of the S series, by name."""
+        times, series = self.measurements.times(), self.measurements.series
+        parts = zip(series.items(), np.split(rows, len(series)), strict=True)
+        return {name: part[np.searchsorted(times, one.times)] for (name, one), part in parts}
 
     @property
     def rms(self) -> dict[str, float]:
@@ -392,7 +391,10 @@ class Fit(AbstractTabular):
             _series_table(self),
         ]
         if len(self.parameters) > 1:
-            parts.append(_correlation_table(self))
+            rows = [["correlation", *self.parameters]]
+            for name, row in zip(self.parameters, self.correlation, strict=True):
+                rows.append([name, *(f"{number:.4f}" for number in row)])
+            parts.append("\n".join(aligned(rows)))
         if len(self.searches) > 1:
             parts.append(_searches_table(self))
         rest = [warning for warning in self.warnings if warning not in first]
@@ -568,11 +570,8 @@ class Fit(AbstractTabular):
 
     @property
     def _scatter(self) -> float:
-        """Size of the residuals in multiples of the stated noise.
-
-        It is the square root of chi squared per degree of freedom. There must be at least one
-        degree of freedom.
-        """
+        """Size of the residuals in multiples of the stated noise: the square root of chi squared
+        per degree of freedom, of which there must be one at least."""
         return math.sqrt(self.chi_squared / self.degrees_of_freedom)
 
     def _noise(self) -> Iterator[str]:
@@ -592,14 +591,6 @@ def _series_table(fit: Fit) -> str:
     for name, row in fit.residuals.items():
         tests = f"{white[name]:.2g}", f"{normal[name]:.2g}"
         rows.append([name, str(len(row)), f"{rms[name]:.3f}", *tests])
-    return "\n".join(aligned(rows))
-
-
-def _correlation_table(fit: Fit) -> str:
-    """Return a table of the correlations of the estimates."""
-    rows = [["correlation", *fit.parameters]]
-    for name, row in zip(fit.parameters, fit.correlation, strict=True):
-        rows.append([name, *(f"{number:.4f}" for number in row)])
     return "\n".join(aligned(rows))
 
 
@@ -676,88 +667,38 @@ def _remedies(fit: Fit, scatter: float) -> Iterator[str]:
         )
 
 
-class _SensorFault(NamedTuple):
-    """Errors of the sensor of a series that would explain most of its misfit.
-
-    - `series`: name of the series.
-    - `values`: estimated value of each error, by the class of its `AbstractSeriesVariation`.
-    - `explained`: share of the series' mean square residual that estimating them would remove.
-    """
-
-    series: str
-    values: dict[type[AbstractSeriesVariation], float]
-    explained: float
-
-
-def _sensor_fault(fit: Fit) -> _SensorFault | None:
-    """Return the errors of the sensor of one series that explain most of its misfit, as few of them
-    as possible; ``None`` if there are none.
-
-    Of several series it is the one whose errors lower the chi squared of all series the most.
-    """
-    names, rows = [*fit.residuals], [*fit.residuals.values()]
-    ends = np.cumsum([len(row) for row in rows])
-    parts = dict(zip(names, map(slice, [0, *ends[:-1]], ends), strict=True))
-    residuals, jacobian = np.concatenate(rows), _sample_rows(fit)
-    basis = np.linalg.qr(jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300))[0]
-    known = {
-        (type(one.variation), name)
-        for one in fit.parameters.values()
-        if isinstance(one.variation, AbstractSeriesVariation)
-        for name in one.variation.series
-    }
-    best, most = None, 0.0
-    for name, series in fit.measurements.series.items():
-        # Too few samples don't tell one cause from another.
-        far = _rms(fit.residuals[name]) > FAR or name in fit.correlated
-        if len(series) < PIECES or not far:
-            continue
-        effects = {}
-        for kind, effect in _effects_of_errors(fit, name).items():
-            column = np.zeros(len(residuals))
-            column[parts[name]] = effect
-            # The fit has changed its parameters to make up for the error as far as possible. What
-            # they can make up for is left out of the error's effect, or the error would seem
-            # smaller than it is, and to be one of other series.
-            effects[kind] = column - basis @ (basis.T @ column)
-        fault = _explanation(residuals, parts[name], effects, {k for k, n in known if n == name})
-        if fault is not None and fault[1] > most:
-            (values, explained), most = fault[0], fault[1]
-            best = _SensorFault(name, values, explained)
-    return best
-
-
 def _explanation(
     residuals: Float[np.ndarray, " M"],
     part: slice,
     effects: Mapping[type[AbstractSeriesVariation], Float[np.ndarray, " M"]],
-    estimated: Collection[type[AbstractSeriesVariation]],
-) -> tuple[tuple[dict[type[AbstractSeriesVariation], float], float], float] | None:
-    """Return the values of the fewest errors that explain most of the misfit of a series, the share
-    that they explain, and the decrease of chi squared; ``None`` if even all don't.
+) -> tuple[float, dict[type[AbstractSeriesVariation], float], float]:
+    """Return the decrease of chi squared by the fewest errors that explain most of the misfit of a
+    series, their values, and the share that they explain.
+
+    The decrease is 0, and the values are empty, if even all errors don't explain most of it.
 
     **Arguments:** `residuals`: of all series; `part`: those of the series; `effects`: of each error
-    on the residuals per unit of its value; `estimated`: errors that the fit has estimated already.
+    on the residuals per unit of its value.
     """
     chosen: list[type[AbstractSeriesVariation]] = []
     before = float(np.sum(residuals[part] ** 2))
-    usable = [k for k in effects if k not in estimated and np.linalg.norm(effects[k]) > 0.0]
 
     def without(kinds: Sequence[type[AbstractSeriesVariation]]) -> tuple[np.ndarray, np.ndarray]:
         columns = np.stack([effects[kind] for kind in kinds], axis=1)
         sizes = np.linalg.norm(columns, axis=0)
-        values = -np.linalg.lstsq(columns / sizes, residuals, rcond=LEAST_SINGULAR_VALUE)[0] / sizes
+        least = information.LEAST_SINGULAR_VALUE
+        values = -np.linalg.lstsq(columns / sizes, residuals, rcond=least)[0] / sizes
         return values, residuals + columns @ values
 
-    while len(chosen) < len(usable):
-        rest = [kind for kind in usable if kind not in chosen]
+    while len(chosen) < len(effects):
+        rest = [kind for kind in effects if kind not in chosen]
         chosen.append(min(rest, key=lambda kind: float(np.sum(without([*chosen, kind])[1] ** 2))))
         values, left = without(chosen)
         explained = 1.0 - float(np.sum(left[part] ** 2)) / before
         if explained > MOST:
             decrease = float(np.sum(residuals**2) - np.sum(left**2))
-            return (dict(zip(chosen, values.tolist(), strict=True)), explained), decrease
-    return None
+            return decrease, dict(zip(chosen, values.tolist(), strict=True)), explained
+    return 0.0, {}, 0.0
 
 
 def _effects_of_errors(
@@ -767,41 +708,64 @@ def _effects_of_errors(
     error's neutral value."""
     series = fit.measurements[name]
     quantity, times = fit.predictions[name], np.asarray(series.times)
+    pairs = [*zip(quantity.tolist(), (times - fit.start_time).tolist(), strict=True)]
     effects: dict[type[AbstractSeriesVariation], np.ndarray] = {}
     effects[SeriesDelay] = -np.gradient(quantity, times)
     for kind in (SeriesBias, SeriesGain, SeriesDrift):
-        error = partial(kind((name,)).error, kind.neutral + 1.0)
-        pairs = zip(quantity.tolist(), (times - fit.start_time).tolist(), strict=True)
-        effects[kind] = np.array([error(*pair) for pair in pairs])
+        one = kind((name,))
+        effects[kind] = np.array([one.error(kind.neutral + 1.0, *pair) for pair in pairs])
     return {kind: effect / np.asarray(series.noise) for kind, effect in effects.items()}
 
 
-def _sample_rows(fit: Fit) -> Float[np.ndarray, "N p"]:
-    """Return the derivatives of the residuals of all samples, series after series."""
-    times, best = fit.measurements.times(), fit.best.best
-    rows = best.jacobian.reshape(*best.predicted.shape, -1)
-    each = zip(fit.measurements.series.values(), rows, strict=True)
-    return np.concatenate([row[np.searchsorted(times, one.times)] for one, row in each])
-
-
 def _sensor_faults(fit: Fit) -> Iterator[str]:
-    """Yield a sentence on the series whose misfit is mainly that of an error of its sensor; nothing
-    if there is none."""
-    fault = _sensor_fault(fit)
-    if fault is None:
+    """Yield a sentence on the series whose misfit is mainly that of errors of its sensor, as few of
+    them as possible; nothing if there is none.
+
+    Of several series it is the one whose errors lower the chi squared of all series the most.
+    """
+    residuals = np.concatenate([*fit.residuals.values()])
+    jacobian = np.concatenate([*fit._jacobians.values()])
+    basis = np.linalg.qr(jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300))[0]
+    estimated = {
+        (type(one.variation), name)
+        for one in fit.parameters.values()
+        if isinstance(one.variation, AbstractSeriesVariation)
+        for name in one.variation.series
+    }
+    most, name, values, explained, end = 0.0, "", {}, 0.0, 0
+    for series, row in fit.residuals.items():
+        part = slice(end, end + len(row))
+        end = part.stop
+        # Too few samples don't tell one cause from another.
+        if len(row) < PIECES or not (_rms(row) > FAR or series in fit.correlated):
+            continue
+        effects = {}
+        for kind, effect in _effects_of_errors(fit, series).items():
+            column = np.zeros(len(residuals))
+            column[part] = effect
+            # The fit has changed its parameters to make up for the error as far as possible. What
+            # they can make up for is left out of the error's effect, or the error would seem
+            # smaller than it is, and to be one of other series.
+            column -= basis @ (basis.T @ column)
+            if (kind, series) not in estimated and np.linalg.norm(column) > 0.0:
+                effects[kind] = column
+        fault = _explanation(residuals, part, effects)
+        if fault[0] > most:
+            name, (most, values, explained) = series, fault
+    if not values:
         return
-    name, unit = fault.series, fit.measurements[fault.series].unit
+    unit = fit.measurements[name].unit
     described, makers = [], []
-    for kind, value in fault.values.items():
+    for kind, value in values.items():
         value_unit = kind((name,)).unit_of(unit)
         size = f"{kind.neutral + value:.3g}" + ("" if value_unit == "1" else f" {value_unit}")
         described.append(f"a {kind.noun} of {size}")
         makers.append(f"cj.Parameter.{kind.noun}({name!r})")
-    part = "clock and trigger" if [*fault.values] == [SeriesDelay] else "sensor"
+    device = "clock and trigger" if [*values] == [SeriesDelay] else "sensor"
     yield (
-        f"Series {name!r} differs from the motion as if its {part} had "
-        f"{' and '.join(described)}, which would explain {fault.explained:.0%} of its misfit: "
-        f"check the {part}, or estimate it, by {' and '.join(makers)} among the parameters."
+        f"Series {name!r} differs from the motion as if its {device} had "
+        f"{' and '.join(described)}, which would explain {explained:.0%} of its misfit: "
+        f"check the {device}, or estimate it, by {' and '.join(makers)} among the parameters."
     )
 
 

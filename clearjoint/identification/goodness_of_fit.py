@@ -1,7 +1,7 @@
 """Statistics of a fit: tests of its residuals, uncertain directions, and competing minima."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
 from typing import NamedTuple
@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from .residuals import LEAST_SINGULAR_VALUE, RunMisfit
+from ..information.fisher_information import floored
+from .residuals import RunMisfit
 
 UNLIKELY = 1e-3
 """p-value of chi squared below which the noise, the model or the fit is considered wrong."""
@@ -50,13 +51,7 @@ def directions(jacobian: Float[np.ndarray, "M p"]) -> list[Direction]:
     **Arguments:** `jacobian`: (M, p) derivatives of the residuals, in standard deviations of the
     noise, by the coordinates.
     """
-    norms = np.linalg.norm(jacobian, axis=0)
-    # A parameter without effect gets a tiny norm, and with it a large but finite deviation.
-    norms = np.where(norms > 0.0, norms, max(norms.max(), 1.0) * LEAST_SINGULAR_VALUE)
-    # With columns of unit length, the decomposition does not depend on the units of the
-    # coordinates.
-    _, sizes, axes = np.linalg.svd(jacobian / norms, full_matrices=False)
-    sizes = np.maximum(sizes, LEAST_SINGULAR_VALUE * max(sizes[0], 1.0))
+    norms, sizes, axes = floored(jacobian)
     changes = []
     for size, axis in zip(sizes[::-1], axes[::-1], strict=True):
         along = axis / norms
@@ -200,11 +195,19 @@ def competing_minima(best: RunMisfit, others: Sequence[RunMisfit]) -> list[RunMi
     from scipy.special import chdtri
 
     limit = float(chdtri(len(best.coordinates), 1.0 - CONFIDENCE))
-    minima = [best]
-    for one in sorted(others, key=lambda other: other.chi_squared):
-        if one.chi_squared - best.chi_squared <= limit and all(_apart(k, one) for k in minima):
-            minima.append(one)
-    return minima[1:]
+    return distinct([best, *others], best.chi_squared + limit, _apart)[1:]
+
+
+def distinct(
+    minima: Iterable[RunMisfit], limit: float, apart: Callable[[RunMisfit, RunMisfit], bool]
+) -> list[RunMisfit]:
+    """Return the minima with a chi squared up to `limit` that are `apart` from each lower one that
+    is returned, the lowest first."""
+    chosen: list[RunMisfit] = []
+    for one in sorted(minima, key=lambda minimum: minimum.chi_squared):
+        if one.chi_squared <= limit and all(apart(lower, one) for lower in chosen):
+            chosen.append(one)
+    return chosen
 
 
 def _apart(one: RunMisfit, other: RunMisfit) -> bool:

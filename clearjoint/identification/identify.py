@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 
+from ..export.tables import numbered
 from ..fields.cautions import PoorFitWarning, caution
 from ..fields.checks import require, require_count, require_positive, require_type
 from ..information.horizon import FitHorizon
@@ -14,12 +15,12 @@ from ..measurements.series import Measurements
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import Parameter, step_limits, values_at
-from ..parametrisation.readings import units_of
 from ..result_codes import RESULTS
 from ..simulation.run.terminal import ProgressBar, telling_of_compiling
 from ..simulation.step import presets
 from ..simulation.step.settings import Settings, settings_or
 from .checking import check
+from .comparison import Comparison, comparison
 from .fit import Fit
 from .levenberg_marquardt import (
     Ending,
@@ -29,9 +30,7 @@ from .levenberg_marquardt import (
     best_search,
     search_with_damping,
 )
-from .report import numbered
-from .residuals import Experiment, RunMisfit, Samples, check_start, experiment, run_misfit, samples
-from .screening.misfit_curves import SideBySide
+from .residuals import RunMisfit, run_misfit
 from .screening.screening import LOOSER, Screening, search_screened
 from .starts import Guess, Starts, start_coordinates
 
@@ -216,36 +215,48 @@ def identify_many(
     >>> all(abs(fit.estimates["stiffness"] - 100.0) < 1.0 for fit in fits)
     True
     """
-    _check(scene, measurements, start_time, grow, max_iterations, tolerance, check_runs)
+    remedy = "pass at least one set of measurements"
+    require(len(measurements) > 0, "measurements", len(measurements), "not empty", remedy)
+    remedy = 'pass cj.Measurements({"probe": cj.Series(...)})'
+    for one in measurements:
+        require_type("measurements", one, Measurements, "Measurements", remedy)
+    first = measurements[0]
+    first.check(scene)
+    for k, one in enumerate(measurements):
+        same = list(one.series) == list(first.series) and all(
+            series.channel == first[name].channel
+            and np.array_equal(series.times, first[name].times)
+            for name, series in one.series.items()
+        )
+        expected = "measurements of the same channels and times as the first"
+        require(same, f"measurements[{k}]", list(one.series), expected, "fit them separately")
+    ends = [start_time, *grow, first.times()[-1]]
+    rising = all(a < b for a, b in zip(ends, ends[1:], strict=False))
+    expected = f"rising times between the start, {start_time} s, and the last sample, {ends[-1]} s"
+    remedy = "leave out the time of the last sample, which is added"
+    require(rising, "grow", list(grow), expected, remedy)
+    require_count("max_iterations", max_iterations, "allow one run")
+    require_positive("tolerance", tolerance, "1e-3 standard deviations suffice")
+    # An exploration by fewer points would hardly describe chi squared of several parameters.
+    whole = isinstance(check_runs, int) and (check_runs == 0 or check_runs >= 50)
+    remedy = "pass 0 to leave out the test"
+    expected = "None, 0, or a whole number from 50"
+    require(check_runs is None or whole, "check_runs", check_runs, expected, remedy)
     settings = settings_or(settings, presets.identification)
-    times = measurements[0].times()
     if horizon is not None:
-        horizon.warn_if_beyond(float(times[-1]))
+        horizon.warn_if_beyond(float(first.times()[-1]))
     # All sets have the same channels and times, so that one compiled program serves all fits.
-    outputs = {name: series.channel for name, series in measurements[0].series.items()}
-    runs_with = partial(experiment, scene, state, parameters, outputs, times, start_time)
-    runs = runs_with(settings)
+    compared = comparison(scene, state, first, parameters, start_time, settings)
     around = starts if isinstance(starts, Starts) else None
-    rows = start_coordinates(scene, state, parameters, guess, around)
+    rows, coarse = start_coordinates(scene, state, parameters, guess, around), compared
     if isinstance(starts, Screening):
         require(len(rows) == 1, "guess", len(rows), "one guess, for a screening", "pass one")
-    # A screening only ranks points, for which cheaper runs are accurate enough.
-    coarse_runs = runs_with(settings.looser(LOOSER)) if isinstance(starts, Screening) else runs
-    ends = (*grow, float(times[-1]))
-    series_units = {name: series.unit for name, series in measurements[0].series.items()}
-    units = units_of(parameters, scene, state, series_units)
+        # A screening only ranks points, for which cheaper runs are accurate enough.
+        looser = settings.looser(LOOSER)
+        coarse = comparison(scene, state, first, parameters, start_time, looser)
+    ends = (*grow, float(first.times()[-1]))
     problem = _Problem(
-        runs,
-        coarse_runs,
-        parameters,
-        units,
-        rows,
-        starts,
-        ends,
-        tolerance,
-        max_iterations,
-        check_runs,
-        horizon,
+        compared, coarse, rows, starts, ends, tolerance, max_iterations, check_runs, horizon
     )
     fits: list[Fit] = []
     with iteration_callback(progress, parameters, len(measurements) * len(rows)) as on_iteration:
@@ -264,17 +275,14 @@ class _Problem:
 
     Fields that are not listed are arguments of `identify_many`.
 
-    - `runs`: the scene as a function of its parameters; `coarse_runs`: the same with the looser
-      tolerances of a screening, and equal to `runs` without a screening.
-    - `units`: unit of each parameter's value by name.
+    - `compared`: the scene with its parameters, compared with the first set; `coarse`: the same
+      with the looser tolerances of a screening, and equal to `compared` without a screening.
     - `rows`: (starts, p) coordinates from which searches start.
     - `ends`: ends of the growing windows, s, of which the last is the end of the record.
     """
 
-    runs: Experiment
-    coarse_runs: Experiment
-    parameters: Mapping[str, Parameter]
-    units: dict[str, str]
+    compared: Comparison
+    coarse: Comparison
     rows: np.ndarray
     starts: Starts | Screening | None
     ends: Sequence[float]
@@ -294,13 +302,13 @@ class _Problem:
         **Returns:** the fit, and whether the user interrupted it. The fit is ``None`` if that
         happened before the first run of a search had ended.
         """
-        data = samples(one, len(self.runs.times))
+        compared, parameters = self.compared.of(one), self.compared.parameters
         searches: list[Search] = []
         screened, checked, stopped = (), None, False
 
         def search_from(start: np.ndarray) -> Search:
             # The search is kept before the interruption goes on, so that its best run is not lost.
-            search = self._search(data, start, on_iteration)
+            search = self._search(compared, start, on_iteration)
             searches.append(search)
             if search.ending is Ending.INTERRUPTED:
                 raise KeyboardInterrupt
@@ -308,21 +316,18 @@ class _Problem:
 
         try:
             if isinstance(self.starts, Screening):
-                lanes, names = SideBySide(self.coarse_runs, data), tuple(self.parameters)
-                screened = search_screened(
-                    self.starts, lanes, self.rows[0], names, show, search_from
-                )
+                coarse = self.coarse.of(one)
+                screened = search_screened(self.starts, coarse, self.rows[0], show, search_from)
             else:
                 for row in self.rows:
                     search_from(row)
             best = best_search(searches)
             # Searches that failed or reached their limit of iterations have no minimum to check.
             if self.check_runs != 0 and best.ending in (Ending.CONVERGED, Ending.STALLED):
-                inputs = best.best, self.runs, data, self.parameters, self.units
                 cost = sum(search.evaluations for search in searches)
-                cost += sum(one.runs for one in screened) // (1 + len(self.parameters))
-                on_run = partial(on_iteration, data.count)
-                checked = check(*inputs, self.check_runs, on_run, cost, show)
+                cost += sum(one.runs for one in screened) // (1 + len(parameters))
+                on_run = partial(on_iteration, compared.data.count)
+                checked = check(best.best, compared, self.check_runs, on_run, cost, show)
                 # The check may have found lower minima by local searches. Of equal chi squared the
                 # first counts: the fit's own search, then the last local one, which started from
                 # the lowest minimum.
@@ -331,29 +336,31 @@ class _Problem:
             if not searches:
                 return None, True
             best, stopped = best_search(searches), True
-        fitted = self.runs.family.scene_and_state(best.best.coordinates)
+        runs = compared.runs
+        fitted = runs.family.scene_and_state(best.best.coordinates)
+        inputs = dict(parameters), dict(compared.units), one
         results = tuple(searches), best, screened, self.horizon, checked
-        start_time = float(self.runs.start_time)
-        fit = Fit(*fitted, dict(self.parameters), self.units, one, *results, start_time)
-        return fit, stopped
+        return Fit(*fitted, *inputs, *results, float(runs.start_time)), stopped
 
-    def _search(self, data: Samples, start: np.ndarray, on_iteration: OnFitIteration) -> Search:
+    def _search(
+        self, compared: Comparison, start: np.ndarray, on_iteration: OnFitIteration
+    ) -> Search:
         """Search from coordinates (p,), window by window, each from the result of the one before.
 
-        **Arguments:** `data`: all samples of the record; `on_iteration`: called after each run.
+        **Arguments:** `compared`: with all samples; `on_iteration`: called after each run.
 
         **Returns:** the search; after Ctrl-C, with `Ending.INTERRUPTED` and the best run so far.
 
         **Raises:** `KeyboardInterrupt` if Ctrl-C comes before the first run has ended.
         """
-        max_changes = step_limits(self.parameters)
+        max_changes, runs = step_limits(compared.parameters), compared.runs
         windows, at = [], start
         best: RunMisfit | None = None
         for end in self.ends:
             # Over few impacts errors of the parameters have grown little, so that a search in a
             # short window converges from farther away than in the whole record.
-            part, last = data.until(self.runs.times, end), end == self.ends[-1]
-            misfit = partial(run_misfit, self.runs, part, end)
+            part, last = compared.data.until(runs.times, end), end == self.ends[-1]
+            misfit = partial(run_misfit, runs, part, end)
             try:
                 best, iterations, ending = search_with_damping(
                     # Without a prior, a parameter that the window hardly determines could leave its
@@ -381,7 +388,7 @@ class _Problem:
             at = best.coordinates
             if ending is Ending.INTERRUPTED:
                 if not last:  # A fit needs predictions for all samples.
-                    best = run_misfit(self.runs, data, self.ends[-1], at)
+                    best = run_misfit(runs, compared.data, self.ends[-1], at)
                 break
         assert best is not None
         return Search(start, tuple(windows), best)
@@ -460,47 +467,3 @@ def iteration_callback(
             bar.update()
 
         yield show
-
-
-def _check(
-    scene: Scene,
-    measurements: Sequence[Measurements],
-    start_time: float,
-    grow: Sequence[float],
-    max_iterations: int,
-    tolerance: float,
-    check_runs: int | None,
-) -> None:
-    """Check the arguments of `identify_many`.
-
-    **Raises:** `ValueError` that names the wrong argument.
-    """
-    remedy = "pass at least one set of measurements"
-    require(len(measurements) > 0, "measurements", len(measurements), "not empty", remedy)
-    remedy = 'pass cj.Measurements({"probe": cj.Series(...)})'
-    for one in measurements:
-        require_type("measurements", one, Measurements, "Measurements", remedy)
-    first = measurements[0]
-    first.check(scene)
-    for k, one in enumerate(measurements):
-        same = list(one.series) == list(first.series) and all(
-            series.channel == first[name].channel
-            and np.array_equal(series.times, first[name].times)
-            for name, series in one.series.items()
-        )
-        expected = "measurements of the same channels and times as the first"
-        require(same, f"measurements[{k}]", list(one.series), expected, "fit them separately")
-    times = first.times()
-    check_start(start_time, times)
-    ends = [start_time, *grow, times[-1]]
-    rising = all(a < b for a, b in zip(ends, ends[1:], strict=False))
-    expected = f"rising times between the start, {start_time} s, and the last sample, {ends[-1]} s"
-    remedy = "leave out the time of the last sample, which is added"
-    require(rising, "grow", list(grow), expected, remedy)
-    require_count("max_iterations", max_iterations, "allow one run")
-    require_positive("tolerance", tolerance, "1e-3 standard deviations suffice")
-    # An exploration by fewer points would hardly describe chi squared of several parameters.
-    whole = isinstance(check_runs, int) and (check_runs == 0 or check_runs >= 50)
-    remedy = "pass 0 to leave out the test"
-    expected = "None, 0, or a whole number from 50"
-    require(check_runs is None or whole, "check_runs", check_runs, expected, remedy)

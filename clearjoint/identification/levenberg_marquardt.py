@@ -137,24 +137,17 @@ def best_search(searches: Iterable[Search]) -> Search:
     return min(searches, key=lambda search: search.best.chi_squared)
 
 
-class _ClippedDescent(optx.AbstractDescent):
+class _ClippedDescent(optx.DampedNewtonDescent):
     """A descent of optimistix whose steps are clipped to `limits` (p,), in scaled coordinates.
 
     Without limits, a parameter that the data hardly determine would run away while the other
     parameters are still far from their estimates.
     """
 
-    descent: optx.DampedNewtonDescent
-    limits: jax.Array
-
-    def init(self, y: jax.Array, f_info_struct: PyTree) -> PyTree:
-        return self.descent.init(y, f_info_struct)
-
-    def query(self, y: jax.Array, f_info: PyTree, state: PyTree) -> PyTree:
-        return self.descent.query(y, f_info, state)
+    limits: jax.Array = eqx.field(kw_only=True)
 
     def step(self, step_size: jax.Array, state: PyTree) -> tuple[jax.Array, optx.RESULTS]:
-        step, result = self.descent.step(step_size, state)
+        step, result = super().step(step_size, state)
         return jnp.clip(step, -self.limits, self.limits), result
 
 
@@ -217,10 +210,7 @@ def _advance(
     solver = eqx.tree_at(
         lambda solver: (solver.descent, solver.search),
         optx.LevenbergMarquardt(rtol=0.0, atol=0.0),
-        (
-            _ClippedDescent(optx.DampedNewtonDescent(), limits),
-            _TrustRegion(high_cutoff=0.7),
-        ),
+        (_ClippedDescent(limits=limits), _TrustRegion(high_cutoff=0.7)),
     )
     rows = jax.eval_shape(lambda: model[1])
     state = initial = solver.init(_residuals, y, model, {}, rows, None, frozenset())

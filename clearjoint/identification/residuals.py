@@ -22,7 +22,7 @@ from ..compilation import Compiled
 from ..fields.checks import require
 from ..fields.objects import on_device
 from ..fields.types import ArrayLike
-from ..information import fisher_information as information
+from ..information.fisher_information import covariance
 from ..math.vectors import Scalar
 from ..measurements.series import Measurements
 from ..model.bodies import State
@@ -103,43 +103,21 @@ class Experiment(eqx.Module):
         delays, `reached` is false there, and the numbers are meaningless; with delays, `reached` is
         true throughout, and the values of an output are NaN at the times that it misses.
         """
-        if not self.sensors.errors:
-            return self._sampled(coordinates, self.times, on_device(end_time))
-        at = on_device(coordinates)
-        if self.delays:
-            rising, indices, inside, end = _instants(self, at, on_device(end_time))
-            sampled = self._sampled(coordinates, rising, end)
-            sampled = _delayed(self, at, rising, indices, inside, sampled)
+        at, end_time = on_device(coordinates), on_device(end_time)
+        given = self.scheme, self.family.at(at), self.outputs
+        limits = self.first_step, self.max_steps
+        if self.sensors.delays:
+            rising, indices, inside, end = _instants(self, at, end_time)
+            # Every output is evaluated at all of the rising times, whatever its delay.
+            run = sampled(*given, rising, self.start_time, end, *limits)
+            run = _delayed(self, at, rising, indices, inside, run)
         else:
-            sampled = self._sampled(coordinates, self.times, on_device(end_time))
+            run = sampled(*given, self.times, self.start_time, end_time, *limits)
         if not self.sensors.of_values:
-            return sampled
-        numbers = sampled.values, sampled.derivatives, self.times - self.start_time, at
+            return run
+        numbers = run.values, run.derivatives, self.times - self.start_time, at
         readings, slopes = with_sensor_errors(self.sensors, *numbers)
-        return replace(sampled, values=readings, derivatives=slopes)
-
-    def _sampled(self, coordinates: ArrayLike, times: jax.Array, end_time: jax.Array) -> Sampled:
-        """Run at coordinates (p,) up to `end_time`, s, and evaluate all outputs at given times.
-
-        **Arguments:** `times`: (N,) s, in ascending order, some of which may be equal. Every output
-        is evaluated at all of them, whatever its delay.
-        """
-        return sampled(
-            self.scheme,
-            self.family.at(coordinates),
-            self.outputs,
-            times,
-            self.start_time,
-            end_time,
-            self.first_step,
-            self.max_steps,
-        )
-
-    @property
-    def delays(self) -> tuple[tuple[int, tuple[str, ...]], ...]:
-        """The index of each delay among the parameters, with the names of the outputs that it
-        delays."""
-        return self.sensors.delays
+        return replace(run, values=readings, derivatives=slopes)
 
 
 @Compiled
@@ -163,7 +141,7 @@ def _instants(
     - (D, T) whether the delayed times are at or after the start of the run.
     - () end of the run, s.
     """
-    delays = [runs.sensors.value(number, coordinates) for number, _ in runs.delays]
+    delays = [runs.sensors.value(number, coordinates) for number, _ in runs.sensors.delays]
     # A series with a negative delay is compared with the motion after its last sample.
     end = end_time + jnp.maximum(0.0, -jnp.min(jnp.stack(delays)))
     # Samples after the end time have no weight. Their times are replaced by the end time, because
@@ -200,7 +178,7 @@ def _delayed(
     `rising`, `indices`, `inside`: results of `_instants`; `sampled`: the run's outputs at the
     `rising` times.
     """
-    delay_of = {name: k for k, (_, names) in enumerate(runs.delays) for name in names}
+    delay_of = {name: k for k, (_, names) in enumerate(runs.sensors.delays) for name in names}
     values, derivatives = {}, {}
     for name, output in runs.outputs.items():
         output_values = jnp.where(sampled.reached, sampled.values[name], jnp.nan)
@@ -209,7 +187,7 @@ def _delayed(
             derivatives[name] = sampled.derivatives[name][indices[0]]
             continue
         k = delay_of[name]
-        number = runs.delays[k][0]
+        number = runs.sensors.delays[k][0]
         at, before, after = indices[1 + 3 * k : 4 + 3 * k]
         # The derivative with respect to the delay is minus the rate of the output, from a central
         # difference. Before the start the state is constant, so the rate is zero.
@@ -278,18 +256,6 @@ def experiment(
     )
 
 
-def check_start(start_time: float, times: np.ndarray) -> None:
-    """Check that a run does not begin after the first sample, which it could not reach.
-
-    **Arguments:** `start_time`: of the run, s; `times`: of the samples, (T,) s, rising.
-
-    **Raises:** `ValueError` if `start_time` is after the first of the `times`.
-    """
-    expected = f"no later than the first sample, at {times[0]} s"
-    remedy = "start earlier, or leave samples out by measurements.between(...)"
-    require(bool(start_time <= times[0]), "start_time", start_time, expected, remedy)
-
-
 class Samples(eqx.Module):
     """Samples of S measured series on T common times, as arrays from which residuals are computed.
 
@@ -353,23 +319,6 @@ def samples(measurements: Measurements, count: int) -> Samples:
     return Samples(values, weights, tuple(one.period for one in series))
 
 
-LEAST_SINGULAR_VALUE = 1e-12
-"""Smallest singular value of a Jacobian relative to the largest, with columns scaled to unit
-length. Smaller ones are raised to this value, so that the variance of an undetermined direction
-stays finite."""
-
-
-def parameter_covariance(jacobian: Float[np.ndarray, "M p"]) -> Float[np.ndarray, "p p"]:
-    """Return the covariance (p, p) of the estimated coordinates, for small noise.
-
-    Variances of combinations that the data don't determine are large but finite.
-
-    **Arguments:** `jacobian`: (M, p) derivatives of the residuals, in standard deviations of the
-    noise, by the coordinates.
-    """
-    return information.covariance(jacobian, LEAST_SINGULAR_VALUE)
-
-
 @dataclass(frozen=True)
 class RunMisfit:
     """Residuals and their Jacobian from one run, for S series at T times, M = S T.
@@ -404,7 +353,7 @@ class RunMisfit:
     @cached_property
     def covariance(self) -> Float[np.ndarray, "p p"]:
         """Covariance of the coordinates, (p, p), for residuals of unit variance."""
-        return parameter_covariance(self.jacobian)
+        return covariance(self.jacobian)
 
 
 def run_misfit(

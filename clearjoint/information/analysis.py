@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
+from ..export.tables import aligned, number, percent
 from ..fields.checks import as_number, require, require_types
 from ..fields.types import ArrayLike
 from ..measurements.series import Measurements, Series
@@ -22,7 +23,7 @@ from ..simulation.run.sensitivities import Sensitivities, sensitivities
 from ..simulation.step import presets
 from ..simulation.step.settings import Settings, settings_or, strictly_rising_times
 from . import fisher_information as information
-from .fisher_information import Combination, aligned, number, percent
+from .fisher_information import Combination
 
 
 @dataclass(frozen=True)
@@ -215,7 +216,9 @@ class Identifiability:
 
         They are infinite for parameters without effect on the data.
         """
-        return information.deviations_alone(self.root)
+        # The diagonal of F = R^T R holds the squared norms of the columns of the root R.
+        with np.errstate(divide="ignore"):
+            return 1.0 / np.linalg.norm(self.root, axis=0)
 
     @property
     def labels(self) -> list[str]:
@@ -290,9 +293,14 @@ class Identifiability:
         All parameters are estimated together. Deviations are infinite for parameters that the
         record so far doesn't determine.
         """
-        ends = np.searchsorted(self.sample_times, self.times, side="right")
-        roots = information.roots_over(self.rows, ends.tolist())
-        return information.deviations_together(roots, self.accuracy)
+        # The root of the rows so far, together with the new rows, has the same information as all
+        # these rows, so that each row enters only one decomposition.
+        root, roots, start = np.zeros((len(self.names),) * 2), [], 0
+        for end in np.searchsorted(self.sample_times, self.times, side="right").tolist():
+            root = information.root_of(np.concatenate([root, self.rows[start:end]]))
+            roots.append(root)
+            start = end
+        return information.deviations_together(np.array(roots), self.accuracy)
 
     def __str__(self) -> str:
         """Return tables of standard deviations, correlations and combinations, as text."""

@@ -19,6 +19,10 @@ SMALL_WEIGHT, SMALL_SHARE = 0.02, 0.1
 """The description of a combination omits parameters whose absolute weight is less than
 `SMALL_WEIGHT` times the largest one, unless the combination contributes more than `SMALL_SHARE` of
 their variance."""
+LEAST_SINGULAR_VALUE = 1e-12
+"""Smallest singular value of derivatives relative to the largest, with columns scaled to unit
+length, in `covariance` and `floored`. Smaller ones are raised to this value, so that the variance
+of an undetermined combination of parameters stays finite."""
 
 
 def root_of(rows: Float[np.ndarray, "N p"]) -> Float[np.ndarray, "p p"]:
@@ -29,25 +33,6 @@ def root_of(rows: Float[np.ndarray, "N p"]) -> Float[np.ndarray, "p p"]:
     # With p rows of zeros, the root has p rows also if there are fewer samples than parameters.
     p = rows.shape[1]
     return np.asarray(np.linalg.qr(np.concatenate([np.zeros((p, p)), rows]), mode="r"))
-
-
-def roots_over(rows: Float[np.ndarray, "N p"], ends: Sequence[int]) -> Float[np.ndarray, "T p p"]:
-    """Return roots (T, p, p) of the information of the first n rows, for each of T numbers n.
-
-    For rows in order of time, they tell how the accuracy of estimates improves with the length of a
-    record.
-
-    **Arguments:** `rows`: (N, p) derivatives; `ends`: the T numbers n, rising.
-    """
-    # The root of the rows so far, together with the new rows, has the same information as all these
-    # rows, so that each row enters only one decomposition.
-    root, start = np.zeros((rows.shape[1],) * 2), 0
-    roots = []
-    for end in ends:
-        root = root_of(np.concatenate([root, rows[start:end]]))
-        roots.append(root)
-        start = end
-    return np.array(roots)
 
 
 def deviations_together(
@@ -101,19 +86,6 @@ def _parts_together(
     return parts / np.where(lengths > 0.0, lengths, 1.0)[..., None, :]
 
 
-def deviations_alone(roots: Float[np.ndarray, "*T r p"]) -> Float[np.ndarray, "*T p"]:
-    """Return lower bounds (..., p) of the standard deviations of parameters estimated alone.
-
-    The bound of each parameter assumes that the values of all others are known. It is infinite if
-    the parameter has no effect on the data.
-
-    **Arguments:** `roots`: roots (..., r, p) of the information.
-    """
-    # The diagonal of F = R^T R holds the squared norms of the columns of the root R.
-    with np.errstate(divide="ignore"):
-        return 1.0 / np.linalg.norm(roots, axis=-2)
-
-
 def rank(roots: Float[np.ndarray, "*T r p"], accuracy: float) -> np.ndarray:
     """Return the number (...) of independent combinations of parameters that the data determine.
 
@@ -134,24 +106,31 @@ def condition(roots: Float[np.ndarray, "*T r p"]) -> np.ndarray:
         return values[..., 0] / values[..., -1]
 
 
-def covariance(rows: Float[np.ndarray, "N p"], floor: float = 0.0) -> Float[np.ndarray, "p p"]:
+def covariance(rows: Float[np.ndarray, "N p"]) -> Float[np.ndarray, "p p"]:
     """Return the covariance (p, p) of estimates of the parameters, the inverse of F.
 
-    **Arguments:** `rows`: derivatives (N, p), N >= p, or a root (p, p); `floor`: lower limit of the
-    singular values, relative to the largest one, with the columns of `rows` scaled to unit length.
-    Smaller singular values are raised to this limit, so that the covariance is finite. With a limit
-    of zero, the covariance of a singular F is useless: its elements are infinite, NaN or dominated
-    by rounding errors.
+    Variances of combinations that the data don't determine are large but finite.
+
+    **Arguments:** `rows`: derivatives (N, p), or a root (p, p).
+    """
+    lengths, values, directions = floored(rows)
+    half = (directions / values[:, None]) / lengths
+    return half.T @ half
+
+
+def floored(
+    rows: Float[np.ndarray, "N p"],
+) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " k"], Float[np.ndarray, "k p"]]:
+    """Return the result of `_equilibrated` without numbers that are zero or negligible.
+
+    The largest singular value is at least 1, unless all columns are zero. If they are, the lower
+    limit of singular values is relative to 1. A column of zeros gets the length
+    `LEAST_SINGULAR_VALUE` times that of the longest column, or times 1 if all are shorter than 1.
     """
     lengths, values, directions = _equilibrated(rows)
-    # The largest singular value is at least 1, unless all columns are zero. If all columns are
-    # zero, the limit is relative to 1. A column of zeros gets the length `floor` times that of the
-    # longest column, or times 1 if all columns are shorter than 1.
-    values = np.maximum(values, floor * max(values[0], 1.0))
-    lengths = np.where(lengths > 0.0, lengths, floor * max(lengths.max(), 1.0))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        half = (directions / values[:, None]) / lengths
-        return half.T @ half
+    values = np.maximum(values, LEAST_SINGULAR_VALUE * max(values[0], 1.0))
+    least = LEAST_SINGULAR_VALUE * max(lengths.max(), 1.0)
+    return np.where(lengths > 0.0, lengths, least), values, directions
 
 
 def correlation(covariances: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
@@ -250,29 +229,3 @@ def _negligible(values: Float[np.ndarray, "*T k"], accuracy: float) -> Bool[np.n
     of the derivatives.
     """
     return (values <= accuracy * values[..., :1]) | (values == 0.0)
-
-
-def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Return the lines of a table with aligned columns.
-
-    **Arguments:** `rows`: for each row its cells as texts, equally many in all rows. The first row
-    is the head of the table, and the first text of each other row is its label.
-    """
-    import pandas as pd
-
-    (corner, *head), *body = rows
-    labels = [label for label, *_ in body]
-    columns = pd.Index(head, name=corner)
-    table = pd.DataFrame([cells for _, *cells in body], labels, columns)
-    return [line.rstrip() for line in table.to_string().splitlines()]
-
-
-def percent(share: float) -> str:
-    """Return `share` in percent as text with two significant digits; "-" if it is not finite."""
-    return f"{number(100.0 * share)} %" if np.isfinite(share) else "-"
-
-
-def number(value: float, digits: int = 2) -> str:
-    """Return `value` as text with `digits` significant digits; "-" if it is not finite."""
-    # Rounded first: 100 with two digits would otherwise be "1e+02".
-    return f"{float(f'{value:.{digits}g}'):g}" if np.isfinite(value) else "-"

@@ -24,6 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
+from ..export.tables import aligned, number, percent
 from ..fields.cautions import level_of_the_user
 from ..fields.checks import require, require_positive
 from ..model.bodies import State
@@ -43,7 +44,6 @@ from .analysis import (
     outputs_of,
     times_of,
 )
-from .fisher_information import aligned, number, percent
 
 LOOSER = 10.0
 """Ratio of the tolerance of a second run to that of the main run. The difference between the two
@@ -186,22 +186,14 @@ class FitHorizon:
         guesses = [("offsets of", *self.information.labels, "converges")]
         for guess in self.guesses:
             guesses.append(("", *(f"{x:+.3g}" for x in guess.offsets), _until(guess.since)))
-        return "\n".join([*limits, "", *aligned(guesses), "", *self._deviations_by_length()])
-
-    def _deviations_by_length(self) -> list[str]:
-        """Return the lines of a table of the parameters' standard deviations.
-
-        The table has a row for the whole record, and a row for the record up to each limit that is
-        reached.
-        """
         deviations = self.information.over_time()
-        lengths = {float(self.times[-1])}
-        lengths |= {t for t in (self.convergence, self.numerical) if np.isfinite(t)}
+        ends = {end} | {t for t in (self.convergence, self.numerical) if np.isfinite(t)}
         rows = [("record", *self.information.labels)]
-        for length in sorted(lengths):
+        for length in sorted(ends):
             at = int(np.searchsorted(self.times, length))
             rows.append((f"{1e3 * length:.4g} ms", *(number(x) for x in deviations[at])))
-        return ["Standard deviations that data can reach, by length of the record:", *aligned(rows)]
+        head = "Standard deviations that data can reach, by length of the record:"
+        return "\n".join([*limits, "", *aligned(guesses), "", head, *aligned(rows)])
 
 
 def _until(time: float) -> str:
@@ -257,7 +249,12 @@ def fit_horizon(
     inf
     """
     tight = settings_or(settings, presets.derivatives)
-    spread = _checked_spread(uncertainty, parameters)
+    names, keys = sorted(parameters), sorted(uncertainty)
+    require(names == keys, "uncertainty", keys, f"one for each of {names}", "name all of them")
+    for name, size in uncertainty.items():
+        remedy = "give the possible error of the guess"
+        require_positive(f"uncertainty[{name!r}]", size, remedy)
+    spread = np.array([float(uncertainty[name]) for name in parameters])
     by_name, truth = as_sensors(sensors, scene), coordinates_of(scene, state, parameters)
     times, points, contacts = times_of(by_name), growth.points(scene), growth.penetrations(scene)
     outputs = outputs_of(by_name) | points | contacts
@@ -278,14 +275,12 @@ def fit_horizon(
         where it failed.
         """
         # Only the parameters' values change, which are arguments of the compiled program.
-        values = values_at(parameters, coordinates)
-        perturbed = {
-            name: Parameter(one.variation, one.scale, value=values[name])
-            for name, one in parameters.items()
+        moved = {
+            name: Parameter(parameters[name].variation, parameters[name].scale, value=value)
+            for name, value in values_at(parameters, coordinates).items()
         }
-        given = perturbed | disturbance, outputs, times, settings
-        end = float(times[-1])
-        return sensitivities(scene, state, end, *given, start_time=start_time, throw=throw)
+        given = float(times[-1]), moved | disturbance, outputs, times, settings
+        return sensitivities(scene, state, *given, start_time=start_time, throw=throw)
 
     true_run, weights = run_at(truth, tight), _weights(by_name, times)
     loose = _near(run_at(truth, tight.looser(LOOSER)), true_run, outputs)
@@ -295,16 +290,11 @@ def fit_horizon(
     # contact on.
     touching = np.any([true_run.values[name] > 0.0 for name in contacts], axis=0)
     onset = _first(times, touching)
-    guesses = [
-        _wrong_guess(
-            lambda u: _near(run_at(u, tight, throw=False), true_run, outputs),
-            true_run,
-            truth,
-            one,
-            weights,
-        )
-        for one in offsets(spread)
-    ]
+
+    def near_truth(coordinates: np.ndarray) -> Sensitivities:
+        return _near(run_at(coordinates, tight, throw=False), true_run, outputs)
+
+    guesses = [_wrong_guess(near_truth, true_run, truth, d, weights) for d in offsets(spread)]
     return FitHorizon(
         times,
         sizes,
@@ -314,21 +304,6 @@ def fit_horizon(
         tuple(guesses),
         identifiability_from(true_run, dict(parameters), truth, by_name, tight),
     )
-
-
-def _checked_spread(
-    uncertainty: Mapping[str, float], parameters: Mapping[str, Parameter]
-) -> Float[np.ndarray, " p"]:
-    """Return the uncertainty of each parameter's coordinate, (p,).
-
-    **Raises:** `ValueError` unless there is one positive number for each parameter.
-    """
-    names, keys = sorted(parameters), sorted(uncertainty)
-    require(names == keys, "uncertainty", keys, f"one for each of {names}", "name all of them")
-    for name in parameters:
-        remedy = "give the possible error of the guess"
-        require_positive(f"uncertainty[{name!r}]", uncertainty[name], remedy)
-    return np.array([float(uncertainty[name]) for name in parameters])
 
 
 def _weights(sensors: Mapping[str, Sensor], times: np.ndarray) -> dict[str, np.ndarray]:

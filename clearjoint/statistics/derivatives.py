@@ -105,7 +105,7 @@ def statistics_derivatives(
     check_confidence(confidence)
     require_count("members", members, "give a number of runs")
     require(members % 2 == 0, "members", members, "even", "add one")
-    fewest = _fewest_members(len(uncertain))
+    fewest = LEAST_RUNS * _coefficients(len(uncertain))
     expected = f"{fewest} or more for {len(uncertain)} parameters"
     require(members >= fewest, "members", members, expected, "run more")
     scene, state = with_arrays((scene, state))
@@ -113,7 +113,9 @@ def statistics_derivatives(
     axes = {
         name: one.axis(scene, state, draws[:, k]) for k, (name, one) in enumerate(uncertain.items())
     }
-    along = _directions(scene, len(draws), members, seed)
+    along = directions(scene, len(draws), seed)
+    # The two runs of a pair, which come after the first `members` runs, share their direction.
+    along[members + 1 :: 2] = along[members::2]
     start_time = options.get("start_time", 0.0)
     lanes = disturbed_axes(scene, state, axes, disturbance, along, start_time)
     results = sweep(scene, state, end_time, lanes, outputs, settings, zipped=True, **options)
@@ -152,11 +154,6 @@ def statistics_derivatives(
     return labelled_dataset("derivatives of statistics", variables, labels, tuple(notes.items()))
 
 
-def _fewest_members(parameters: int) -> int:
-    """Return the smallest number of runs for the regression with a number of parameters."""
-    return LEAST_RUNS * _coefficients(parameters)
-
-
 def _coefficients(parameters: int) -> int:
     """Return the number of coefficients of the regression with a number of parameters."""
     return 1 + 3 * parameters + parameters * (parameters - 1) // 2
@@ -169,7 +166,7 @@ def _draws(uncertain: Mapping[str, Uncertain], members: int, seed: int) -> np.nd
     The first `members` rows are independent draws. Then come as many rows for each parameter with a
     uniform distribution, in pairs that differ only in this parameter, which is 1 and -1.
     """
-    # With the seed alone, the draws would come from the same random numbers as `_directions`.
+    # With the seed alone, the draws would come from the same random numbers as `directions`.
     rng, blocks = np.random.default_rng([seed, 1]), []
     ones = list(uncertain.values())
 
@@ -184,17 +181,6 @@ def _draws(uncertain: Mapping[str, Uncertain], members: int, seed: int) -> np.nd
             pairs[0::2, k], pairs[1::2, k] = 1.0, -1.0
             blocks.append(pairs)
     return np.concatenate(blocks)
-
-
-def _directions(scene: Scene, runs: int, members: int, seed: int) -> np.ndarray:
-    """Return random directions (runs, v) of the disturbances of the starts. The v columns are the
-    components of velocity and spin of each body.
-
-    The two runs of a pair, which come after the first `members` runs, share their direction.
-    """
-    along = directions(scene, runs, seed)
-    along[members + 1 :: 2] = along[members::2]
-    return along
 
 
 class Estimate(NamedTuple):
@@ -231,7 +217,7 @@ def estimate(
     count = draws.shape[1]
     derivatives, errors, freedom = np.zeros((3, count))
     usable = np.isfinite(values[:members])
-    needed, successful = _fewest_members(count), int(usable.sum())
+    needed, successful = LEAST_RUNS * _coefficients(count), int(usable.sum())
     expected = f"so many that {needed} runs succeed ({successful} did)"
     require(successful >= needed, "members", members, expected, "run more, or find the failure")
     slopes, slope_errors = _regression(draws[:members][usable], values[:members][usable], normal)

@@ -22,7 +22,7 @@ from ..information.error_growth import radii_of_gyration
 from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.variations import SceneNumber
-from ..result_codes import RESULTS, result_number
+from ..simulation.results.solution import SUCCESSFUL
 from ..simulation.run.sensitivities import sensitivities
 from ..simulation.step import presets
 from ..simulation.step.settings import Settings
@@ -281,7 +281,18 @@ def ensemble(
     1.000000
     """
     axes = {} if axes is None else dict(axes)
-    _check(axes, members, disturbance, quantiles, exponents)
+    require_types("axes", axes, Axis, "an Axis", "pass {name: cj.Axis(path, values)}")
+    taken, expected = sorted({MEMBER, QUANTILE} & set(axes)), f"not named {MEMBER} or {QUANTILE}"
+    require(not taken, "axes", taken, expected, "rename the axis")
+    require_count("members", members, "give a number of runs at each point")
+    require(members > 1, "members", members, "2 or more", "statistics need several runs")
+    require_positive("disturbance", disturbance, "give it in m/s")
+    levels = np.asarray(quantiles, float)
+    inside = levels.ndim == 1 and bool(((levels > 0.0) & (levels < 1.0)).all())
+    require(inside, "quantiles", quantiles, "levels between 0 and 1", "pass for example (0.5,)")
+    fine = isinstance(exponents, int) and (exponents == 0 or 2 <= exponents <= members)
+    expected = f"0, or a whole number from 2 to members = {members}"
+    require(fine, "exponents", exponents, expected, "a standard error needs two runs")
     scene, state = with_arrays((scene, state))
     # The values of each axis at all combinations of values; those of the last axis change fastest.
     grids = np.meshgrid(*(axis.values for axis in axes.values()), indexing="ij")
@@ -302,51 +313,22 @@ def ensemble(
         for name, axis in axes.items()
     }
     notes = {"members": members, "disturbance": f"{disturbance:g} m/s", "seed": seed}
-    statistics = _statistics(results, labels, (*shape, members), quantiles)
+    statistics = _statistics(results, labels, (*shape, members), levels)
     if exponents:
         rates = np.empty((count, 2))
         for k in range(count):
             values = {name: column[k] for name, column in zip(axes, points, strict=True)}
             # Scene and initial state at this point, without disturbance.
             changed, start = with_values(scene, state, axes, values)
+            end = end_time(changed) if callable(end_time) else end_time
+            span, progress = (start_time, end), options.get("progress", True)
             rates[k] = _lyapunov_exponent(
-                changed,
-                start,
-                end_time(changed) if callable(end_time) else end_time,
-                disturbance,
-                along[:exponents],
-                start_time,
-                options.get("progress", True),
+                changed, start, span, disturbance, along[:exponents], progress
             )
         for column, name in zip(rates.T, ("", "_standard_error"), strict=True):
             variable = tuple(axes), column.reshape(shape), {"units": "1/s"}
             statistics[f"lyapunov_exponent{name}"] = variable
     return statistics.assign_attrs({**results.attrs, **notes})
-
-
-def _check(
-    axes: Mapping[str, Axis],
-    members: int,
-    disturbance: float,
-    quantiles: tuple[float, ...],
-    exponents: int,
-) -> None:
-    """Check the arguments of `ensemble`.
-
-    **Raises:** `ValueError` that names the wrong argument.
-    """
-    require_types("axes", axes, Axis, "an Axis", "pass {name: cj.Axis(path, values)}")
-    taken, expected = sorted({MEMBER, QUANTILE} & set(axes)), f"not named {MEMBER} or {QUANTILE}"
-    require(not taken, "axes", taken, expected, "rename the axis")
-    require_count("members", members, "give a number of runs at each point")
-    require(members > 1, "members", members, "2 or more", "statistics need several runs")
-    require_positive("disturbance", disturbance, "give it in m/s")
-    levels = np.asarray(quantiles, float)
-    inside = levels.ndim == 1 and bool(((levels > 0.0) & (levels < 1.0)).all())
-    require(inside, "quantiles", quantiles, "levels between 0 and 1", "pass for example (0.5,)")
-    fine = isinstance(exponents, int) and (exponents == 0 or 2 <= exponents <= members)
-    expected = f"0, or a whole number from 2 to members = {members}"
-    require(fine, "exponents", exponents, expected, "a standard error needs two runs")
 
 
 def failed_runs(results: "xr.Dataset") -> Bool[np.ndarray, " lanes"]:
@@ -355,7 +337,7 @@ def failed_runs(results: "xr.Dataset") -> Bool[np.ndarray, " lanes"]:
     A lane failed if its result code is not `successful`, whether its run ended early or was never
     started, for example because of impossible parameters.
     """
-    return results["result"].values != result_number(RESULTS.successful)
+    return results["result"].values != SUCCESSFUL
 
 
 def number_failed(results: "xr.Dataset") -> Labelled:
@@ -386,7 +368,7 @@ def _statistics(
     results: "xr.Dataset",
     labels: Mapping[str, tuple],
     shape: tuple[int, ...],
-    quantiles: tuple[float, ...],
+    levels: Float[np.ndarray, " q"],
 ) -> "xr.Dataset":
     """Return the statistics of all outputs over the members at each point.
 
@@ -395,11 +377,10 @@ def _statistics(
     - `results`: of the zipped sweep; the members of a point are successive lanes.
     - `labels`: for each axis by name, the coordinate of the dataset: name, values and attributes.
     - `shape`: number of values of each axis, then the number of members.
-    - `quantiles`: levels between 0 and 1.
+    - `levels`: of the quantiles, between 0 and 1.
     """
     import xarray as xr
 
-    levels = np.asarray(quantiles, float)
     found = xr.Dataset(coords={**labels, QUANTILE: levels})
     failed = failed_runs(results).reshape(shape).sum(axis=-1)
     found["failed"] = tuple(labels), failed, {"long_name": "number of failed runs"}
@@ -452,10 +433,9 @@ def _quantile_errors(
 def _lyapunov_exponent(
     scene: Scene,
     state: State,
-    end_time: float,
+    span: tuple[float, float],
     size: float,
     along: Float[np.ndarray, "members v"],
-    start_time: float,
     progress: bool,
 ) -> tuple[float, float]:
     """Return the largest Lyapunov exponent, 1/s, averaged over several starts, and the standard
@@ -469,29 +449,21 @@ def _lyapunov_exponent(
 
     **Arguments:**
 
-    - `start_time`, `end_time`: s.
+    - `span`: start and end of the runs, s.
     - `size`, m/s, and `along`: disturbances of the starts, as in `disturbed_velocities`.
     - `progress`: whether to show a bar for each run.
     """
+    start_time, end_time = span
     axes: dict[str, Axis] = disturbed_axes(scene, state, {}, size, along, start_time)
     times = np.linspace(start_time, end_time, TANGENT_TIMES + 1)[1:]
     points, tangent = growth.points(scene), {growth.DISTURBANCE: growth.disturbance(scene)}
+    given = end_time, tangent, points, times, TANGENT_SETTINGS
+    options = {"start_time": start_time, "throw": False, "progress": progress}
     rates = []
     for k in range(len(along)):
         # The initial state of this member, with its disturbed velocities.
         start = with_values(scene, state, axes, {name: a.values[k] for name, a in axes.items()})[1]
-        found = sensitivities(
-            scene,
-            start,
-            end_time,
-            tangent,
-            points,
-            times,
-            TANGENT_SETTINGS,
-            start_time=start_time,
-            throw=False,
-            progress=progress,
-        )
+        found = sensitivities(scene, start, *given, **options)
         # The result of a failed run contains only the times before its failure.
         if len(found.times) == len(times):
             sizes = growth.sizes(found.derivatives, points)[:, 0]

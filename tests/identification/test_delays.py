@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from clearjoint.identification.comparison import Comparison
 from clearjoint.identification.residuals import experiment, run_misfit, samples
-from clearjoint.identification.screening.misfit_curves import SideBySide
 
 STIFFNESS, MASS, START, NOISE = 50.0, 2.0, 0.3, 1e-3
 LATE = 0.013
@@ -66,7 +66,7 @@ def test_runs_side_by_side_and_with_derivatives_have_the_same_delays(data):
         [0, 0.1],
         [0, -0.05],
     ]
-    lanes = SideBySide(runs, held).chi_squared(points, 40)
+    lanes = Comparison(runs, held).chi_squared(points, 40)
     for point, curve in zip(points, lanes, strict=True):
         found = run_misfit(runs, held, float(TIMES[-1]), point)
         seen = position(np.maximum(TIMES - point[1], 0.0))

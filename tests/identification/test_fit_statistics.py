@@ -15,7 +15,7 @@ from clearjoint import plot
 from clearjoint.identification import goodness_of_fit as statistics
 from clearjoint.identification.identify import _warn
 from clearjoint.identification.levenberg_marquardt import Iteration, Search, WindowSearch
-from clearjoint.identification.residuals import UNREACHED, RunMisfit, parameter_covariance
+from clearjoint.identification.residuals import UNREACHED, RunMisfit
 from clearjoint.information import fisher_information as information
 
 COUNT, NOISE = 200, 0.1
@@ -163,7 +163,7 @@ def test_the_least_seen_direction():
 def test_covariance_is_the_inverse_of_the_information():
     jacobian = np.random.default_rng(0).standard_normal((30, 4)) * [1e-3, 1.0, 1e4, 3.0]
     expected = np.linalg.inv(jacobian.T @ jacobian)
-    found = parameter_covariance(jacobian)
+    found = information.covariance(jacobian)
     deviations = np.sqrt(np.diag(expected))
     np.testing.assert_allclose(
         found / np.outer(deviations, deviations), information.correlation(expected), atol=1e-9

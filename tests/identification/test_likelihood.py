@@ -105,7 +105,6 @@ class Rough:
             [found.covariance, np.eye(1)],
             np.array([20.0]),
             200,
-            6,
             math.inf,
             generator,
         )

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from clearjoint.export.tables import duration
 from clearjoint.identification import checking
+from clearjoint.identification.comparison import Comparison
 from clearjoint.identification.identify import _Problem
-from clearjoint.identification.report import duration
 from clearjoint.identification.residuals import UNREACHED, experiment, samples
-from clearjoint.identification.screening.misfit_curves import SideBySide
 
 STIFFNESS, MASS, START, NOISE = 50.0, 2.0, 0.3, 0.01
 TIMES = np.linspace(0.1, 20.0, 200)
@@ -38,7 +38,7 @@ def data():
 def side_by_side(data, **options):
     settings = replace(cj.presets.derivatives, rtol=1e-8, **options)
     runs = experiment(SCENE, STATE, PARAMETERS, {"x": CHANNEL}, TIMES, 0.0, settings)
-    return SideBySide(runs, samples(data, len(runs.times)))
+    return Comparison(runs, samples(data, len(runs.times)), PARAMETERS)
 
 
 def fitted(data, **options):
@@ -208,6 +208,19 @@ def test_intervals_come_from_a_posterior_where_chi_squared_is_not_quadratic(roug
     assert again.intervals == fit.intervals and again.posterior.runs == fit.posterior.runs
 
 
+@pytest.mark.slow
+def test_sets_of_one_call_have_the_bits_of_calls_of_their_own(rough):
+    """They share the batch of lanes, by which explorations and posteriors run."""
+    again = cj.Measurements({"x": rough["x"].with_noise(np.random.default_rng(7))})
+    options = {"progress": False, "check_runs": 50}
+    with pytest.warns(cj.PoorFitWarning):
+        fits = cj.identify_many(SCENE, STATE, [rough, again], PARAMETERS, **options)
+        alone = [cj.identify(SCENE, STATE, one, PARAMETERS, **options) for one in (rough, again)]
+    for fit, own in zip(fits, alone, strict=True):
+        assert fit.intervals == own.intervals and fit.chi_squared == own.chi_squared
+        assert fit.check.runs == own.check.runs > 50
+
+
 def test_an_interruption_in_the_posterior_keeps_the_fit(rough, monkeypatch):
     def interrupt(*_):
         raise KeyboardInterrupt
@@ -251,7 +264,7 @@ def test_a_valid_covariance_is_confirmed_by_few_runs(data, monkeypatch):
 
 
 def test_an_interrupted_screening_has_no_fit(data, monkeypatch):
-    monkeypatch.setattr(SideBySide, "chi_squared", raising(KeyboardInterrupt()))
+    monkeypatch.setattr(Comparison, "chi_squared", raising(KeyboardInterrupt()))
     with pytest.raises(cj.FitInterrupted, match="before the first run of a search") as stopped:
         fitted(data, starts=cj.Screening(40))
     assert stopped.value.fits == []

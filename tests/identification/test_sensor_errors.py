@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from clearjoint.identification.comparison import Comparison
 from clearjoint.identification.residuals import experiment, run_misfit, samples
-from clearjoint.identification.screening.misfit_curves import SideBySide
 from tests.identification.test_delays import MASS, SCENE, START, STATE, STIFF, V, X
 
 NOISE, STIFFNESS = 1e-3, 50.0
@@ -62,7 +62,7 @@ def test_values_and_derivatives_are_those_of_the_closed_form(seed):
     )
     # The errors of one sensor don't change the reading of the other.
     assert not found.jacobian.reshape(2, -1, 5)[1, :, 1:].any()
-    lanes = SideBySide(runs, held).chi_squared(np.tile(point, (3, 1)), 60)
+    lanes = Comparison(runs, held).chi_squared(np.tile(point, (3, 1)), 60)
     np.testing.assert_allclose(lanes[:, -1], found.chi_squared, rtol=1e-5)
 
 

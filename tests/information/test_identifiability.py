@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from clearjoint.export.tables import percent
 from clearjoint.information import fisher_information as information
 from clearjoint.quantities import ContactForce, Position, Velocity
 from studies.identifiability import instruments as study
@@ -159,7 +160,7 @@ def test_rounding_is_not_named_in_a_sum_that_is_not_determined():
     [(1.0, "100 %"), (0.01234, "1.2 %"), (12.34, "1200 %"), (2e-7, "2e-05 %"), (np.inf, "-")],
 )
 def test_shares_are_rounded_to_two_digits(share, text):
-    assert information.percent(share) == text
+    assert percent(share) == text
 
 
 @pytest.mark.slow

@@ -7,7 +7,8 @@ A point is the coordinates of p parameters: their values on their scales, such a
 import math
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -17,12 +18,11 @@ from ...measurements.series import Measurements
 from ...model.bodies import State
 from ...model.scene import Scene
 from ...parametrisation.parameter import Parameter, check_parameters, values_on
-from ...parametrisation.readings import units_of
 from ...simulation.run.terminal import ProgressBar, telling_of_compiling
 from ...simulation.step import presets
 from ...simulation.step.settings import Settings, settings_or
-from ..residuals import UNREACHED, check_start, experiment, samples
-from ..screening.misfit_curves import SideBySide
+from ..comparison import Comparison, comparison
+from ..residuals import UNREACHED
 from ..starts import Guess, half_widths, start_coordinates
 from .result import Posterior
 from .tempering import ImpossiblePriorError, Target, draw
@@ -177,17 +177,24 @@ def posterior(
     ((64, 1), True)
     """
     begun = time.perf_counter()
-    half = _checked(scene, measurements, parameters, spread, number, seed)
-    times = measurements.times()
-    check_start(start_time, times)
-    outputs = {name: series.channel for name, series in measurements.series.items()}
+    remedy = 'pass cj.Measurements({"probe": cj.Series(...)})'
+    kind = type(measurements).__name__
+    fine = isinstance(measurements, Measurements)
+    require(fine, "measurements", kind, "Measurements", remedy)
+    measurements.check(scene)
+    check_parameters(parameters)
+    half = half_widths(spread, tuple(parameters))
+    remedy = "pass the possible error of each guess"
+    fine = bool(np.all(np.isfinite(half) & (half > 0.0)))
+    require(fine, "spread", spread, "finite and positive for each parameter", remedy)
+    fine, expected = isinstance(number, int) and number >= FEWEST, f"a whole number from {FEWEST}"
+    require(fine, "number", number, expected, "500 points serve up to about five parameters")
+    fine = isinstance(seed, int) and seed >= 0
+    require(fine, "seed", seed, "a whole number from 0", "pass 0")
     settings = settings_or(settings, presets.identification)
-    runs = experiment(scene, state, parameters, outputs, times, start_time, settings)
+    compared = comparison(scene, state, measurements, parameters, start_time, settings)
     centre = start_coordinates(scene, state, parameters, guess, None)[0]
-    side_by_side = SideBySide(runs, samples(measurements, len(runs.times)))
-    series_units = {name: series.unit for name, series in measurements.series.items()}
-    units = units_of(parameters, scene, state, series_units)
-    box, prior = (centre - half, centre + half), _prior(parameters, log_prior)
+    box = centre - half, centre + half
     # The progress is shown as the time up to which the record is in the likelihood.
     bar = ProgressBar(desc="posterior", unit=" steps", leave=False, disable=not progress)
     with telling_of_compiling(bar):
@@ -196,18 +203,14 @@ def posterior(
             bar.set_postfix_str(f"to {time:.4g} s, {runs} runs")
             bar.update()
 
-        found = drawn_posterior(
-            side_by_side, parameters, units, box, prior, number, seed, on_step=on_step
-        )
+        found = drawn_posterior(compared, box, log_prior, number, seed, on_step=on_step)
     return replace(found, seconds=time.perf_counter() - begun)
 
 
 def drawn_posterior(
-    side_by_side: SideBySide,
-    parameters: Mapping[str, Parameter],
-    units: Mapping[str, str],
+    compared: Comparison,
     box: tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]],
-    log_prior: Callable[[Float[np.ndarray, "n p"]], Float[np.ndarray, " n"]],
+    log_prior: LogPrior | None,
     number: int,
     seed: int,
     most_runs: float = math.inf,
@@ -220,11 +223,9 @@ def drawn_posterior(
 
     **Arguments:**
 
-    - `side_by_side`: the runs, and the samples with which they are compared.
-    - `parameters`, `units`: the parameters and the units of their values, by name.
+    - `compared`: the runs, and the samples with which they are compared.
     - `box`: lower and upper ends (p,) of the coordinates, outside which the prior is zero.
-    - `log_prior`: function of points (n, p) in the box that returns the logarithm of the prior
-      density of the coordinates, (n,), up to a constant.
+    - `log_prior`: as in `posterior`.
     - `number`, `seed`: number of points, and seed of the random numbers.
     - `most_runs`: largest number of runs, along the record and in the importance sampling together.
     - `on_step`: function that is called after each step with the time, s, up to which the record is
@@ -234,15 +235,26 @@ def drawn_posterior(
     points of the box, or so few points are possible that they have no covariance;
     `TooManyRunsError` if more than `most_runs` runs are needed.
     """
-    begun = time.perf_counter()
-    lanes = _Lanes(side_by_side, most_runs)
-    target = Target(lanes.curves, side_by_side.count, *box, log_prior)
+    begun, runs, failed = time.perf_counter(), 0, 0
 
-    def after(count: float) -> None:
-        on_step(side_by_side.time(count), lanes.runs)
+    def curves(points: Float[np.ndarray, "n p"], count: int) -> Float[np.ndarray, "n T"]:
+        nonlocal runs, failed
+        if runs + len(points) > most_runs:
+            raise TooManyRunsError(f"more than {most_runs:g} runs")
+        # A missed sample has the residual `UNREACHED`; from it on, the point is impossible.
+        sums = compared.chi_squared(points, count)
+        # Differences of sums have rounding errors, which the factor allows for.
+        grown = np.diff(sums, axis=1, prepend=0.0) >= 0.5 * UNREACHED**2
+        missed = np.maximum.accumulate(grown, axis=1)
+        runs += len(points)
+        failed += int(missed[:, -1].sum())
+        return np.where(missed, np.inf, sums)
 
+    prior = partial(_log_prior, compared.parameters, log_prior)
+    target = Target(curves, compared.count, *box, prior)
+    generator = np.random.default_rng(seed)
     try:
-        drawn = draw(target, number, np.random.default_rng(seed), after)
+        drawn = draw(target, number, generator, lambda count: on_step(compared.time(count), runs))
     except ImpossiblePriorError as error:
         raise ImpossiblePointsError(
             f"The prior is zero at all or almost all points of the box around `guess` ({error}). "
@@ -252,17 +264,17 @@ def drawn_posterior(
         # All weights are zero, or the points with a weight have no covariance.
         few = isinstance(error, np.linalg.LinAlgError)
         raise ImpossiblePointsError(
-            f"{'Almost all' if few else 'All'} points are impossible: {lanes.failed} of "
-            f"{lanes.runs} runs failed or predicted values 1e6 standard deviations off. Centre "
+            f"{'Almost all' if few else 'All'} points are impossible: {failed} of "
+            f"{runs} runs failed or predicted values 1e6 standard deviations off. Centre "
             "`guess` on values with which the scene runs, or change `spread` or `log_prior`."
         ) from error
     # Logarithm of the normal density at a residual of zero, summed over all samples. Weights are
     # inverse standard deviations, and zero where a series has no sample.
-    weights = side_by_side.data.weights
+    weights = compared.data.weights
     constant = float(np.log(weights[weights > 0.0] / math.sqrt(2.0 * math.pi)).sum())
     return Posterior(
-        dict(parameters),
-        dict(units),
+        dict(compared.parameters),
+        dict(compared.units),
         drawn.points,
         constant - 0.5 * drawn.chi_squared,
         modes(drawn.points, drawn.chi_squared),
@@ -270,8 +282,8 @@ def drawn_posterior(
         drawn.error,
         drawn.effective,
         box,
-        lanes.runs,
-        lanes.failed,
+        runs,
+        failed,
         drawn.steps,
         seed,
         time.perf_counter() - begun,
@@ -291,94 +303,25 @@ class TooManyRunsError(ArithmeticError):
     """
 
 
-@dataclass
-class _Lanes:
-    """Chi squared at points, by one run for each point, with a count of the runs.
+def _log_prior(
+    parameters: Mapping[str, Parameter], log_prior: LogPrior | None, points: np.ndarray
+) -> np.ndarray:
+    """Return the logarithms of the prior density at points (n, p) in the box, (n,).
 
-    A point is the coordinates (p,) of the parameters. The runs of several points are computed side
-    by side, as lanes.
+    Points are coordinates; the user's function `log_prior` receives values by name instead. If it
+    is ``None``, the prior is uniform.
 
-    - `side_by_side`: the runs, and the samples with which they are compared.
-    - `most_runs`: largest number of runs that may be made.
-    - `runs`: number of runs so far.
-    - `failed`: number of runs that failed, or whose prediction was 1e6 standard deviations off a
-      sample.
+    **Raises:** `ValueError` if `log_prior` returns another shape, NaN or +infinity; -infinity is a
+    density of zero.
     """
-
-    side_by_side: SideBySide
-    most_runs: float
-    runs: int = field(default=0)
-    failed: int = field(default=0)
-
-    def curves(self, points: Float[np.ndarray, "n p"], count: int) -> Float[np.ndarray, "n T"]:
-        """Return chi squared at points (n, p) over the first 0 to `count` times, (n, count + 1).
-
-        It is infinite from the first sample on that a run misses, or at which its prediction is 1e6
-        standard deviations off.
-
-        **Raises:** `TooManyRunsError`, before any run, if the n runs would exceed `most_runs`.
-        """
-        if self.runs + len(points) > self.most_runs:
-            raise TooManyRunsError(f"more than {self.most_runs:g} runs")
-        # A missed sample has the residual `UNREACHED`; from it on, the point is impossible.
-        curves = self.side_by_side.chi_squared(points, count)
-        # Differences of sums have rounding errors, which the factor allows for.
-        grown = np.diff(curves, axis=1, prepend=0.0) >= 0.5 * UNREACHED**2
-        missed = np.maximum.accumulate(grown, axis=1)
-        self.runs += len(points)
-        self.failed += int(missed[:, -1].sum())
-        return np.where(missed, np.inf, curves)
-
-
-def _prior(
-    parameters: Mapping[str, Parameter], log_prior: LogPrior | None
-) -> Callable[[np.ndarray], np.ndarray]:
-    """Return a function of points (n, p) that returns the logarithms of their prior density, (n,).
-
-    Points are coordinates; the user's function `log_prior` receives values by name instead. If
-    `log_prior` is ``None``, the prior is uniform. The returned function raises a `ValueError` if
-    `log_prior` returns another shape, NaN or +infinity; -infinity is a density of zero.
-    """
-
-    def logarithms(points: np.ndarray) -> np.ndarray:
-        if log_prior is None:
-            return np.zeros(len(points))
-        pairs = zip(parameters.items(), points.T, strict=True)
-        values = {name: values_on(p.scale, row) for (name, p), row in pairs}
-        found = np.asarray(log_prior(values), float)
-        expected, remedy = f"of shape ({len(points)},)", "return a number for each value"
-        require(found.shape == (len(points),), "log_prior", found.shape, expected, remedy)
-        fine = not np.isnan(found).any() and not (found == np.inf).any()
-        remedy = "return -inf for impossible values"
-        require(fine, "log_prior", "NaN or infinity", "finite numbers, or -inf", remedy)
-        return found
-
-    return logarithms
-
-
-def _checked(
-    scene: Scene,
-    measurements: Measurements,
-    parameters: Mapping[str, Parameter],
-    spread: float | Mapping[str, float],
-    number: int,
-    seed: int,
-) -> Float[np.ndarray, " p"]:
-    """Check the arguments of `posterior`, and return half the width of its box, (p,).
-
-    **Raises:** `ValueError` for a wrong argument.
-    """
-    remedy = 'pass cj.Measurements({"probe": cj.Series(...)})'
-    fine, kind = isinstance(measurements, Measurements), type(measurements).__name__
-    require(fine, "measurements", kind, "Measurements", remedy)
-    measurements.check(scene)
-    check_parameters(parameters)
-    half = half_widths(spread, tuple(parameters))
-    remedy = "pass the possible error of each guess"
-    fine = bool(np.all(np.isfinite(half) & (half > 0.0)))
-    require(fine, "spread", spread, "finite and positive for each parameter", remedy)
-    fine, expected = isinstance(number, int) and number >= FEWEST, f"a whole number from {FEWEST}"
-    require(fine, "number", number, expected, "500 points serve up to about five parameters")
-    fine = isinstance(seed, int) and seed >= 0
-    require(fine, "seed", seed, "a whole number from 0", "pass 0")
-    return half
+    if log_prior is None:
+        return np.zeros(len(points))
+    pairs = zip(parameters.items(), points.T, strict=True)
+    values = {name: values_on(p.scale, row) for (name, p), row in pairs}
+    found = np.asarray(log_prior(values), float)
+    expected, remedy = f"of shape ({len(points)},)", "return a number for each value"
+    require(found.shape == (len(points),), "log_prior", found.shape, expected, remedy)
+    fine = not np.isnan(found).any() and not (found == np.inf).any()
+    remedy = "return -inf for impossible values"
+    require(fine, "log_prior", "NaN or infinity", "finite numbers, or -inf", remedy)
+    return found

@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ...export.datasets import AbstractTabular, Labelled, labelled_dataset, texts
+from ...export.tables import duration, estimates_table
 from ...parametrisation.parameter import Parameter, values_on
-from ..report import duration, estimates_table
 
 if TYPE_CHECKING:
     import arviz

@@ -458,7 +458,10 @@ def mutated(
             points = mixture.drawn(number, generator)
             log_ratios = mixture.log_density(moved.points) - mixture.log_density(points)
         else:  # A symmetric step, whose ratio is 1, with logarithm 0.
-            points, log_ratios = moved.points + differences(cloud.points, weights, generator), 0.0
+            # The most efficient length of steps for a normal distribution (ter Braak, 2006).
+            pairs = cloud.points[generator.choice(number, (2, number), p=weights)]
+            length = 2.38 / math.sqrt(2.0 * cloud.points.shape[1])
+            points, log_ratios = moved.points + length * (pairs[0] - pairs[1]), 0.0
         inside = target.holds(points)
         if not inside.any():
             continue
@@ -481,20 +484,6 @@ def fewest_for_covariance(p: int) -> int:
     It is four times p + 1; the covariance of fewer than p + 1 points is singular.
     """
     return 4 * (p + 1)
-
-
-def differences(
-    points: Float[np.ndarray, "n p"],
-    weights: Float[np.ndarray, " n"],
-    generator: np.random.Generator,
-) -> Float[np.ndarray, "n p"]:
-    """Return differences (n, p) of random pairs of weighted points, times 2.38/sqrt(2 p).
-
-    Steps of this length are the most efficient for a normal distribution (ter Braak, 2006).
-    """
-    count, p = points.shape
-    pairs = generator.choice(count, (2, count), p=weights)
-    return 2.38 / math.sqrt(2.0 * p) * (points[pairs[0]] - points[pairs[1]])
 
 
 @dataclass(frozen=True)

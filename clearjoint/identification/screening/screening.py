@@ -11,7 +11,7 @@ Bayesian computation*, 2006), for a misfit that grows with the record.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,10 +20,10 @@ from jaxtyping import Float
 from ...fields.checks import require, require_count
 from ...simulation.run.terminal import ProgressBar, telling_of_compiling
 from .. import goodness_of_fit as statistics
+from ..comparison import Comparison
 from ..levenberg_marquardt import Search, best_search
 from ..starts import half_widths
 from .level_sets import drawn_among, far_apart, finite_level, reached
-from .misfit_curves import SideBySide
 
 LEVEL = 0.99
 """Points fit about as well as the best if their chi squared exceeds the smallest by at most the
@@ -140,25 +140,23 @@ class Screened:
 
 def screen(
     screening: Screening,
-    lanes: SideBySide,
+    lanes: Comparison,
     centre: Float[np.ndarray, " p"],
-    names: Sequence[str],
     number: int,
     progress: bool,
 ) -> Screened:
     """Screen the box around a guess once, and return the points that fit best.
 
     **Arguments:** `screening`: the user's options; `lanes`: the runs, and the samples with which
-    they are compared; `centre`: (p,) coordinates of the guess; `names`: names of the p parameters;
-    `number`: number of the pass, from 0, which changes the random numbers; `progress`: whether to
-    show a progress bar.
+    they are compared; `centre`: (p,) coordinates of the guess; `number`: number of the pass, from
+    0, which changes the random numbers; `progress`: whether to show a progress bar.
 
-    **Raises:** `ValueError` for a name in the `spread` of `screening` that is none of `names`.
+    **Raises:** `ValueError` for a name in the `spread` of `screening` that is no parameter.
     """
     from scipy.special import chdtri
     from scipy.stats import qmc
 
-    spread = half_widths(screening.spread, names)
+    spread = half_widths(screening.spread, tuple(lanes.parameters))
     excess = float(chdtri(len(centre), 1.0 - LEVEL))
     generator = np.random.default_rng(screening.seed + number)
     box = qmc.LatinHypercube(len(centre), rng=generator)
@@ -200,9 +198,8 @@ def screen(
 
 def search_screened(
     screening: Screening,
-    lanes: SideBySide,
+    lanes: Comparison,
     centre: Float[np.ndarray, " p"],
-    names: Sequence[str],
     progress: bool,
     search_from: Callable[[np.ndarray], Search],
 ) -> tuple[Screened, ...]:
@@ -219,11 +216,11 @@ def search_screened(
     **Raises:** `ValueError` as `screen`, and the errors of `search_from`, such as a
     `KeyboardInterrupt` by the user, which end the passes.
     """
-    degrees_of_freedom = lanes.data.count - len(names)
+    degrees_of_freedom = lanes.data.count - len(centre)
     searches: list[Search] = []
     screened: list[Screened] = []
     for number in range(screening.passes):
-        screened.append(screen(screening, lanes, centre, names, number, progress))
+        screened.append(screen(screening, lanes, centre, number, progress))
         searches += map(search_from, screened[-1].starts)
         chi_squared = best_search(searches).best.chi_squared
         # Also ends without degrees of freedom, where the probability is NaN.

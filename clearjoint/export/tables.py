@@ -1,9 +1,35 @@
-"""Text of the reports of fits and posteriors: the table of estimates, and numbered sentences."""
+"""Text of reports: tables with aligned columns, numbers, durations and numbered sentences."""
 
 import math
 from collections.abc import Mapping, Sequence
 
-from ..information.fisher_information import aligned
+import numpy as np
+
+
+def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return the lines of a table with aligned columns.
+
+    **Arguments:** `rows`: for each row its cells as texts, equally many in all rows. The first row
+    is the head of the table, and the first text of each other row is its label.
+    """
+    import pandas as pd
+
+    (corner, *head), *body = rows
+    labels = [label for label, *_ in body]
+    columns = pd.Index(head, name=corner)
+    table = pd.DataFrame([cells for _, *cells in body], labels, columns)
+    return [line.rstrip() for line in table.to_string().splitlines()]
+
+
+def percent(share: float) -> str:
+    """Return `share` in percent as text with two significant digits; "-" if it is not finite."""
+    return f"{number(100.0 * share)} %" if np.isfinite(share) else "-"
+
+
+def number(value: float, digits: int = 2) -> str:
+    """Return `value` as text with `digits` significant digits; "-" if it is not finite."""
+    # Rounded first: 100 with two digits would otherwise be "1e+02".
+    return f"{float(f'{value:.{digits}g}'):g}" if np.isfinite(value) else "-"
 
 
 def estimates_table(

@@ -1,4 +1,5 @@
-"""Curves of chi squared over the record, for many values of the parameters, without derivatives.
+"""Comparison of an experiment with measurements: curves of chi squared over the record, for many
+values of the parameters, without derivatives.
 
 The runs are lanes: they are computed side by side (`clearjoint.simulation.lanes.scheduler`) and
 cost a small fraction of runs with derivatives. Of each run only the curve of chi squared over the
@@ -6,7 +7,8 @@ record is kept. A length of the record is given as a number of its sample times:
 the first k times is that of all samples up to the k-th time.
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import equinox as eqx
@@ -15,13 +17,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, PyTree
 
-from ...compilation import Compiled
-from ...math.vectors import fold_constants
-from ...model.bodies import State
-from ...parametrisation.readings import readings_of_runs
-from ...simulation.lanes.lane import Common, Plan, Task
-from ...simulation.lanes.scheduler import Batch, Ended
-from ..residuals import UNREACHED, Experiment, Samples
+from ..compilation import Compiled
+from ..fields.checks import require
+from ..math.vectors import fold_constants
+from ..measurements.series import Measurements
+from ..model.bodies import State
+from ..model.scene import Scene
+from ..parametrisation.parameter import Parameter
+from ..parametrisation.readings import readings_of_runs, units_of
+from ..simulation.lanes.lane import Common, Plan, Task
+from ..simulation.lanes.scheduler import Batch, Ended
+from ..simulation.step.settings import Settings
+from .residuals import UNREACHED, Experiment, Samples, experiment, samples
 
 LOG = "samples"
 """Name of the table in which each lane records its outputs."""
@@ -30,23 +37,31 @@ TOGETHER = 64
 
 
 @dataclass(frozen=True)
-class SideBySide:
-    """Runs of an experiment as lanes, and the samples with which they are compared.
+class Comparison:
+    """An experiment, and the samples with which its runs are compared.
 
-    Screenings, posteriors and the test of a fit's covariance use it to compute chi squared at many
-    points, without derivatives. A point is the coordinates of the p parameters: their values on
-    their scales.
+    Fits, screenings, posteriors and the test of a fit's covariance share it. Screenings and
+    posteriors compute chi squared at many points, without derivatives. A point is the coordinates
+    of the p parameters: their values on their scales. `comparison` makes it.
 
     - `runs`: scene with its parameters, and the measured outputs.
     - `data`: the samples of S series, in the order of `runs.names`, at the times of `runs`: T times
       with samples, followed by times without samples as padding.
+    - `parameters`, `units`: the parameters and the units of their values, by name.
     """
 
     runs: Experiment
     data: Samples
+    parameters: Mapping[str, Parameter] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
     _batches: list[Batch] = field(default_factory=list, repr=False, compare=False)
-    """The latest batch of lanes, whose compiled programs the next one reuses; empty at first. It is
-    in a list because no field of a frozen dataclass can be replaced."""
+    """The latest batch of lanes, whose compiled programs the next one reuses, also with other
+    measurements; empty at first. It is in a list because no field of a frozen dataclass can be
+    replaced."""
+
+    def of(self, measurements: Measurements) -> "Comparison":
+        """Return the comparison with other measurements of the same channels and times."""
+        return replace(self, data=samples(measurements, len(self.runs.times)))
 
     @property
     def times(self) -> Float[np.ndarray, " T"]:
@@ -81,7 +96,7 @@ class SideBySide:
         residual is replaced by the mean of the residuals at its time and at the `smoothing` - 1
         times before it, which are zero before the first time. 1 means no averaging.
         """
-        p = coordinates.shape[1]
+        runs = self.runs
         instants, sample_indices = self._instants(coordinates, count)
         curves = np.zeros((len(coordinates), count + 1))
         waiting: dict[int, np.ndarray] = {}
@@ -92,8 +107,12 @@ class SideBySide:
             rows = np.stack([waiting.pop(lane) for lane in lanes])
             # Always the same number of rows, so that one compiled program serves all calls.
             filled = np.resize(rows, (TOGETHER, *rows.shape[1:]))
-            if self.runs.sensors.of_values:
-                filled = self._readings(filled, np.resize(coordinates[lanes], (TOGETHER, p)))
+            if runs.sensors.of_values:
+                quantities = dict(zip(runs.names, np.moveaxis(filled, 1, 0), strict=True))
+                at = np.resize(coordinates[lanes], (TOGETHER, coordinates.shape[1]))
+                elapsed = self.times - float(runs.start_time)
+                readings = readings_of_runs(runs.sensors, quantities, elapsed, at)
+                filled = np.stack([np.asarray(readings[name]) for name in runs.names], axis=1)
             columns = np.asarray(_cumulated(self.data, filled, smoothing))
             curves[lanes, 1:] = columns[: len(lanes), :count]
 
@@ -102,7 +121,7 @@ class SideBySide:
             rows, counts = ended.logs[LOG]
             for k, (lane, reached) in enumerate(zip(ended.lanes.tolist(), counts, strict=True)):
                 predicted = np.full((len(sample_indices), len(self.times)), np.nan)
-                parts = zip(predicted, self.runs.names, sample_indices, strict=True)
+                parts = zip(predicted, runs.names, sample_indices, strict=True)
                 for row, name, indices in parts:
                     at = indices[lane if len(indices) > 1 else 0]
                     row[: len(at)] = np.where(at < reached, rows[name][k, at], np.nan)
@@ -120,15 +139,6 @@ class SideBySide:
         if waiting:
             take()
         return curves
-
-    def _readings(
-        self, predicted: Float[np.ndarray, "n S T"], coordinates: Float[np.ndarray, "n p"]
-    ) -> Float[np.ndarray, "n S T"]:
-        """Return the readings of the sensors, with their errors except delays, in n runs."""
-        names, elapsed = self.runs.names, self.times - float(self.runs.start_time)
-        values = dict(zip(names, np.moveaxis(predicted, 1, 0), strict=True))
-        readings = readings_of_runs(self.runs.sensors, values, elapsed, coordinates)
-        return np.stack([np.asarray(readings[name]) for name in names], axis=1)
 
     def _tasks(self, coordinates: np.ndarray, instants: np.ndarray) -> Task:
         """Return the data of n lanes at coordinates (n, p).
@@ -170,12 +180,12 @@ class SideBySide:
           (1, count) if they are the same for all runs.
         """
         runs, lanes, undelayed = self.runs, len(coordinates), self.times[:count]
-        if not runs.delays:
+        if not runs.sensors.delays:
             times = self.times.copy()
             times[count:] = np.inf  # Never reached: nothing is recorded for padding.
             return np.tile(times, (lanes, 1)), [np.arange(count)[None]] * len(runs.names)
         shift = dict.fromkeys(runs.names, np.zeros(lanes))
-        for number, names in runs.delays:
+        for number, names in runs.sensors.delays:
             shift |= dict.fromkeys(
                 names, np.asarray(runs.sensors.value(number, jnp.asarray(coordinates)))
             )
@@ -183,9 +193,9 @@ class SideBySide:
         start = float(runs.start_time)
         queries = {n: np.maximum(undelayed - d[:, None], start) for n, d in shift.items()}
         # All series with the same delay have the same delayed times, so those of the first suffice.
-        delayed = np.concatenate([queries[names[0]] for _, names in runs.delays], axis=1)
+        delayed = np.concatenate([queries[names[0]] for _, names in runs.sensors.delays], axis=1)
         every = np.concatenate([np.tile(undelayed, (lanes, 1)), delayed], axis=1)
-        instants = np.full((lanes, len(self.times) * (1 + len(runs.delays))), np.inf)
+        instants = np.full((lanes, len(self.times) * (1 + len(runs.sensors.delays))), np.inf)
         sample_indices = [np.zeros((lanes, count), int) for _ in runs.names]
         for lane, row in enumerate(every):
             # A lane records rising times, each once: those of all series are merged.
@@ -210,6 +220,32 @@ class SideBySide:
         plan = Plan(runs.scheme, {}, {}, True, runs.max_steps)
         folded_scene = fold_constants(runs.family.base[0], self._varied)
         return Common(plan, folded_scene, runs.start_time, {}, {LOG: runs.outputs}, LOG)
+
+
+def comparison(
+    scene: Scene,
+    state: State,
+    measurements: Measurements,
+    parameters: Mapping[str, Parameter],
+    start_time: float,
+    settings: Settings,
+) -> Comparison:
+    """Return the `Comparison` of a scene with measurements.
+
+    **Arguments:** as in `identify`.
+
+    **Raises:** `ValueError` if `start_time` is after the first sample; also as `experiment` and
+    `units_of`.
+    """
+    times, series = measurements.times(), measurements.series
+    expected = f"no later than the first sample, at {times[0]} s"
+    remedy = "start earlier, or leave samples out by measurements.between(...)"
+    require(bool(start_time <= times[0]), "start_time", start_time, expected, remedy)
+    outputs = {name: one.channel for name, one in series.items()}
+    runs = experiment(scene, state, parameters, outputs, times, start_time, settings)
+    data = samples(measurements, len(runs.times))
+    units = units_of(parameters, scene, state, {name: one.unit for name, one in series.items()})
+    return Comparison(runs, data, dict(parameters), units)
 
 
 @Compiled

@@ -31,13 +31,13 @@ from ..model.bodies import State
 from ..model.scene import Scene
 from ..parametrisation.parameter import PASS_PARAMETERS, Parameter
 from ..quantities.base import Quantity, check_quantity, require_quantity
-from ..result_codes import RESULTS, result_number
 from ..simulation.reductions.base import AbstractReduction
 from ..simulation.reductions.quantities import Peak
+from ..simulation.results.solution import SUCCESSFUL
 from ..simulation.step import presets
 from ..simulation.step.settings import Settings, settings_or
-from ..sweeps.axes import Axis
-from ..sweeps.sweep import sweep
+from .axes import Axis
+from .sweep import sweep
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -212,13 +212,23 @@ def largest_feasible(
     **Raises:** `ValueError` for unsupported arguments, and if the smallest value violates a limit;
     the message then has the peak of the quantity, or says that it is NaN or that the run fails.
     """
-    named = isinstance(quantity, Mapping)
-    quantities: dict[str, Watched] = dict(quantity) if named else {QUANTITY: quantity}
+    quantities = dict(quantity) if isinstance(quantity, Mapping) else {QUANTITY: quantity}
     limits = dict(limit) if isinstance(limit, Mapping) else {QUANTITY: limit}
     draws = {} if draws is None else dict(draws)
-    low, high = _range_on_scale(parameter, between)
-    _check_limits(quantities, limits)
-    _check(scene, quantities, draws, quantile, lanes, tolerance)
+    require_type("parameter", parameter, Parameter, "a Parameter", PASS_PARAMETERS)
+    ends = np.asarray(as_numbers(between), dtype=float)
+    rising = ends.shape == (2,) and bool(np.isfinite(ends).all()) and bool(ends[0] < ends[1])
+    remedy = "pass (smallest, largest), in the unit of the parameter"
+    require(rising, "between", between, "two rising values", remedy)
+    low, high = (float(parameter.scale.coordinate(value)) for value in ends)
+    _check_quantities(scene, quantities, limits)
+    sizes = {name: len(axis.values) for name, axis in draws.items()}
+    expected = "axes of equal length"
+    require(len(set(sizes.values())) < 2, "draws", sizes, expected, "draw them together")
+    require_range("quantile", quantile, 0.0, 1.0, "pass a share of the draws, for example 0.95")
+    require_count("lanes", lanes, "give a number of values in a row")
+    require(lanes > 2, "lanes", lanes, "at least 3", "pass 32")
+    require_positive("tolerance", tolerance, "1e-3 suffices")
     # A quantity without reduction is limited by its peak.
     outputs = {name: as_reduction(one, after) for name, one in quantities.items()}
 
@@ -260,13 +270,9 @@ class LaneMargins:
 
         If both have a margin at a coordinate, that of this object is kept.
         """
-        coordinates = np.concatenate([self.coordinates, others.coordinates])
-        coordinates, kept = np.unique(coordinates, return_index=True)
-        margins, low, high = (
-            np.concatenate([getattr(self, name), getattr(others, name)])[kept]
-            for name in ("margins", "low", "high")
-        )
-        return LaneMargins(coordinates, margins, low, high, self.peak)
+        both = [np.concatenate(pair) for pair in zip(self._rows, others._rows, strict=True)]
+        kept = np.unique(both[0], return_index=True)[1]
+        return LaneMargins(*(row[kept] for row in both), peak=self.peak)
 
     def lowered_by(self, others: "LaneMargins") -> "LaneMargins":
         """Return these margins, with the smaller one where `others` has a margin at a coordinate.
@@ -274,16 +280,14 @@ class LaneMargins:
         A margin that is NaN, of these or of the others, counts as smaller.
         """
         at = np.searchsorted(self.coordinates, others.coordinates)
+        rows = [row.copy() for row in self._rows]
+        for row, other in zip(rows, others._rows, strict=True):
+            row[at] = np.minimum(row[at], other)
+        return LaneMargins(*rows, peak=others.peak if 0 in at else self.peak)
 
-        def lowered(name: str) -> np.ndarray:
-            row = getattr(self, name).copy()
-            row[at] = np.minimum(row[at], getattr(others, name))
-            return row
-
-        peak = others.peak if 0 in at else self.peak
-        return LaneMargins(
-            self.coordinates, lowered("margins"), lowered("low"), lowered("high"), peak
-        )
+    @property
+    def _rows(self) -> tuple[np.ndarray, ...]:
+        return self.coordinates, self.margins, self.low, self.high
 
     def doubtful(self) -> Bool[np.ndarray, " m"]:
         """Return for each interval between neighbouring values, (n - 1,), whether it may hide a
@@ -352,7 +356,7 @@ def lane_margins(
     for name, axis in draws.items():
         axes[name] = Axis(axis.variation, np.tile(axis.values, len(values)))
     results = run(axes=axes, outputs=outputs, zipped=True)
-    successful = results["result"].values == result_number(RESULTS.successful)
+    successful = results["result"].values == SUCCESSFUL
     rows = {}
     for name, limit in limits.items():
         # A failed run counts as a violation.
@@ -589,47 +593,20 @@ class _Search:
         return [as_shown(float(self.parameter.scale.value(u))) for u in lanes.coordinates]
 
 
-def _range_on_scale(parameter: Parameter, between: tuple[float, float]) -> tuple[float, float]:
-    """Return the coordinates of the smallest and the largest value of `between`, after checks.
-
-    **Raises:** `ValueError` for a `parameter` that is no `Parameter`, and for a `between` that is
-    not two finite, rising values on the parameter's scale.
-    """
-    require_type("parameter", parameter, Parameter, "a Parameter", PASS_PARAMETERS)
-    ends = np.asarray(as_numbers(between), dtype=float)
-    rising = ends.shape == (2,) and bool(np.isfinite(ends).all()) and bool(ends[0] < ends[1])
-    remedy = "pass (smallest, largest), in the unit of the parameter"
-    require(rising, "between", between, "two rising values", remedy)
-    low, high = (float(parameter.scale.coordinate(value)) for value in ends)
-    return low, high
-
-
-def _check_limits(outputs: Mapping[str, object], limits: Mapping[str, float]) -> None:
-    """Check that each output has one positive, finite limit, under the same name.
+def _check_quantities(
+    scene: Scene, quantities: Mapping[str, Watched], limits: Mapping[str, float]
+) -> None:
+    """Check the limited quantities, and that each has one positive, finite limit.
 
     **Raises:** `ValueError` otherwise.
     """
-    require(len(outputs) > 0, "quantity", dict(outputs), "one or more quantities", "name one")
+    require(len(quantities) > 0, "quantity", quantities, "one or more quantities", "name one")
     remedy = "give each quantity one limit, under the same name"
-    same = set(outputs) == set(limits)
-    require(same, "limit", sorted(limits), f"one for each of {sorted(outputs)}", remedy)
+    same = set(quantities) == set(limits)
+    require(same, "limit", sorted(limits), f"one for each of {sorted(quantities)}", remedy)
     for name, limit in limits.items():
         argument, remedy = f"limit[{name!r}]", "pass the largest allowed magnitude or distance"
         require_positive(argument, as_number(limit, argument), remedy)
-
-
-def _check(
-    scene: Scene,
-    quantities: Mapping[str, Watched],
-    draws: Mapping[str, Axis],
-    quantile: float,
-    lanes: int,
-    tolerance: float,
-) -> None:
-    """Check the arguments of `largest_feasible` apart from the range and the limits.
-
-    **Raises:** `ValueError` that names the wrong argument.
-    """
     for name, one in quantities.items():
         if isinstance(one, AbstractReduction):
             # The main result of a reduction, which is limited, has the empty name.
@@ -640,10 +617,3 @@ def _check(
         else:
             require_quantity(f"quantity[{name!r}]", one)
             check_quantity(f"quantity[{name!r}]", one, scene)
-    sizes = {name: len(axis.values) for name, axis in draws.items()}
-    expected = "axes of equal length"
-    require(len(set(sizes.values())) < 2, "draws", sizes, expected, "draw them together")
-    require_range("quantile", quantile, 0.0, 1.0, "pass a share of the draws, for example 0.95")
-    require_count("lanes", lanes, "give a number of values in a row")
-    require(lanes > 2, "lanes", lanes, "at least 3", "pass 32")
-    require_positive("tolerance", tolerance, "1e-3 suffices")
