@@ -31,12 +31,10 @@ from .study import Study
 
 
 def description(study: Study) -> Iterator[str]:
-    """Yield the lines of text in which `clearjoint check` describes a study: its scene, and its
-    sections [run], [sweep], [fit] and [wear].
+    """Yield the lines of text in which `clearjoint check` describes a study.
 
     **Raises:** `ValueError`, after the lines about the scene, for a state with which the scene
-    can't run, and for wrong entries of a section, such as names of unknown bodies, joints, forces
-    or numbers.
+    can't run, and for wrong entries of a section, such as names of unknown elements or numbers.
     """
     scene, state, start = study.scene, study.state, study.parts.run.start
     report = constraint_report(scene, state, start)
@@ -51,8 +49,8 @@ def description(study: Study) -> Iterator[str]:
 
 
 def number_paths(study: Study) -> list[str]:
-    """Return a line for each number of the scene and the state, with its path, such as
-    "joints.pin.clearance", its value and its unit."""
+    """Return a line for each number of the scene and the state, with its path, its value and its
+    unit."""
     numbers = {
         written((*prefix, *keys_of(name))): number
         for prefix, tree in (((), study.scene), (("state",), study.state))
@@ -104,15 +102,8 @@ def _length(value: object) -> str:
 
 
 def _require_satisfied(report: ConstraintReport) -> None:
-    """Check that the state satisfies the constraints.
-
-    **Arguments:** `report`: values of the constraints, in m, rad or without unit, and their rates
-    per second.
-
-    **Raises:** `ValueError` if the value of a constraint, or its rate, exceeds
-    `ACCEPTED_VIOLATION`, 1e-6, beyond which no run may start. The message names the violated
-    constraints, at most the three worst.
-    """
+    """Raise `ValueError`, with the three worst constraints, if the value of a constraint, or its
+    rate, exceeds `ACCEPTED_VIOLATION`, beyond which no run may start."""
     sizes = np.maximum(np.abs(report.values), np.abs(report.rates)).reshape(-1)
     worst = [k for k in np.argsort(-sizes)[:3] if sizes[k] > ACCEPTED_VIOLATION]
     if worst:
@@ -123,12 +114,7 @@ def _require_satisfied(report: ConstraintReport) -> None:
 
 def _sections(study: Study) -> Iterator[str]:
     """Check the sections of the study, and yield a line for each; a section [run] without an `end`
-    has no line.
-
-    **Raises:** `ValueError` for elements and numbers that a section names and the scene does not
-    have, with the location in the file, and for other wrong entries, such as an `end` that is not
-    after the start.
-    """
+    has no line."""
     run, fit = study.parts.run, study.parts.fit
     study.check_elements(run.outputs, "run", "outputs")
     study.check_elements(study.sections(), "run", "sections")
@@ -182,11 +168,8 @@ body, end, time between saved states, end of the transient, and duration of a cy
 
 
 def example_texts(mechanism: str, scene: str, study: str) -> tuple[str, str]:
-    """Return the texts of a scene file and a study file for a mechanism.
-
-    **Arguments:** `mechanism`: key of `MECHANISMS`; `scene`, `study`: names of the two files, which
-    occur in the texts.
-    """
+    """Return the texts of a scene file and a study file, named `scene` and `study`, for a
+    mechanism."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "scene.toml"
         save(*MECHANISMS[mechanism](), path)
@@ -201,8 +184,6 @@ def example_texts(mechanism: str, scene: str, study: str) -> tuple[str, str]:
 
 def write_example(mechanism: str, folder: Path) -> tuple[Path, Path]:
     """Write the scene file and the study file of a mechanism into a folder; return their paths.
-
-    **Arguments:** `mechanism`: key of `MECHANISMS`; `folder`: is made if it does not exist.
 
     **Raises:** `ValueError` if one of the files exists; nothing is written then.
     """

@@ -38,13 +38,11 @@ def has_error_stream() -> bool:
 @contextmanager
 def understandable() -> Iterator[None]:
     """Return a context for the body of a command, in which users get sentences instead of
-    tracebacks.
+    tracebacks, and the exit codes above.
 
-    Each warning is printed as one line. An error is printed as one sentence, and the program ends:
-    with exit code 2 for wrong input (`ValueError`, `OSError`, `ImportError`), with 1 for a
-    `RuntimeError`, and with 130 after Ctrl-C. Errors of other types, which are mistakes in this
-    package, keep their tracebacks. `BrokenPipeError`, which means that nobody reads the output any
-    more, is left to click.
+    Errors of types that users don't cause, which are mistakes in this package, keep their
+    tracebacks. `BrokenPipeError`, which means that nobody reads the output any more, is left to
+    click.
     """
     with warnings.catch_warnings():
         warnings.showwarning = _say_warning

@@ -31,12 +31,6 @@ def fit(study: Study, folder: Path) -> CommandResult:
 
     After Ctrl-C, the best fit so far is written; nothing is written if no run had ended.
 
-    **Arguments:** `folder`: folder of the results, which is made if it does not exist.
-
-    **Returns:** the exit code, 0 if the fit converged, 130 after Ctrl-C and 1 otherwise, and a line
-    with the ending, chi squared and the estimates. After Ctrl-C, the line tells instead where the
-    best fit is, if one was written.
-
     **Raises:** `ValueError` for a study without a section [fit], for wrong entries in this section,
     and for a missing or invalid file of measurements.
     """
@@ -96,13 +90,7 @@ def fit(study: Study, folder: Path) -> CommandResult:
 
 
 def _measured(study: Study, part: FitPart, location: FileLocation) -> Measurements:
-    """Return the measurements in the CSV file that the study names, in SI units.
-
-    **Arguments:** `part`: the section [fit]; `location`: its location in the file, for messages.
-
-    **Raises:** `ValueError` for a missing file, and for a file, a column or a unit that `read_csv`
-    refuses.
-    """
+    """Return the measurements in the CSV file that the study names, in SI units."""
     path = study.path.parent / part.measurements
     if not path.exists():
         remedy = f"there is no {path}"
@@ -126,12 +114,7 @@ def _measured(study: Study, part: FitPart, location: FileLocation) -> Measuremen
 
 
 def fit_parameters(study: Study, part: FitPart) -> tuple[dict[str, Parameter], dict[str, float]]:
-    """Return the parameters of the fit, by name, and first guesses in SI units, by name, of those
-    parameters for which the study has one.
-
-    **Raises:** `ValueError` for a path that `find_path` refuses, and for a guess that is no number
-    or has a wrong unit.
-    """
+    """Return the parameters of the fit and their first guesses, in SI units, by name."""
     parameters, guess = {}, {}
     for name, one in part.parameters.items():
         part_location = study.location.at("fit", "parameters", name)
@@ -146,7 +129,6 @@ def fit_parameters(study: Study, part: FitPart) -> tuple[dict[str, Parameter], d
 def _say_iteration(
     parameters: Mapping[str, Parameter], max_iterations: int, iteration: Iteration
 ) -> None:
-    """Print the number, chi squared and parameters of an iteration; `identify` calls it."""
     pairs = zip(parameters.items(), iteration.coordinates, strict=True)
     values = [f"{name} {float(one.scale.value(x)):.6g}" for (name, one), x in pairs]
     rejected = "" if iteration.accepted else " (rejected)"
@@ -157,7 +139,6 @@ def _say_iteration(
 
 
 def _write(found: Fit, folder: Path) -> None:
-    """Write the fitted scene, the estimates, the report and a table of each series."""
     write_scene(folder, found.scene, found.state, "fitted.toml")
     write_table(folder, "estimates", found.to_xarray())
     (folder / REPORT).write_text(f"{found}\n", encoding="utf-8")

@@ -1,7 +1,6 @@
 """Write and read the files in a folder of results."""
 
 import json
-import re
 import time
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
@@ -12,14 +11,17 @@ from zlib import crc32
 import numpy as np
 import xarray as xr
 
-from ..dynamics.formulation import Formulation
-from ..export.datasets import to_frame, write_netcdf
+from ..dynamics.absolute_coordinates import AbsoluteCoordinates
+from ..dynamics.formulation import Baumgarte, Formulation, Projection, Unstabilised
+from ..dynamics.joint_coordinates.coordinates import JointCoordinates
+from ..export.datasets import describe, to_frame, write_netcdf
 from ..fields.cautions import quiet
-from ..fields.checks import errors_about, require
 from ..model.bodies import BodyState, State
 from ..model.scene import Scene
 from ..result_codes import RESULTS
-from ..scene_files.files import load, save
+from ..scene_files.documents import FileLocation, listed
+from ..scene_files.files import Writer, load, save
+from ..scene_files.reading import Reader
 from ..simulation.results.impact_table import Impacts
 from ..simulation.results.solution import (
     BRISTLES,
@@ -44,6 +46,14 @@ DRAWN = "drawn"
 """Name of the netCDF file of further states of a run between the saved ones, for its figures."""
 NUMBERS = "numbers.csv"
 """File of the outputs that are one number of the run."""
+FORMULATION = "formulation"
+"""Attribute of the table of saved states: the formulation of the equations of motion, as JSON."""
+EARLIER = {
+    "coordinates": (AbsoluteCoordinates(), JointCoordinates()),
+    "stabilisation": (Baumgarte(), Projection(), Unstabilised()),
+}
+"""Coordinates and stabilisations that are recognised by their texts, in tables without
+`FORMULATION`."""
 SECTION = "section "
 """Prefix of the names of the tables of Poincaré sections."""
 STORE, WEAR_STORE = "sweep.zarr", "wear.zarr"
@@ -58,13 +68,8 @@ Summary = Mapping[str, str | int | float]
 
 
 def write_summary(folder: Path, kind: str, study: Study, results: Summary) -> None:
-    """Write the file with the summary of the results, for users and for `clearjoint report`.
-
-    The summary has the kind and the title of the results, the path of the study's file, `results`,
-    and the time, s, since that file was read.
-
-    **Arguments:** `kind`: "run", "sweep", "fit" or "wear"; `results`: further entries by name.
-    """
+    """Write the summary of results: kind, title, path of the study's file, `results`, and the time,
+    s, since that file was read."""
     seconds = round(time.perf_counter() - study.started, 2)
     title = study.parts.title or study.path.stem
     head = {"kind": kind, "title": title, "file": str(study.path)}
@@ -73,10 +78,7 @@ def write_summary(folder: Path, kind: str, study: Study, results: Summary) -> No
 
 
 def read_summary(folder: Path) -> dict[str, str | int | float]:
-    """Return the entries of the summary by name, among them "kind" and "title".
-
-    **Raises:** `ValueError` for a folder without results.
-    """
+    """Return the entries of the summary; `ValueError` for a folder without results."""
     if not (folder / SUMMARY).is_file():
         raise ValueError(
             f"{folder}: found no {SUMMARY}, expected a folder of results: pass the folder that "
@@ -86,8 +88,8 @@ def read_summary(folder: Path) -> dict[str, str | int | float]:
 
 
 def write_scene(folder: Path, scene: Scene, state: State, name: str = SCENE) -> None:
-    """Write a scene and a state to the scene file `name` in the folder. Write nothing if they can't
-    be saved: a failed run may have ended in a state with NaN."""
+    """Write a scene file, or nothing if scene and state can't be saved: a failed run may have ended
+    in a state with NaN."""
     with suppress(ValueError):
         save(scene, state, folder / name)
 
@@ -95,12 +97,10 @@ def write_scene(folder: Path, scene: Scene, state: State, name: str = SCENE) -> 
 def remove_old(folder: Path, tables: Iterable[str] = (), files: Iterable[str] = ()) -> None:
     """Remove figures, tables and files of earlier results of a command from its folder.
 
-    If they were kept, the new page would also show those that the command does not write again,
-    such as the figure of an output that is no longer in the study. A folder without a summary does
-    not contain results, so nothing is removed from it.
+    If they were kept, the new page would also show those that the command does not write again. A
+    folder without a summary does not contain results, so nothing is removed from it.
 
-    **Arguments:** `tables`: names of tables, as for `write_table`, and `files`: names of files;
-    "*" in a name stands for any characters.
+    **Arguments:** `tables`, `files`: names; "*" in a name stands for any characters.
     """
     if (folder / SUMMARY).is_file():
         both = [f"{table}.{suffix}" for table in tables for suffix in ("nc", "csv")]
@@ -112,9 +112,8 @@ def remove_old(folder: Path, tables: Iterable[str] = (), files: Iterable[str] = 
 def file_name(name: str) -> str:
     """Return the name of the file, without suffix, for the table or figure with the given name.
 
-    Slashes are replaced by "_". Of a long name only the start and the end are kept, because file
-    systems allow names of at most 255 bytes. A name that was changed gets a checksum, so that
-    different names give different files.
+    Slashes are replaced, and long names shortened, because file systems allow names of at most 255
+    bytes. A name that was changed gets a checksum, so that different names give different files.
     """
     safe = name.replace("/", "_")
     if len(safe.encode()) > 200:
@@ -123,8 +122,7 @@ def file_name(name: str) -> str:
 
 
 def write_table(folder: Path, name: str, table: xr.Dataset) -> None:
-    """Write a dataset to the files `name`.nc (netCDF) and `name`.csv, with the name changed by
-    `file_name` if files can't have it."""
+    """Write a dataset to `name`.nc (netCDF) and `name`.csv, changed by `file_name` if needed."""
     file = file_name(name)
     # The name of the table is kept as an attribute, because the name of the file may differ.
     write_netcdf(table.assign_attrs(table=name), folder / f"{file}.nc")
@@ -143,14 +141,10 @@ def read_table(folder: Path, name: str) -> xr.Dataset | None:
 
 def read_run(folder: Path) -> tuple[Scene, Solution]:
     """Return the scene and the solution of a run in a folder, from which the figures of the run can
-    be drawn again.
-
-    The field `steps` of the solution is None, since the accepted steps are not stored. If the run
-    ended with a message that this version of the package does not know, the result code is
-    `max_steps_reached`.
+    be drawn again. The accepted steps are not stored.
 
     **Raises:** `ValueError` for a folder without saved states or without the file of the scene, and
-    for coordinates or a stabilisation of a class that this version does not know.
+    for coordinates or a stabilisation that this version does not know.
     """
     motion = read_table(folder, MOTION)
     if motion is None or not (folder / SCENE).exists():
@@ -165,9 +159,9 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
     # The file has the message of the result instead of its code. The message of another version may
     # be unknown here; such a run counts as one that was not finished.
     results = {RESULTS[item]: item for item in RESULTS._name_to_item.values()}
-    with errors_about(f"{folder / MOTION}.nc"):
-        formulation = formulation_of(motion.attrs, bool(names))
     impacts = read_table(folder, IMPACTS)
+    columns = {} if impacts is None else {f.name: impacts[f.name].values for f in fields(Impacts)}
+    columns |= {name: columns[name].astype(object) for name in ("joint", "contact") if columns}
     solution = Solution(
         time=float(motion.attrs["time_reached"]),
         final=_state(scene, motion, "final_"),
@@ -177,8 +171,8 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
         saved=Trajectory(motion["time"].values, _state(scene, motion)),
         saved_count=motion.sizes["time"],
         steps=None,
-        impacts=None if impacts is None else _impacts(impacts),
-        formulation=formulation,
+        impacts=None if impacts is None else Impacts(**columns),
+        formulation=read_formulation(motion.attrs, FileLocation(f"{folder / MOTION}.nc")),
         redundant_constraints=names,
         sections=_sections(folder),
         settings=tuple(
@@ -200,40 +194,39 @@ def read_drawn(folder: Path, scene: Scene, solution: Solution) -> Solution:
     return replace(solution, saved=path, saved_count=len(path))
 
 
-def formulation_of(notes: Mapping[str, object], redundant: bool) -> Formulation:
-    """Return the formulation of a run: its coordinates, its stabilisation of constraints, and
-    whether it integrates the energy ledger (powers of damping, friction, films, drives and
-    stabilisation).
+def formulation_text(formulation: Formulation) -> str:
+    """Return the JSON text of a run's formulation, for the attribute `FORMULATION` of its table."""
+    return json.dumps(Writer().table(formulation, FileLocation(MOTION)))
 
-    **Arguments:**
 
-    - `notes`: attributes of a table of the run. The attributes "setting_coordinates",
-      "setting_stabilisation" and "setting_ledger" are texts such as
-      "Baumgarte(alpha=5.0, beta=5.0)"; the defaults of `Formulation` replace absent ones.
-    - `redundant`: whether some constraints depend on others.
+def read_formulation(notes: Mapping[str, object], location: FileLocation) -> Formulation:
+    """Return the formulation of a run from the attributes of its table.
 
-    **Raises:** `ValueError` for a class that this version of the package does not know.
+    Tables of earlier versions lack the attribute `FORMULATION`. Their formulation is found only if
+    its coordinates and stabilisation have no numbers, or the default ones.
+
+    **Arguments:** `location`: of the table, for messages.
+
+    **Raises:** `ValueError` for a formulation that is unknown to this version, or not found.
     """
+    if FORMULATION in notes:
+        table = json.loads(str(notes[FORMULATION]))
+        return Reader(CLASSES).instance(Formulation, table, location.at(FORMULATION))
     chosen = {}
-    # A text names a class and its fields, from which the object is made again.
     for name in ("coordinates", "stabilisation"):
-        kind, _, arguments = str(notes.get(f"setting_{name}", "")).partition("(")
-        if kind:
-            numbers = re.findall(r"(\w+)=([^,)]+)", arguments)
-            known = [one for one in CLASSES if one.__name__ == kind]
-            expected, remedy = "a class of this version", "run `clearjoint run` again"
-            require(len(known) == 1, f"setting_{name}", kind, expected, remedy)
-            chosen[name] = known[0](**{key: float(number) for key, number in numbers})
-    ledger = notes.get("setting_ledger") == "True"
+        known = {describe(one): one for one in EARLIER[name]}
+        text = str(notes[f"setting_{name}"])
+        if text not in known:
+            remedy = "run `clearjoint run` again"
+            location.at(f"setting_{name}").refuse(text, f"one of {listed(known)}", remedy)
+        chosen[name] = known[text]
+    redundant, ledger = notes["redundant_constraints"] != "none", notes["setting_ledger"] == "True"
     return Formulation(**chosen, redundant=redundant, ledger=ledger)
 
 
 def _state(scene: Scene, table: xr.Dataset, prefix: str = "") -> State:
-    """Return the state, or the states at N times, in a table of states.
-
-    **Arguments:** `table`: arrays such as "position" along "body" and "component", with or without
-    a first axis of times; `prefix`: text in front of their names, "final_" for the final state.
-    """
+    """Return the state, or the states at N times, in a table of states, whose arrays have names
+    with the `prefix`."""
     bodies = {
         name: BodyState(*(table[prefix + part].sel(body=name).values for part in STATE_PARTS))
         for name in scene.bodies
@@ -249,13 +242,8 @@ def _state(scene: Scene, table: xr.Dataset, prefix: str = "") -> State:
 def _by_contact(
     scene: Scene, table: xr.DataArray | None, dim: str
 ) -> dict[str, dict[str, np.ndarray]]:
-    """Return the values of one state variable of the contacts, by joint and contact.
-
-    Contacts that are not in the table are left out.
-
-    **Arguments:** `table`: array of the variable, None if no contact has this variable; `dim`:
-    dimension of the array along the contacts, which are named as by `contact_label`.
-    """
+    """Return the values of one state variable of the contacts along `dim`, by joint and contact;
+    contacts that are not in the table are left out."""
     by_joint: dict[str, dict[str, np.ndarray]] = {}
     for joint, family in ({} if table is None else scene.laws()).items():
         for contact in family:
@@ -263,12 +251,6 @@ def _by_contact(
                 values = table.sel({dim: label}).values  # pyright: ignore
                 by_joint.setdefault(joint, {})[contact] = values
     return by_joint
-
-
-def _impacts(table: xr.Dataset) -> Impacts:
-    columns = {f.name: table[f.name].values for f in fields(Impacts)}
-    names = {name: columns[name].astype(object) for name in ("joint", "contact")}
-    return Impacts(**{**columns, **names})
 
 
 def _sections(folder: Path) -> dict[str, Crossings]:

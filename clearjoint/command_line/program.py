@@ -23,13 +23,8 @@ input is wrong; 130 interrupted by Ctrl-C (results so far are written).
 
 
 def command(name: str, *examples: str) -> Callable[[Callable], click.Command]:
-    """Return a decorator that makes a function a command of the program.
-
-    The docstring of the function is the help of the command, and its errors are printed as
-    sentences (`understandable`).
-
-    **Arguments:** `name`: name of the command; `examples`: command lines for the help.
-    """
+    """Return a decorator that makes a function a command, whose help is the docstring with
+    `examples`."""
     lines = "\n".join(f"  {example}" for example in examples)
 
     def decorate(function: Callable) -> click.Command:
@@ -266,8 +261,7 @@ def main() -> None:
 
 
 def _prepare() -> None:
-    """Set matplotlib up to draw files, and configure JAX. If JAX is configured already, as in a
-    process that calls several commands, its configuration is left as it is."""
+    """Let matplotlib draw files, and configure JAX, unless it is configured already."""
     import jax
     import matplotlib
 
@@ -286,12 +280,8 @@ def _read_study(
 ) -> "Study":
     """Read a study file or a scene file for a command.
 
-    **Arguments:**
-
-    - `changes`: texts of the options --set, such as "joints.pin.clearance=0.2mm".
-    - `section`: section of the study that `options` change, such as "run".
-    - `options`: values of other options, None if they are not given, by the names of the entries
-      that they replace in the section, such as "end".
+    **Arguments:** `changes`: texts of the options --set; `section`, `options`: section of the study
+    and values, unless None, of other options by the names of its entries that they replace.
     """
     _prepare()
     from .study import read_study
@@ -311,10 +301,7 @@ def _compute(
     """Call the function that computes a command, print its result, and exit with its code. The last
     printed line ends with the path of the page or, without results, with "nothing was written".
 
-    **Arguments:** `command`: name of the command and of its section in a study; `function`:
-    takes the study and the folder of the results, and computes and writes the results; `file`: the
-    study or scene file; `out`: folder of the results, by default results/<name of the
-    file>/<command>; `changes`, `options`: see `_read_study`.
+    By default, the folder of the results, `out`, is results/<name of the file>/<command>.
     """
     from .folders import PAGE
 

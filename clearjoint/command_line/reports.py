@@ -46,14 +46,8 @@ from .folders import (
 
 
 def _draw_run(folder: Path, scene: Scene, solution: Solution) -> None:
-    """Draw the figures of a run, and write its report on one page with `plot.report`.
-
-    The figures show the path of each journal in its bearing (orbit), the forces of each joint with
-    contacts, energies, outputs and Poincaré sections.
-
-    **Arguments:** `folder`: folder of the results, which contains the summary and, if the run has
-    outputs at the saved states, their table; `solution`: the run, with saved states.
-    """
+    """Draw the orbits of the journals, the forces of the joints with contacts, energies, outputs
+    and Poincaré sections of a run, and write its report on one page with `plot.report`."""
     observed = observe(scene, solution)
     for name, joint in scene.contact_joints().items():
         if isinstance(joint, HasJournal):
@@ -74,8 +68,7 @@ def _draw_run(folder: Path, scene: Scene, solution: Solution) -> None:
 
 
 def worn_parts(found: xr.Dataset) -> list[tuple[str, Part]]:
-    """Return the parts that have worn in a result of `clearjoint.wear`, each as the name of its
-    joint and "bearing" or "journal"."""
+    """Return the parts that have worn, each as the name of its joint and "bearing" or "journal"."""
     return [
         (str(joint), part)
         for joint in found["joint"].values
@@ -85,11 +78,8 @@ def worn_parts(found: xr.Dataset) -> list[tuple[str, Part]]:
 
 
 def _draw_output(folder: Path, dataset: xr.Dataset, name: str, axes: list[str]) -> None:
-    """Draw one output of a sweep over the axes with the given names.
-
-    An output whose values are all NaN or infinite is not drawn. For more than two axes, a note is
-    printed instead.
-    """
+    """Draw one output of a sweep over the axes with the given names, unless all values are NaN or
+    infinite. For more than two axes, a note is printed instead."""
     if not np.isfinite(dataset[name].values).any():
         return
     if len(axes) == 1 or dataset["result"].dims == ("lane",):
@@ -108,7 +98,7 @@ def _draw_output(folder: Path, dataset: xr.Dataset, name: str, axes: list[str]) 
 
 def _mark_peaks(forces: Axes, impacts: Impacts | None, joint: str) -> None:
     """Mark the peaks of a joint's impacts as dots in the figure of its contact forces, since saved
-    states may miss them. Do nothing without impacts."""
+    states may miss them."""
     if impacts is None or not (of_joint := impacts.joint == joint).any():
         return
     # The figure has chosen its units, which its labels tell.
@@ -121,8 +111,8 @@ def _mark_peaks(forces: Axes, impacts: Impacts | None, joint: str) -> None:
 
 
 def _draw_section(crossings: Crossings) -> Axes:
-    """Draw the crossings of a Poincaré section: its second channel over the first one, or a single
-    channel over time. Further channels are not drawn."""
+    """Draw the second channel of a Poincaré section over the first one, or a single channel over
+    time."""
     channels = [(name, row, crossings.units[name]) for name, row in crossings.values.items()]
     if len(channels) == 1:
         channels.insert(0, ("time", crossings.times, "s"))
@@ -130,11 +120,8 @@ def _draw_section(crossings: Crossings) -> Axes:
 
 
 def _over_time(output: xr.DataArray) -> Axes:
-    """Draw an output at the saved states over time.
-
-    If the attributes of the output contain its largest and smallest value in the whole run, these
-    are marked as dots, since saved states may miss them.
-    """
+    """Draw an output at the saved states over time, with dots at its extremes in the whole run,
+    which saved states may miss, if its attributes contain these."""
     axes = plot.style.axes_or_new(None)
     times, values = scaled(output["time"]), scaled(output)
     axes.plot(times.values, values.values, color=plot.style.BLUE, linewidth=1.4)
@@ -147,11 +134,6 @@ def _over_time(output: xr.DataArray) -> Axes:
 
 
 def _save(folder: Path, name: str, axes: Axes) -> None:
-    """Write the figure of the axes to a PNG file in the folder of figures.
-
-    **Arguments:** `folder`: folder of the results; `name`: name of the figure, from which that of
-    the file is made.
-    """
     file = file_name(name.replace(" ", "_"))
     (folder / FIGURES).mkdir(exist_ok=True)
     figure = axes.get_figure(root=True)
@@ -174,10 +156,8 @@ STYLE = Path(__file__).parent / "templates" / "page.css"
 def write_report(folder: Path) -> None:
     """Draw the figures of the results in a folder again, and write the HTML page that shows them.
 
-    For a fit, only the page is written, with the existing figures. They can't be drawn again, since
-    the folder does not contain all of the data.
-
-    **Raises:** `ValueError` for a folder without results.
+    For a fit, only the page is written, with the existing figures: the folder lacks some of the
+    data.
     """
     kind = read_summary(folder)["kind"]
     if kind == "run":
@@ -191,11 +171,8 @@ def write_report(folder: Path) -> None:
 
 
 def write_run_report(folder: Path) -> None:
-    """Write the page of a run from the files in its folder.
-
-    If the folder contains the table of saved states, the figures of the run and its report on one
-    page are drawn, too, and the 3D animation is written if the packages for it are installed.
-    """
+    """Write the page of a run from the files in its folder and, if the folder contains the saved
+    states, its figures, its report on one page, and the 3D animation."""
     parts = []
     if (folder / NUMBERS).exists():
         numbers = pd.read_csv(folder / NUMBERS).set_index("output")
@@ -218,12 +195,9 @@ def write_sweep_report(folder: Path, dataset: xr.Dataset) -> None:
 
     The figures show outputs over the axes, and bifurcation diagrams. For one axis, an output is
     drawn as a curve over it. For two axes there is a curve for each value of the second axis or, if
-    it has more than six values, a map of colours over both axes. For more axes, a note is printed
-    instead. If the axes are zipped, so that they vary together, outputs are drawn over the first
-    axis only. Bifurcation diagrams show the channels of Poincaré sections. They are drawn only over
-    a single axis, or over the first of zipped axes.
-
-    **Arguments:** `folder`: folder of the results; `dataset`: result of the sweep.
+    it has more than six values, a map of colours over both axes. If the axes are zipped, so that
+    they vary together, outputs are drawn over the first axis only. Bifurcation diagrams show the
+    channels of Poincaré sections over a single axis, or over the first of zipped axes.
     """
     frame = lane_table(dataset)
     frame.to_csv(folder / "sweep.csv", index=False)
@@ -250,8 +224,7 @@ def write_sweep_report(folder: Path, dataset: xr.Dataset) -> None:
 
 
 def write_fit_report(folder: Path, found: Fit) -> None:
-    """Draw the figures of a fit, and write its page. The figures are the measured series with their
-    predictions and, for two or more estimated parameters, the correlations of these."""
+    """Draw the fitted series and the correlations of a fit, and write its page."""
     _save(folder, "fitted", plot.fitted(found)[0, 0])
     if len(found.parameters) > 1:
         _save(folder, "correlations", plot.correlations(found))
@@ -260,11 +233,7 @@ def write_fit_report(folder: Path, found: Fit) -> None:
 
 def write_wear_report(folder: Path, found: xr.Dataset) -> None:
     """Write the figures and the page of a result of `clearjoint.wear`, and CSV tables of its stages
-    and of the worn profiles.
-
-    One figure for each bearing or journal that has worn shows the worn depth around its axis. Three
-    more show the largest depths, the worn volumes and the largest forces over the cycles.
-    """
+    and of the worn profiles."""
     frame = stage_table(found)
     frame.to_csv(folder / STAGES, index=False)
     profiles, depths, volumes = {"angle [rad]": found["angle"].values}, {}, {}
@@ -301,12 +270,10 @@ def write_wear_report(folder: Path, found: xr.Dataset) -> None:
 def stage_table(found: xr.Dataset) -> pd.DataFrame:
     """Return a table with a row for each stage of a result of `clearjoint.wear`.
 
-    A stage begins with a run of the mechanism as worn so far, whose wear is then extrapolated over
-    many cycles. The last row is the worn state at the end; no run follows, so its forces are NaN.
-
-    **Returns:** a data frame with the number of cycles before the stage; the largest force, N, in
-    each joint during the stage's run; and, for each bearing and journal that has worn, the largest
-    and the mean worn depth, m, and the worn volume, m^3, before the stage.
+    Its columns are the number of cycles before the stage; the largest force, N, in each joint
+    during the stage's run; and, for each bearing and journal that has worn, the largest and the
+    mean worn depth, m, and the worn volume, m^3, before the stage. The last row is the worn state
+    at the end; no run follows, so its forces are NaN.
     """
     columns = {"cycles": found["cycles"].values}
     for joint in found["joint"].values:
@@ -321,12 +288,9 @@ def stage_table(found: xr.Dataset) -> pd.DataFrame:
 
 
 def write_page(folder: Path, *parts: str) -> None:
-    """Write the HTML page of a folder of results, which loads nothing from the network.
-
-    The page contains the summary, the text files, the figures, `parts`, and links to all files.
-
-    **Arguments:** `parts`: further parts of the page, such as tables, as HTML.
-    """
+    """Write the HTML page of a folder of results, which loads nothing from the network: the
+    summary, the text files, the figures, `parts`, which is HTML such as tables, and links to all
+    files."""
     summary = read_summary(folder)
     title = escape(str(summary.pop("title")))
     # Options of a setting that are None are left out: "Tsit5" for "Tsit5(scan_kind=None)".
@@ -355,8 +319,7 @@ def write_page(folder: Path, *parts: str) -> None:
 
 
 def _picture(path: Path) -> str:
-    """Return the HTML of a figure with a caption, the name of its PNG file without the suffix. The
-    HTML contains the data of the picture."""
+    """Return the HTML of a figure, with the data of its PNG file, and of its caption."""
     content = path.read_bytes()
     data = base64.b64encode(content).decode()
     name = escape(path.stem.replace("_", " "))
@@ -368,16 +331,15 @@ def _picture(path: Path) -> str:
 
 
 def _table(title: str, frame: pd.DataFrame, rows: int) -> str:
-    """Return the HTML of a heading and of the first `rows` rows of a data frame, with a note if
-    there are more."""
+    """Return the HTML of the first `rows` rows of a data frame, with a note if there are more."""
     shown = frame.head(rows).to_html(float_format="{:.5g}".format, border=0)
     more = f"<p>{rows} of {len(frame)} rows</p>" if len(frame) > rows else ""
     return f"<h2>{escape(title)}</h2>{shown}{more}"
 
 
 def lane_table(dataset: xr.Dataset) -> pd.DataFrame:
-    """Return a table with a row for each lane (run) of a sweep: the values of the axes, and the
-    outputs that are one number of the lane."""
+    """Return a table with a row for each lane of a sweep: the values of the axes, and the outputs
+    that are one number of the lane."""
     dims = dataset["result"].dims
     table = dataset[[name for name in dataset.data_vars if dataset[name].dims == dims]]
     # A sweep over a grid has a dimension for each axis. The lanes become one list, in which the
@@ -390,8 +352,6 @@ def lane_table(dataset: xr.Dataset) -> pd.DataFrame:
 
 
 def _write_view(folder: Path, scene: Scene, solution: Solution) -> None:
-    """Write the page with the 3D animation, or print a note if the packages for it are not
-    installed."""
     try:
         view(scene, solution).save(folder / VIEW)
     except ImportError as error:

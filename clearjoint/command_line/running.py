@@ -69,12 +69,6 @@ def run(study: Study, folder: Path) -> CommandResult:
 
     If the run fails, or if Ctrl-C interrupts it, the results so far are written.
 
-    **Arguments:** `folder`: folder of the results, which is made if it does not exist.
-
-    **Returns:** the exit code, 0 if the run reached its end, 130 after Ctrl-C and 1 otherwise, and
-    a line with the number of steps, the time reached and, for a scene with contacts, the number of
-    impacts and the largest force of a contact.
-
     **Raises:** `ValueError` for wrong entries in the section [run], such as an `end` that is
     missing or not after the start, and for a state with which the scene can't run.
     """
@@ -151,12 +145,10 @@ def run(study: Study, folder: Path) -> CommandResult:
 
 
 def reductions_of(part: RunPart, settings: Settings) -> dict[str, AbstractReduction]:
-    """Return the reductions that a run computes, by name.
+    """Return the reductions that a run computes, by name: those among its outputs and, for each
+    quantity whose unit is in `SHARP`, two that find its extremes, also between saved states.
 
-    These are the reductions among the outputs of the section [run] and, for each quantity among the
-    outputs whose unit is in `SHARP`, two reductions that find the largest and the smallest value of
-    the quantity, also between saved states. These two need the solver's dense output. If the solver
-    has none, they are left out, and a warning is printed.
+    The latter need the solver's dense output; without, they are left out, and a warning is printed.
     """
     chosen = {n: one for n, one in part.outputs.items() if isinstance(one, AbstractReduction)}
     extremes: dict[str, AbstractReduction] = {}
@@ -179,12 +171,10 @@ def reductions_of(part: RunPart, settings: Settings) -> dict[str, AbstractReduct
 
 
 def saved_times(part: RunPart, end: float) -> np.ndarray:
-    """Return the times (N,), s, at which a run's states are saved, from its start on.
+    """Return the times (N,), s, at which a run's states are saved.
 
-    If `save_every` is None, there are `FRAMES` + 1 times from the start to the end. If `save_every`
-    is given and the duration is not a multiple of it, the last time is before the end.
-
-    **Arguments:** `part`: the section [run], with the start and `save_every`, s; `end`: s.
+    If `save_every` is None, there are `FRAMES` + 1 times from the start to the end. If the duration
+    is not a multiple of it, the last time is before the end.
 
     **Raises:** `ValueError` for a `save_every` that is not positive or exceeds the duration.
     """
@@ -207,27 +197,17 @@ def write_results(
     reductions: Mapping[str, AbstractReduction],
     folder: Path,
 ) -> tuple[float, str]:
-    """Write the tables of a run, which must have saved states.
-
-    There is a table of the saved states; a table of the contacts, reactions of joints,
-    accelerations and energies that `observe` computes from these states; one of the impacts, if the
-    run has recorded them; one for each Poincaré section; one of the outputs that are quantities, at
-    the saved states; and one of the numbers that reductions give. The last two are left out if
-    there are no such outputs.
-
-    **Arguments:** `study`: the scene and the outputs; `solution`: the run; `reductions`: reductions
-    that the run has computed, by name; `folder`: folder of the results.
-
-    **Returns:** the largest normal force of all contacts, N, and the label of its contact; zero and
-    an empty label without contacts.
-    """
+    """Write the tables of a run, which must have saved states; return the largest normal force of
+    all contacts, N, and the label of its contact."""
     observed = observe(study.scene, solution)
-    tables = {folders.MOTION: solution, folders.OBSERVED: observed}
+    formulation = {folders.FORMULATION: folders.formulation_text(solution.formulation)}
+    motion = solution.to_xarray().assign_attrs(formulation)
+    tables = {folders.MOTION: motion, folders.OBSERVED: observed.to_xarray()}
     if solution.impacts is not None:
-        tables[folders.IMPACTS] = solution.impacts
-    tables |= {f"{folders.SECTION}{name}": found for name, found in solution.sections.items()}
+        tables[folders.IMPACTS] = solution.impacts.to_xarray()
+    tables |= {f"{folders.SECTION}{n}": one.to_xarray() for n, one in solution.sections.items()}
     for name, table in tables.items():
-        folders.write_table(folder, name, table.to_xarray())
+        folders.write_table(folder, name, table)
     quantities = {
         n: one for n, one in study.parts.run.outputs.items() if isinstance(one, AbstractQuantity)
     }
@@ -241,12 +221,11 @@ def write_results(
 def _outputs(
     quantities: Mapping[str, AbstractQuantity], scene: Scene, solution: Solution
 ) -> xr.Dataset:
-    """Return the values of quantities at the saved states.
+    """Return the values of quantities at the saved states, with the extremes that reductions have
+    found as attributes, such as "largest" and "largest_time".
 
-    The extremes that reductions have found are attributes of the values: "largest" and "smallest"
-    in the quantity's unit, "largest_time" and "smallest_time" in s. A note is printed if the saved
-    values fall short of one of these extremes by more than 2 % of the difference between the
-    extremes.
+    A note is printed if the saved values fall short of an extreme by more than 2 % of the
+    difference between the extremes.
     """
     saved, rows, found = solution.saved, ("time",), solution.outputs
     assert saved is not None
@@ -280,7 +259,6 @@ def _outputs(
 def _write_numbers(
     solution: Solution, reductions: Mapping[str, AbstractReduction], folder: Path
 ) -> None:
-    """Write the outputs that are one number of the run, with their units, to a CSV file."""
     rows = []
     for name, reduction in reductions.items():
         # The peak of a `Negative` is the negative of the smallest value. Its other numbers, such as
@@ -296,8 +274,7 @@ def _write_numbers(
 
 def _largest_force(solution: Solution, observed: Observation) -> tuple[float, str]:
     """Return the largest normal force, N, of all finished impacts and saved states, and the label
-    of its contact; zero and an empty label without contacts. `observed` has the forces of the
-    contacts at the saved states."""
+    of its contact; zero and an empty label without contacts."""
     # Both are needed: saved states miss the peaks of most impacts, and the table of impacts lacks
     # contacts that have not ended in the run.
     forces = [

@@ -285,7 +285,6 @@ class StudyParts:
 
 
 def _concrete(module: ModuleType, family: type) -> list[type]:
-    """Return the classes in a module that are subclasses of `family` and are not abstract."""
     classes = [kind for kind in vars(module).values() if inspect.isclass(kind)]
     return [kind for kind in classes if issubclass(kind, family) and not inspect.isabstract(kind)]
 
@@ -341,12 +340,7 @@ class FoundPath:
     unit: str
 
     def number(self, value: object, location: FileLocation) -> float:
-        """Convert a value from a file, a number or a text with a unit, to a number in `unit`.
-
-        **Arguments:** `location`: location of the value in the file, for messages.
-
-        **Raises:** `ValueError` for a value that is neither, and for a text with a wrong unit.
-        """
+        """Convert a number or a text with a unit from a file to a number in `unit`."""
         if isinstance(value, str):
             return number_of_text(value, self.unit, location)
         if isinstance(value, bool) or not isinstance(value, int | float):
@@ -359,11 +353,6 @@ def find_path(
 ) -> FoundPath:
     """Find which number of the scene or of its initial state a path names. Several paths name
     several numbers, to which the caller later gives one common value.
-
-    **Arguments:** `texts`: a path, or several; `location`: their location in the file, for
-    messages.
-
-    **Returns:** a `FoundPath`, which gives access to the number or numbers and has their unit.
 
     **Raises:** `ValueError` for an empty list of paths, for a text that is no path, for a name that
     does not exist (the message lists the existing names), for a path that leads to several numbers,
@@ -385,32 +374,23 @@ def find_path(
         for index in np.ndindex(np.shape(value))
     }
     for keys in paths:
-        _require_known(keys, units, location)
+        if keys not in units:
+            # The message lists the names at the first unknown key or, if all keys are known, those
+            # that follow, since the path then leads to several numbers.
+            depth = max(n for n in range(len(keys) + 1) if any(k[:n] == keys[:n] for k in units))
+            known = [k[depth] for k in units if k[:depth] == keys[:depth] and len(k) > depth]
+            names, parent = listed({*known}), written(keys[:depth]) or "the top"
+            if depth == len(keys):
+                location.refuse(parent, "the path of one number", f"append one of {names}")
+            remedy = nearest(
+                keys[depth], known, "`clearjoint check FILE --paths` lists all numbers"
+            )
+            location.refuse(keys[depth], f"one of {names} at {parent}", remedy)
     # All numbers get the same value, which would be ambiguous if their units differed.
     distinct = list(dict.fromkeys(units[keys] for keys in paths))
     if len(distinct) > 1:
         location.refuse(distinct, "paths of numbers with one unit", "write an entry for each unit")
     return FoundPath(WrittenPath(tuple(paths)), is_state, distinct[0])
-
-
-def _require_known(keys: Keys, units: dict[tuple[str, ...], str], location: FileLocation) -> None:
-    """Raise a `ValueError` unless `keys` lead to a number.
-
-    **Arguments:** `units`: unit of each number, by the keys that lead to it; `location`: location
-    of the path in the file.
-    """
-    # Follow the keys one by one, so that the message lists the names at the first unknown key.
-    for depth in range(len(keys) + 1):
-        known = [k[depth] for k in units if k[:depth] == keys[:depth] and len(k) > depth]
-        names, parent = listed(dict.fromkeys(known)), written(keys[:depth]) or "the top"
-        if depth == len(keys):
-            # All keys are known. If any names follow, the path leads to several numbers.
-            if known:
-                location.refuse(parent, "the path of one number", f"append one of {names}")
-        elif keys[depth] not in known:
-            otherwise = "`clearjoint check FILE --paths` lists all numbers"
-            remedy = nearest(keys[depth], known, otherwise)
-            location.refuse(keys[depth], f"one of {names} at {parent}", remedy)
 
 
 def _entry(tree: PyTree, key: str | int) -> PyTree:
@@ -453,13 +433,11 @@ class Study:
         return Path(self.location.file)
 
     def settings(self, section: str) -> Settings:
-        """Return the settings of the integration in a section: those of its preset, except for the
-        entries that its `settings` replace.
+        """Return the settings in a section: those of its preset, except for the entries that its
+        `settings` replace.
 
         A section [sweep] without `preset` and `settings` has the settings of [run]. The energy
         ledger is switched on if an output of the section needs it.
-
-        **Arguments:** `section`: "run", "sweep", "fit" or "wear"; the study must have it.
         """
         part = getattr(self.parts, section)
         needs_ledger = any(
@@ -480,13 +458,10 @@ class Study:
         return replace(getattr(presets, part.preset or "default"), **changes)
 
     def end(self, section_end: float | None = None) -> float:
-        """Return the time at which runs end, s.
+        """Return the time at which runs end, s: `section_end`, or if it is None the end in [run].
 
-        **Arguments:** `section_end`: the end in the section [sweep], s; if it is None, the end in
-        the section [run] is returned.
-
-        **Raises:** `ValueError` with the location in the file if both are None, and for an end that
-        is not after the `start` of the section [run].
+        **Raises:** `ValueError` if both are None, and for an end that is not after the start of
+        [run].
         """
         end = self.parts.run.end if section_end is None else section_end
         if end is None:
@@ -497,21 +472,14 @@ class Study:
         return float(end)
 
     def check_elements(self, named: Mapping[str, Checkable], *keys: str) -> None:
-        """Check that the scene has the bodies, joints and forces that outputs, Poincaré sections or
-        quantities name.
-
-        **Arguments:** `named`: the outputs, sections or quantities, by name; `keys`: keys of the
-        table in the file that contains them.
-
-        **Raises:** `ValueError` with the location in the file, if the scene lacks one of them.
-        """
+        """Check that the scene has the elements that outputs, Poincaré sections or quantities name,
+        which are at `keys` in the file."""
         for name, one in named.items():
             with self.location.at(*keys, name).in_errors():
                 one.check(self.scene)
 
     def sections(self) -> dict[str, Section]:
-        """Return the Poincaré sections in the section [run], by name, for `Saving`, which selects
-        the results that a run keeps."""
+        """Return the Poincaré sections in the section [run], by name, for `Saving`."""
         return {
             name: Section(
                 part.crossing,
@@ -577,13 +545,8 @@ def read_study(path: Path, changes: Iterable[str] = ()) -> Study:
 
 
 def _set(study: Document, scene: Document, change: str) -> tuple[bool, Keys]:
-    """Make a change such as "run.end=2" in the tables of a study or of a scene.
-
-    **Returns:** whether the study was changed instead of the scene, and the keys of the value.
-
-    **Raises:** `ValueError` for a change without "=", for a text before it that is no path, and for
-    unknown keys.
-    """
+    """Make a change such as "run.end=2" in the tables of a study or of a scene; return whether the
+    study was changed instead of the scene, and the keys of the value."""
     location = FileLocation(f"--set {change}")
     path, equals, text = change.partition("=")
     if not equals:

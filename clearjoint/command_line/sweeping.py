@@ -28,11 +28,6 @@ def sweep(study: Study, folder: Path) -> CommandResult:
     The sweep counts as failed only if no lane ran to its end, since a sweep often includes values
     with which a mechanism can't run. After Ctrl-C, results so far are written.
 
-    **Arguments:** `folder`: folder of the results, which is made if it does not exist.
-
-    **Returns:** the exit code, 130 after Ctrl-C, 1 if no lane ran to its end, and 0 otherwise, and
-    a line with the numbers of lanes and steps and the largest force.
-
     **Raises:** `ValueError` for a study without a section [sweep] or without an `end` of the runs,
     for wrong entries in this section, and for a folder with the store of another sweep.
     `KeyboardInterrupt` if Ctrl-C interrupts the sweep before its store exists.
@@ -86,12 +81,7 @@ def sweep(study: Study, folder: Path) -> CommandResult:
 
 
 def sweep_axes(study: Study, part: SweepPart) -> dict[str, Axis]:
-    """Return the axes of a study's section [sweep] by name, and check the section's outputs.
-
-    **Raises:** `ValueError` without axes, for zipped axes of different lengths, for values that
-    can't be converted to the unit of their axis, and for paths and outputs that the scene does not
-    have. The message names the place in the study's file.
-    """
+    """Return the axes of a study's section [sweep] by name, and check the section's outputs."""
     location = study.location.at("sweep")
     axes = {}
     for name, axis in part.axes.items():
@@ -116,20 +106,13 @@ def sweep_axes(study: Study, part: SweepPart) -> dict[str, Axis]:
 
 
 def shape_of_lanes(axes: dict[str, Axis], part: SweepPart) -> list[int]:
-    """Return the shape of the grid of lanes: the number of values of each axis or, if the axes are
-    zipped, only their common number of values."""
+    """Return the number of values of each axis or, if the axes are zipped, their common number."""
     sizes = [axis.values.size for axis in axes.values()]
     return sizes[:1] if part.zipped else sizes
 
 
 def _values(part: AxisPart, found: FoundPath, location: FileLocation) -> np.ndarray:
-    """Return the values of an axis, (N,) in the SI unit of the number that varies.
-
-    **Arguments:** `part`: entries of the axis in the file, at the `location`; `found`: the number.
-
-    **Raises:** `ValueError` for texts with wrong units, and for geometric spacing from or to zero
-    or a negative number.
-    """
+    """Return the values of an axis, (N,) in the SI unit of the number that varies."""
     if part.values is not None:
         values = [found.number(v, location.at("values", k)) for k, v in enumerate(part.values)]
         return np.array(values)
@@ -143,15 +126,7 @@ def _values(part: AxisPart, found: FoundPath, location: FileLocation) -> np.ndar
 
 
 def _summary(dataset: xr.Dataset, code: int) -> tuple[Summary, str]:
-    """Return the entries of the summary, and the result as one line of text.
-
-    The entries tell how the sweep ended, how many lanes ended in each way, and the sizes of the
-    axes. The line has the numbers of lanes and steps, and the largest value of all outputs whose
-    unit is N.
-
-    **Arguments:** `dataset`: result of the sweep; `code`: its exit code, which tells whether it was
-    interrupted.
-    """
+    """Return the entries of the summary, and the result as one line of text."""
     codes = dataset["result"].values
     counts = {name: int((codes == number).sum()) for name, number in result_numbers().items()}
     done = counts.pop("successful")

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from jaxtyping import PyTree
 
 from ..durability.wear import check_wear, cycles_to_depth, final_state, open_wear, worn
 from ..durability.wear import wear as compute_wear
@@ -25,16 +26,10 @@ WORN_SCENE = "worn.toml"
 
 def wear(study: Study, folder: Path) -> CommandResult:
     """Compute the wear that a study's section [wear] describes, and write its store, tables,
-    figures, the worn scene and an HTML page. If the folder contains a store of this
-    computation already, the computation is continued from there.
+    figures, the worn scene and an HTML page. If the folder contains a store of this computation
+    already, the computation is continued from there.
 
-    After Ctrl-C, results so far are written.
-
-    **Arguments:** `folder`: folder of the results, which is made if it does not exist.
-
-    **Returns:** the exit code and the text to print. The code is 130 after Ctrl-C, 1 if the result
-    of `clearjoint.wear` has a `failure`, such as a stage whose run failed, and 0 otherwise. The
-    text is the table of stages, and a line with the numbers of stages and cycles and the depths.
+    After Ctrl-C, results so far are written. The text of the result has the table of stages.
 
     **Raises:** `ValueError` for a study without a section [wear], and for wrong entries in it.
     `KeyboardInterrupt` if Ctrl-C interrupts the computation before its store exists.
@@ -49,20 +44,11 @@ def wear(study: Study, folder: Path) -> CommandResult:
             found = compute_wear(
                 study.scene,
                 study.state,
-                part.cycle,
-                part.rates,
-                part.cycles,
-                study.settings("wear"),
-                settle=part.settle,
-                measured=part.measured,
-                tolerance=part.tolerance,
-                largest_change=part.largest_change,
-                samples=part.samples,
-                stages=part.stages,
-                depth=part.depth,
+                settings=study.settings("wear"),
                 start_time=part.start,
                 path=store,
                 progress=has_error_stream(),
+                **_arguments(part),
             )
     except KeyboardInterrupt:
         if not store.exists():  # no stage is finished that could be reported
@@ -88,36 +74,22 @@ def wear(study: Study, folder: Path) -> CommandResult:
 
 
 def check_wear_section(study: Study, part: WearPart) -> None:
-    """Check the entries of a study's section [wear], without any run, for `clearjoint check`.
-
-    **Raises:** `ValueError` for wrong entries; the message names the file and the section.
-    """
+    """Check the entries of a study's section [wear], without any run, for `clearjoint check`."""
     with study.location.at("wear").in_errors():
-        check_wear(
-            study.scene,
-            part.cycle,
-            part.rates,
-            part.cycles,
-            part.settle,
-            part.measured,
-            part.samples,
-            part.stages,
-            part.depth,
-            part.tolerance,
-            part.largest_change,
-        )
+        check_wear(study.scene, **_arguments(part))
+
+
+def _arguments(part: WearPart) -> dict[str, PyTree]:
+    """Return those entries of the section that are arguments of `clearjoint.wear`, by name."""
+    others = ("start", "preset", "settings")
+    return {name: entry for name, entry in vars(part).items() if name not in others}
 
 
 def _summary(found: "xr.Dataset", part: WearPart, code: int) -> tuple[Summary, str]:
     """Return the entries of the summary, and the result as one line of text.
 
-    The entries tell how the computation ended. Both the entries and the line have the numbers of
-    stages and cycles, and the depth of each bearing and journal that has worn. If the section
-    [wear] has a `depth`, they also tell after how many cycles each of these parts reached it. For a
-    part that has not reached it, the entry is "not reached", and the line leaves it out.
-
-    **Arguments:** `found`: result of `clearjoint.wear`; `part`: the section [wear]; `code`: exit
-    code of the command, which tells whether the computation was interrupted.
+    Both have the depth of each bearing and journal that has worn and, if the section [wear] has a
+    `depth`, the number of cycles after which the part reached it.
     """
     from .reports import worn_parts
 

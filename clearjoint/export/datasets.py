@@ -117,11 +117,8 @@ def labelled_dataset(
     coordinates: Mapping[str, Labelled],
     notes: Notes = (),
 ) -> "xr.Dataset":
-    """Return a dataset of labelled arrays, with the versions of the programs as an attribute.
-
-    **Arguments:** `title`: attribute "title"; `variables`, `coordinates`: arrays by name; `notes`:
-    further attributes, such as the settings of the run.
-    """
+    """Return a dataset of labelled arrays with a title, `notes`, and the versions of the programs
+    as attributes."""
     # Importing xarray takes long, so it is imported only when it is needed.
     import xarray as xr
 
@@ -136,11 +133,8 @@ def labelled_dataset(
 
 
 def texts(labels: ArrayLike) -> np.ndarray:
-    """Return labels, such as names of bodies, as an array of texts with the same shape.
-
-    If there are no labels, the result is an empty array of texts; `np.asarray` would return an
-    empty array of floats.
-    """
+    """Return labels, such as names of bodies, as an array of texts with the same shape, also if
+    there are none, for which `np.asarray` would return an array of floats."""
     return np.array(np.asarray(labels).tolist(), dtype=str)
 
 
@@ -232,11 +226,8 @@ def write_netcdf(dataset: "xr.Dataset", path: str | PathLike[str]) -> None:
 
 
 def header(name: str, attributes: dict) -> str:
-    """Return the name of a column with its unit, such as "pin.penetration [m]".
-
-    **Arguments:** `name`: name of the column; `attributes`: attributes of its variable, of which
-    "units" is the unit. Without a unit, the result is `name` alone.
-    """
+    """Return the name of a column with the unit in the attributes, if any, such as "pin.penetration
+    [m]"."""
     return f"{name} [{attributes['units']}]" if attributes.get("units") else name
 
 
@@ -265,11 +256,7 @@ def to_frame(dataset: "xr.Dataset", rows: str | None = None) -> "pd.DataFrame":
 
 def _columns(name: str, array: "xr.DataArray", rows: str) -> dict[str, np.ndarray]:
     """Return the columns of a variable, (rows,) each, by name: one for each combination of labels
-    of its other dimensions.
-
-    **Arguments:** `name`: name of the variable; `array`: its values and attributes; `rows`: name of
-    the dimension along the rows.
-    """
+    of its other dimensions."""
     others = [str(dim) for dim in array.dims if dim != rows]
     values = array.transpose(rows, *others).values
     attributes = array.attrs

@@ -33,8 +33,11 @@ draw, such as `enclosed_energy`. No function simulates or shows anything; only `
 | accuracy over the length of a record | `record_length`, `growth`, `integration_error` |
 
 Curves also differ by line style, and areas by grey value and hatching, for print without colours.
-The argument `window` is the start and the end of the drawn time, s; by default all is drawn. A lane
-is one run of a sweep.
+The argument `window` is the start and the end of the drawn time, s; by default all is drawn. An
+`observation` is from `cj.observe`, along ``solution.steps.between()`` or at other instants that
+resolve free flights and impacts; `joint` is the name of a joint with contacts, `body` that of a
+body, `variable` that of an output of a sweep, and `section`, where a text, that of a `Section` in
+`Saving`. A lane is one run of a sweep.
 
 **Examples** in docstrings of this module assume these lines, after the lines of examples in the
 docstring of `clearjoint`, which import packages and define `scene`, `state`, `stiffness`, `times`

@@ -49,8 +49,7 @@ def journal_frames(
 
     **Arguments:**
 
-    - `observation`: from `cj.observe`, with (N,) observed times.
-    - `joint`: name of the clearance joint. `clearance`: radial clearance of this joint, m.
+    - `clearance`: radial clearance of the joint, m.
     - `instants`: (M,) times, s. Each picture shows the observed time that is nearest to its
       instant.
     - `section`: the two perpendicular unit vectors that are drawn to the right and upwards, by
@@ -109,8 +108,7 @@ def animate_journal(
 
     **Arguments:**
 
-    - `observation`: from `cj.observe`, with (N,) observed times.
-    - `joint`: name of the clearance joint. `clearance`: radial clearance of this joint, m.
+    - `clearance`: radial clearance of the joint, m.
     - `file`: path of the file to write, with the suffix ".gif".
     - `instants`: (M,) times, s, one for each frame. A frame shows the observed time that is nearest
       to its instant.

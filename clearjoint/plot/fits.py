@@ -114,8 +114,8 @@ def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:
 
 
 def _draw(fit: FittedModel, name: str, times: ScaledValues, above: Axes, below: Axes) -> None:
-    """Draw the measured series `name` and its prediction into the axes `above`, and the residuals
-    into the axes `below`. The time axis has the factor and the label of `times`."""
+    """Draw a series and its prediction into the axes `above`, and the residuals into `below`, over
+    times with the factor and the label of `times`."""
     series = fit.measurements.series[name]
     scaled_times = series.times * times.factor
     data = scaled(xr.DataArray(series.values, name=name, attrs={"units": series.unit}))
@@ -138,7 +138,7 @@ def correlations(fit: FittedModel, axes: Axes | None = None) -> Axes:
     If a coefficient is near -1 or 1, the measurements determine a combination of the two parameters
     well, but neither of them alone.
 
-    **Arguments:** `fit`: from `cj.identify`; `axes`: axes to draw on, new ones by default.
+    **Arguments:** `fit`: from `cj.identify`.
 
     **Returns:** the axes. Rows and columns are the p parameters; numbers are between -1 and 1.
 
@@ -172,7 +172,7 @@ def record_length(report: Identifiability, *, axes: Axes | None = None) -> Axes:
     these limits. A line begins with the shortest record that determines the parameter at all.
 
     **Arguments:** `report`: from `cj.identifiability`; pass `report.of("probe")` to draw the
-    accuracy by the sensor "probe" alone. `axes`: axes to draw on, new ones by default.
+    accuracy by the sensor "probe" alone.
 
     **Returns:** the axes, which show the time of the record's last sample in ms (the record's
     length only if the run starts at time 0), and the standard deviation on a logarithmic scale.
@@ -206,7 +206,7 @@ def growth(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
     a fit by a single run may not converge from a wrong guess, or integration errors are too large;
     a time that the record does not reach has no line.
 
-    **Arguments:** `horizon`: from `cj.fit_horizon`; `axes`: axes to draw on, new ones by default.
+    **Arguments:** `horizon`: from `cj.fit_horizon`.
 
     **Returns:** the axes, which show time in ms, displacements in m on a logarithmic scale.
 
@@ -226,7 +226,7 @@ def integration_error(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
     converge from a wrong guess, or these errors are too large; a time that the record does not
     reach has no line.
 
-    **Arguments:** `horizon`: from `cj.fit_horizon`; `axes`: axes to draw on, new ones by default.
+    **Arguments:** `horizon`: from `cj.fit_horizon`.
 
     **Returns:** the axes, which show time in ms, errors on a logarithmic scale.
 
@@ -246,15 +246,8 @@ def _over_time(
     title: str | None,
     axes: Axes | None,
 ) -> Axes:
-    """Draw curves over the sample times of `horizon` on a logarithmic scale.
-
-    Vertical lines mark the times from which on fits from wrong guesses may fail, or integration
-    errors are too large. An infinite time has no line.
-
-    **Arguments:** `curves`: label and values (N,) of each curve at the N times of `horizon`; zeros
-    are drawn as gaps; `quantity`: text of the vertical axis; `title`: title of the legend, ``None``
-    for no title; `axes`: axes to draw on, new ones for ``None``.
-    """
+    """Draw curves (N,) over the N times of `horizon` on a logarithmic scale, and its limits as
+    vertical lines; `title`: of the legend."""
     axes = axes_or_new(axes)
     times = horizon.times * 1e3  # ms
     # A logarithmic axis has no zero: values of zero, as at the start, are gaps.

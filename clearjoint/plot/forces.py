@@ -45,11 +45,8 @@ def contact_and_reaction(
 
     **Arguments:**
 
-    - `observation`: from `cj.observe`, at instants that resolve the impacts.
     - `contact`: name of the clearance joint and label of the contact, such as ("shoulder", "V").
     - `reaction`: name of the ideal joint and name of the body on which its force acts.
-    - `window`: start and end of the drawn time, s, by default all observed times; `axes`: axes to
-      draw on, by default new ones.
 
     **Returns:** the axes, which show time in ms or s, forces in N or kN. The legend gives the
     peaks.
@@ -94,16 +91,11 @@ def contact_forces(
 
     **Arguments:**
 
-    - `observation`: from `cj.observe`, at every accepted step or at instants that resolve the
-      impacts.
-    - `joint`: name of the clearance joint.
     - `logarithmic`: whether the force axis is logarithmic; zero force is then not visible. By
       default it is logarithmic if the largest force in the drawn time exceeds six times the median
       of the peaks, or eight times the median over time of the forces in contact. A peak is the
       largest force in one interval of contact. Without any force in the drawn time the axis is
       always linear.
-    - `window`: start and end of the drawn time, s, by default all observed times; `axes`: axes to
-      draw on, by default new ones.
 
     **Returns:** the axes, which show time in ms or s, force in N or kN.
 
@@ -160,12 +152,7 @@ def _over_time(
     logarithmic: bool | None,
     axes: Axes | None,
 ) -> Axes:
-    """Draw forces over time, with equal curves merged into one.
-
-    **Arguments:** `times`: (N,) s; `forces`: (N,) N, by label; `logarithmic`: see `contact_forces`.
-
-    **Raises:** `ValueError` for a window outside of the times.
-    """
+    """Draw forces (N,), N, by label over `times` (N,), s, with equal curves merged into one."""
     axes = axes_or_new(axes)
     mask, drawn_times, time_label = time_axis(axes, times, window)
     curves = observed.without_twins({name: values[mask] for name, values in forces.items()})
@@ -210,11 +197,8 @@ def hysteresis(
 
     **Arguments:**
 
-    - `observation`: from `cj.observe`, at every accepted step or at instants that resolve the
-      impacts.
     - `impacts`: impacts of one contact: ``solution.impacts.of(joint, contact)``.
     - `count`: largest number of impacts to draw, 1 or more, from the first one on.
-    - `axes`: axes to draw on, by default new ones.
 
     **Returns:** the axes, which show penetration with a suitable prefix of m, force in N or kN.
 
@@ -266,14 +250,8 @@ def enclosed_energy(observation: Observation, impacts: Impacts, index: int) -> f
 
 
 def _loop(observation: Observation, impacts: Impacts, index: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the closed curve of one impact, the one in row `index` of the table.
-
-    **Returns:** penetration (n,) m and normal force (n,) N at the observed instants in the impact,
-    with an added zero at both ends.
-
-    **Raises:** `ValueError` for a contact that is not observed, and for fewer than three such
-    instants.
-    """
+    """Return the penetration (n,), m, and the normal force (n,), N, at the observed instants in the
+    impact of row `index`, with an added zero at both ends."""
     contact = observed.contact(observation, impacts.joint[index], impacts.contact[index])
     times, onset, separation = observation.times, impacts.onset[index], impacts.separation[index]
     in_impact = (times >= onset) & (times <= separation)
@@ -324,11 +302,6 @@ def contact_phases(observation: Observation, joint: str) -> np.ndarray:
     several contacts of the joint, such as those at bases V and W, are in different phases,
     following has priority over impact, and impact over free flight.
 
-    **Arguments:**
-
-    - `observation`: from `cj.observe`, at every accepted step or at instants that resolve the
-      impacts.
-    - `joint`: name of a joint with contacts.
 
     **Returns:** (N,) numbers of `ContactPhase`.
 
@@ -348,7 +321,6 @@ def contact_phases(observation: Observation, joint: str) -> np.ndarray:
 
 
 def _phases(contact: ContactObservation) -> np.ndarray:
-    """Return the phases (N,) of a single contact, by the rules of `contact_phases`."""
     touching = np.asarray(contact.penetration) > 0.0
     approaching = np.asarray(contact.penetration_rate) > 0.0
     phases = np.where(touching, ContactPhase.IMPACT, ContactPhase.FREE_FLIGHT)
@@ -378,11 +350,7 @@ def motion_timeline(
 
     **Arguments:**
 
-    - `observation`: from `cj.observe`, at every accepted step or at instants that resolve the
-      impacts.
     - `joints`: names of joints, from top to bottom; by default all with contacts.
-    - `window`: start and end of the drawn time, s, by default all observed times; `axes`: axes to
-      draw on, by default new ones.
 
     **Returns:** the axes, which show time in ms or s, a row for each joint.
 

@@ -60,13 +60,8 @@ def eccentricities(
 
     **Arguments:**
 
-    - `observation`: from `cj.observe`, along ``solution.steps.between()``, or at instants that
-      resolve free flights and impacts.
-    - `joint`: name of the clearance joint.
     - `clearance`: radial clearance, m, drawn as a horizontal line; above the line a base touches
       the wall. By default the clearance of the observed joint.
-    - `window`: start and end of the drawn time, s, by default all observed times; `axes`: axes to
-      draw on, by default new ones.
 
     **Returns:** the axes, which show time in ms or s, and either the eccentricity in mm (in µm for
     a clearance below 0.2 mm) or eccentricity minus clearance with a suitable prefix of m.
@@ -109,7 +104,7 @@ def eccentricity_vectors(
     **Arguments:**
 
     - `observation`: from `cj.observe`, with N observed times.
-    - `joint`: name of the clearance joint. `base`: "V" or "W".
+    - `base`: "V" or "W".
     - `section`: two perpendicular unit vectors across the bearing's axis, by their labels: (3,)
       each in global axes, or (N, 3) if the bearing turns. By default the x and y axes of the
       bearing's own frame, which turn with the bearing; if the bearing's axis is the z axis of its
@@ -154,14 +149,9 @@ def journal_orbit(
 
     **Arguments:**
 
-    - `observation`: from `cj.observe`, along ``solution.steps.between()``, or at instants that
-      resolve free flights.
-    - `joint`: name of the clearance joint.
     - `clearance`: radial clearance, m; by default the clearance of the observed joint.
     - `section`: the two unit vectors that are drawn to the right and upwards, by label, see
       `eccentricity_vectors`.
-    - `window`: start and end of the drawn time, s, by default all observed times; `axes`: axes to
-      draw on, by default new ones.
 
     **Returns:** the axes, of equal scale; eccentricities in mm, or in µm for a clearance below
     0.2 mm.
@@ -242,21 +232,15 @@ def clearance_circle(axes: Axes, clearance: float, *, factor: float = 1e3) -> Ax
 
 
 def length_unit(clearance: float) -> tuple[float, str]:
-    """Choose the unit in which a figure shows lengths about as large as a clearance, given in m.
-
-    **Returns:** the factor from m to the unit, and the unit: "mm" for a clearance of at least
-    0.2 mm, else "µm".
-    """
+    """Return the factor and the unit for lengths about as large as a clearance, m: mm from 0.2 mm
+    on, else µm."""
     return (1e3, "mm") if clearance >= 0.2e-3 else (1e6, "µm")
 
 
 def observed_clearance(observation: Observation, joint: str) -> float:
     """Return the radial clearance of a joint, m: the eccentricity of a base less its penetration.
 
-    This difference varies if the bearing or the journal has a profile, a deviation from its
-    circle. The result is the median of the difference over the observed times.
-
-    **Raises:** `ValueError` for an unknown joint, and for a joint without a journal.
+    This difference varies if the bearing or the journal has a profile; its median is returned.
     """
     bases = [c for c in contacts(observation, joint).values() if c.eccentricity is not None]
     journals = [
@@ -269,7 +253,6 @@ def observed_clearance(observation: Observation, joint: str) -> float:
 
 
 def _dress_orbit(axes: Axes, clearance: float, section: CrossSection | None) -> Axes:
-    """Add the circle of the clearance, m, the legend and the texts to axes with an orbit."""
     factor, unit = length_unit(clearance)
     clearance_circle(axes, clearance, factor=factor)
     legend_above(axes, 3)
@@ -299,8 +282,6 @@ def orbit(
     - `clearance`: radial clearance, m.
     - `channels`: names of the two channels of this `Saved` that are drawn to the right and upwards,
       both in m, such as those of `quantities.JournalOffset`.
-    - `window`: start and end of the drawn time, s; by default all saved times.
-    - `axes`: axes to draw on, by default new ones.
 
     **Returns:** the axes, of equal scale; offsets in mm, or in µm for a clearance below 0.2 mm. A
     dot marks the start.

@@ -19,7 +19,6 @@ from .style import (
     inside,
     legend_above,
     limit_to_window,
-    lines,
 )
 
 Curve = tuple[np.ndarray, np.ndarray]
@@ -40,10 +39,7 @@ def position(
 
     - `trajectories`: trajectory of each run, such as `solution.saved`, by the curve's label in the
       legend; later curves cover earlier ones.
-    - `body`: name of the body.
     - `component`: "X", "Y" or "Z" of the global frame.
-    - `window`: start and end of the drawn time, s, by default all times; `axes`: axes to draw on,
-      by default new ones.
 
     **Returns:** the axes, which show time in s, position in m.
 
@@ -76,10 +72,7 @@ def acceleration(
     - `observations`: observation of each run, from `cj.observe`, by the curve's label in the
       legend; later curves cover earlier ones. Observe every accepted step, so that no peak is
       missed.
-    - `body`: name of the body.
     - `component`: "X", "Y" or "Z" of the global frame.
-    - `window`: start and end of the drawn time, s, by default all times; `axes`: axes to draw on,
-      by default new ones.
 
     **Returns:** the axes, which show time in s, acceleration in m/s^2.
 
@@ -111,10 +104,7 @@ def path(
 
     - `trajectories`: trajectory of each run, such as `solution.saved`, by the curve's label; later
       curves cover earlier ones.
-    - `body`: name of the body.
     - `plane`: the two global coordinates, "X", "Y" or "Z", that are drawn to the right and upwards.
-    - `window`: start and end of the drawn time, s; by default the whole trajectories.
-    - `axes`: axes to draw on, by default new ones.
 
     **Returns:** the axes, of equal scale; positions in m. A dot marks the start. No legend is
     drawn; `axes.legend()` adds one.
@@ -126,12 +116,10 @@ def path(
     """
     axes = axes_or_new(axes, (5.0, 5.0))
     right, up = map(_number, plane)
-    # Not strict, since `lines` yields styles without end.
-    for (label, trajectory), (colour, style) in zip(trajectories.items(), lines(), strict=False):
+    for label, trajectory in trajectories.items():
         in_window = inside(np.asarray(trajectory.times), window)
         centre = named("body", body, trajectory.states.bodies).position[in_window]
-        look = {"color": colour, "linestyle": style, "linewidth": 1.3}
-        axes.plot(centre[:, right], centre[:, up], label=label, **look)
+        draw_lines(axes, [(label, centre[:, right], centre[:, up])], 1.3)
         axes.plot(centre[:1, right], centre[:1, up], "o", color="black", markersize=5)
     axes.set_aspect("equal")
     return dress(axes, f"{plane[0]}, m", f"{plane[1]}, m")
@@ -152,7 +140,6 @@ def over_angle(
       ones.
     - `quantity`: text of the vertical axis: name and unit of the values.
     - `shaft`: name of the shaft in the text of the horizontal axis.
-    - `axes`: axes to draw on, by default new ones.
 
     **Returns:** the axes, which show angle in degrees, ticks at quarter turns. No legend is drawn;
     `axes.legend()` adds one.
@@ -177,16 +164,8 @@ def _over_time(
     axes: Axes | None,
     width: float,
 ) -> Axes:
-    """Draw one component of vectors over time.
-
-    **Arguments:** `curves`: times (N,), s, and vectors (N, 3), by the curve's label;
-    `component`: "X", "Y" or "Z"; `quantity`: name and unit of the vectors, such as "position of
-    arm's centre, m". The label of the vertical axis begins with the component: "Y-position of arm's
-    centre, m"; `window`, `axes`: see `position`; `width`: width of the lines, points.
-
-    **Raises:** `ValueError` for an unknown component, and for a window outside of the times of a
-    curve.
-    """
+    """Draw one component of vectors (N, 3) over times (N,), s; the label of the vertical axis is
+    `component`, a hyphen and `quantity`."""
     axis = _number(component)
     axes = axes_or_new(axes)
     drawn = []

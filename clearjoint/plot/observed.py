@@ -16,10 +16,7 @@ T = TypeVar("T")
 
 
 def contacts(observation: Observation, joint: str) -> dict[str, ContactObservation]:
-    """Return the observations of all contacts of a joint, by the contacts' labels, such as "V".
-
-    **Raises:** `ValueError` for an unknown joint, and for a joint without contacts.
-    """
+    """Return the observations of all contacts of a joint, by the contacts' labels, such as "V"."""
     return named("joint", joint, observation.contacts)
 
 
@@ -30,10 +27,7 @@ def require_contacts(observation: Observation) -> None:
 
 
 def contact(observation: Observation, joint: str, label: str) -> ContactObservation:
-    """Return the observation of one contact of a joint.
-
-    **Raises:** `ValueError` for an unknown joint or label.
-    """
+    """Return the observation of one contact of a joint."""
     return named("contact", label, contacts(observation, joint))
 
 
@@ -75,11 +69,8 @@ def _joined(names: list[str]) -> str:
 
 
 def named(argument: str, name: str, family: Mapping[str, T]) -> T:
-    """Return the entry of the dictionary `family` whose key is `name`, a name given by the user.
-
-    **Raises:** `ValueError` for an unknown name. The message says that `argument`, the name of the
-    user's argument, must be one of the keys of `family`.
-    """
+    """Return the entry `name` of `family`; an unknown name is refused as that of the user's
+    `argument`."""
     expected = f"one of those observed, {sorted(family)}"
     require(name in family, argument, name, expected, nearest(name, family, "correct the name"))
     return family[name]

@@ -47,8 +47,6 @@ def contact_rose(
 
     **Arguments:**
 
-    - `observation`: from `cj.observe`, along every accepted step, or at instants that resolve the
-      impacts.
     - `joint`: name of the clearance joint. Its contacts at points between the bases, and at
       shoulders, which limit the axial motion, are left out.
     - `weight`: "impulse", the time integral of the normal force in each sector, with base W stacked
@@ -59,7 +57,7 @@ def contact_rose(
     - `section`: the two perpendicular unit vectors that are drawn to the right and upwards, by
       label, as {"X": (1, 0, 0), "Y": (0, 1, 0)} in global axes; by default the x and y axes of the
       bearing's frame.
-    - `axes`: polar axes to draw on, by default new ones.
+    - `axes`: polar ones.
 
     **Returns:** the axes, which show impulses with a suitable prefix of N s, forces in N or kN.
 
@@ -107,7 +105,7 @@ def wear(lane: xr.Dataset, output: str, *, axes: Axes | None = None) -> PolarAxe
       ``dataset.isel(clearance=3)``.
     - `output`: name of an output of the sweep that is a `clearjoint.ArchardWear`, which computes
       the worn volume in each sector of the wall.
-    - `axes`: polar axes to draw on, by default new ones.
+    - `axes`: polar ones.
 
     **Returns:** the axes, which show angle from the x axis of the bearing's frame, volumes in mm³,
     µm³ or 10³ µm³.
@@ -122,7 +120,13 @@ def wear(lane: xr.Dataset, output: str, *, axes: Axes | None = None) -> PolarAxe
     >>> drawn = plot.wear(found.isel(clearance=1), "wear")
     """
     require_names(lane, tuple(f"{output}_{base} 1" for base in BASES))
-    volumes = {f"base {base}": _sectors(lane, f"{output}_{base}") for base in BASES}
+    volumes = {}
+    for base in BASES:
+        names = takewhile(lane.__contains__, (f"{output}_{base} {k}" for k in count(1)))
+        sectors = [lane[name] for name in names]
+        is_single, remedy = all(one.ndim == 0 for one in sectors), "select one: dataset.isel(...)"
+        require(is_single, "lane", sectors[0].dims, "a single lane", remedy)
+        volumes[f"base {base}"] = np.array([float(one) for one in sectors])
     return _bars(volumes, ("worn volume", "m^3"), True, polar_or_new(axes))
 
 
@@ -143,7 +147,7 @@ def worn_profile(
     - `part`: "bearing", for the wear of its wall, or "journal".
     - `curves`: number n of curves. They are at 1/n, 2/n and so on of all cycles; the last one is
       black.
-    - `axes`: polar axes to draw on, by default new ones.
+    - `axes`: polar ones.
 
     **Returns:** the axes, which show angle from the x axis of the part's frame, depth in a suitable
     unit.
@@ -178,21 +182,6 @@ def worn_profile(
     return _dressed(axes, angles, depths[-1], f"worn depth, {unit}")
 
 
-def _sectors(lane: xr.Dataset, name: str) -> np.ndarray:
-    """Return the worn volumes (sectors,) of one base, m^3, in the order of the sectors' numbers.
-
-    **Arguments:** `lane`: data set of one run of a sweep; `name`: start of the names of the base's
-    variables, which are "<name> 1", "<name> 2" and so on, one for each sector.
-
-    **Raises:** `ValueError` for a data set of several runs.
-    """
-    names = takewhile(lane.__contains__, (f"{name} {k}" for k in count(1)))
-    volumes = [lane[name] for name in names]
-    is_single, remedy = all(one.ndim == 0 for one in volumes), "select one: dataset.isel(...)"
-    require(is_single, "lane", volumes[0].dims, "a single lane", remedy)
-    return np.array([float(one) for one in volumes])
-
-
 def _bars(
     weights: dict[str, np.ndarray],
     quantity: tuple[str, str],
@@ -205,8 +194,7 @@ def _bars(
 
     **Arguments:** `weights`: lengths (sectors,) of the bars in the SI unit, by label of the base;
     `quantity`: name and SI unit of these lengths; `stacked`: whether the bars of one base begin at
-    the ends of the other's, instead of all at the centre; `right`, `up`: names of the directions 0°
-    and 90°.
+    the ends of the other's; `right`, `up`: names of the directions 0° and 90°.
     """
     tops = (np.sum if stacked else np.max)([*weights.values()], axis=0)
     sectors = len(tops)
@@ -235,10 +223,8 @@ def _dressed(
 ) -> PolarAxes:
     """Add the legend and the texts to polar axes, and return the axes.
 
-    **Arguments:** `angles`: (N,) rad, angles of the bars or points; `heights`: (N,) distances of
-    the points, or of the outer ends of the bars, from the centre, in any unit; `label`: name and
-    unit of the radial axis; `right`, `up`: names of the directions 0° and 90°, such as "x" for the
-    text "x, 0°".
+    **Arguments:** `angles`, `heights`: (N,) rad and any unit, of the points or the outer ends of
+    the bars; `label`: text of the radial axis; `right`, `up`: names of the directions 0° and 90°.
     """
     # The numbers of the radial scale are midway between two of the grid lines at every 45°, where
     # they cover least of the bars.
@@ -256,8 +242,7 @@ def _dressed(
 
 
 def _fitting(values: np.ndarray, unit: str) -> tuple[float, str]:
-    """Return the factor from the SI unit `unit` to a unit that suits the largest of `values`, and
-    the name of that unit.
+    """Return the factor from the SI unit to one that suits the largest of `values`, and its name.
 
     Prefixes do not suit volumes, because mm³ and µm³ differ by nine powers of ten: below 1e-3 mm³,
     volumes are shown in µm³ or in a power of ten of µm³.

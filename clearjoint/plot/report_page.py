@@ -4,7 +4,7 @@ The page consists of rows: a description of the scene and the run, the paths of 
 over time, energies with a spectrum, and a table of impacts. Each row is a matplotlib `SubFigure`.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 from pathlib import Path
 from textwrap import fill, wrap
@@ -57,10 +57,8 @@ IMPACT_COLUMNS = "joint", "contact", *(title for title, *_ in IMPACT_NUMBERS)
 
 
 def joint_rows(scene: Scene, most: int) -> list[Cells]:
-    """Return the rows of the table of joints with contacts, with the texts of `JOINT_COLUMNS`.
-
-    If there are more than `most` joints, the last row names those that are left out.
-    """
+    """Return the texts of `JOINT_COLUMNS` for each joint with contacts; if there are more than
+    `most` joints, the last row names those that are left out."""
     joints = scene.contact_joints()
     rows = [_joint_row(name, joint) for name, joint in joints.items()]
     if len(rows) <= most:
@@ -70,7 +68,6 @@ def joint_rows(scene: Scene, most: int) -> list[Cells]:
 
 
 def _joint_row(name: str, joint: AbstractContactJoint) -> Cells:
-    """Return the texts of a joint's cells, in the order of the columns `JOINT_COLUMNS`."""
     # Contacts with equal laws share one text: the keys of a dictionary are unique and ordered.
     laws = dict.fromkeys(_law(whole_law(law)) for law in joint.laws().values())
     # A joint without the field `friction`, such as a user-defined one, shows its bristle laws only.
@@ -87,8 +84,7 @@ def _joint_row(name: str, joint: AbstractContactJoint) -> Cells:
 
 
 def _law(law: object) -> str:
-    """Return the class name of a law, and its restitution or coefficients of friction, such as
-    "LankaraniNikravesh, c 0.9"."""
+    """Return the class name of a law with its numbers, such as "LankaraniNikravesh, c 0.9"."""
     numbers = [
         f"{symbol} {number:.3g}"
         for field, symbol in SYMBOLS.items()
@@ -98,18 +94,13 @@ def _law(law: object) -> str:
 
 
 def _single_number(owner: object, field: str) -> float | None:
-    """Return the value of a field of `owner`; ``None`` if there is no such field, or if its value
-    is not a single number."""
     value = getattr(owner, field, None)
     return float(np.asarray(value)) if value is not None and np.shape(value) == () else None
 
 
 def _play(joint: AbstractContactJoint) -> str:
-    """Return the joint's clearance, play and backlash with their units, such as "0.5 mm".
-
-    Only attributes that are a single number with a unit are listed; if there are none, the text is
-    "yes".
-    """
+    """Return the joint's clearance, play and backlash with their units, such as "0.5 mm"; "yes" if
+    none of them is a single number with a unit."""
     units = {field.name: field.metadata.get("unit", "") for field in fields(joint)}
     if isinstance(joint, HasJournal):  # its clearance may be a property
         units["clearance"] = "m"
@@ -162,11 +153,8 @@ def _counted(number: int, name: str, one: str = "", many: str = "s") -> str:
 
 
 def _tolerances(solution: Solution) -> list[str]:
-    """Return a list with one text: the solver and its tolerances, such as "Tsit5, rtol 1e-06".
-
-    The absolute tolerance is left out if it was not given. If a step-size controller was given, its
-    name replaces the tolerances. The list is empty if the solution does not contain its settings.
-    """
+    """Return a list with the solver and its tolerances, such as "Tsit5, rtol 1e-06", or the name of
+    a given step-size controller; empty if the solution does not contain its settings."""
     notes = {name.removeprefix("setting_"): value for name, value in solution.settings}
     if "solver" not in notes:
         return []
@@ -188,11 +176,10 @@ def _impacts(impacts: Impacts | None) -> str:
 
 
 def impact_rows(impacts: Impacts, most: int) -> list[Cells]:
-    """Return the rows of the table of impacts, with the texts of `IMPACT_COLUMNS`.
+    """Return the texts of `IMPACT_COLUMNS` for the `most` impacts with the largest peak forces.
 
-    The rows are the `most` impacts with the largest peak forces, in descending order. Simultaneous
-    impacts of several contacts of a joint, such as both ends of a journal, count as one impact and
-    share a row, which has the numbers of the one with the largest peak force.
+    Simultaneous impacts of several contacts of a joint, such as both ends of a journal, share a
+    row, which has the numbers of the one with the largest peak force.
     """
     force = impacts.peak_force
     hardest = {max(group, key=lambda k: force[k]): group for group in _simultaneous(impacts)}
@@ -242,8 +229,6 @@ MOST_ROWS = 8
 LETTERS = 112
 """Number of letters for which a line of the page has space: it is 7.4 inches wide, and a letter of
 bold text a little less than 0.066."""
-TABLE_EXTRA_LINES = 2.6
-"""Height of a table's head and of the gaps around the table, in lines of text."""
 MARGIN = 0.4
 """Margin of the page, inches."""
 
@@ -298,10 +283,10 @@ def report(
     parts = _parts(scene, solution, _record(scene, solution, quantity, unit))
     # Tables have the heights that they need, the title 0.4 inches; figures share the rest.
     width, height = (length - 2.0 * MARGIN for length in PAGE)
-    tables = sum(part.height for part in parts if part.is_table)
-    figures = sum(part.height for part in parts if not part.is_table)
+    tables = sum(part.height for part in parts if part.is_text)
+    figures = sum(part.height for part in parts if not part.is_text)
     stretch = (height - 0.4 - tables) / figures
-    heights = [part.height * (1.0 if part.is_table else stretch) for part in parts]
+    heights = [part.height * (1.0 if part.is_text else stretch) for part in parts]
     # A page has small texts and thin lines; other figures keep matplotlib's settings.
     with rc_context():
         rc("font", size=7.0)
@@ -327,26 +312,19 @@ def report(
 class _Part(NamedTuple):
     """A row of the page.
 
-    - `height`: inches. A table has exactly this height; figures share the rest of the page in
+    - `height`: inches. Texts have exactly this height; figures share the rest of the page in
       proportion to their heights.
     - `draw`: function that draws the row.
-    - `is_table`: whether the row is a table.
+    - `is_text`: whether the row consists of lines of text and a table.
     """
 
     height: float
     draw: Callable[[SubFigure], None]
-    is_table: bool = False
+    is_text: bool = False
 
 
 def _parts(scene: Scene, solution: Solution, record: xr.DataArray) -> list[_Part]:
-    """Return the rows of the page from top to bottom, without those that would be empty.
-
-    Forces need joints with contacts, and the table of impacts needs recorded impacts.
-
-    **Arguments:** `record`: values (N,) over "time", s, of the quantity whose spectrum is drawn.
-
-    **Raises:** `ValueError` for a solution without states.
-    """
+    """Return the rows of the page from top to bottom, without those that would be empty."""
     if solution.steps is not None and len(solution.steps) > 1:
         path = solution.steps.between()
     else:
@@ -354,37 +332,27 @@ def _parts(scene: Scene, solution: Solution, record: xr.DataArray) -> list[_Part
     along = observe(scene, solution, path)
     # Light letters are narrower than bold ones.
     lines = [line for text in run_lines(scene, solution) for line in wrap(text, LETTERS + 13)]
-    joints = _Table.of(JOINT_COLUMNS, joint_rows(scene, 2 * MOST_ROWS))
     # The functions draw later, when the heights of all rows are known.
-    height = LINE * len(lines) + joints.height()
-    parts = [_Part(height, lambda row: draw_description(row, lines, joints), is_table=True)]
+    parts = [_text_part(lines, "normal", JOINT_COLUMNS, joint_rows(scene, 2 * MOST_ROWS))]
     parts += [_Part(2.6, lambda row: draw_motion(row, scene, path, along))]
     if along.contacts:  # the phases of the motion below the forces have a row for each joint
         height = 2.4 + 0.2 * len(along.contacts)
         parts += [_Part(height, lambda row: draw_over_time(row, along))]
     parts += [_Part(2.5, lambda row: draw_energies(row, along, record))]
     if solution.impacts:
-        impacts = _Table.of(IMPACT_COLUMNS, impact_rows(solution.impacts, MOST_ROWS))
-        height = LINE + impacts.height()
-        parts += [_Part(height, lambda row: draw_impacts(row, impacts), is_table=True)]
+        rows = impact_rows(solution.impacts, MOST_ROWS)
+        parts += [_text_part(["Impacts of largest force"], "bold", IMPACT_COLUMNS, rows)]
     return parts
 
 
 def _record(
     scene: Scene, solution: Solution, quantity: Quantity | None, unit: str | None
 ) -> xr.DataArray:
-    """Return the values over time of the quantity whose spectrum the page shows.
+    """Return the values (N,) over "time", s, of the quantity whose spectrum the page shows, at the
+    saved states, or at the ends of the steps if no states are saved.
 
-    They are taken at the saved states, or at the ends of the steps if no states are saved.
-
-    **Arguments:** `quantity`: ``None`` for the component of the last body's velocity that changes
-    most, or of its angular velocity (spin) if its centre has a constant velocity. `unit`: SI unit
-    of a given quantity that declares none.
-
-    **Returns:** array (N,) with the coordinate "time", s.
-
-    **Raises:** `ValueError` for a solution without states, for a quantity without a unit, and for a
-    quantity of an element that the scene lacks.
+    By default it is the component of the last body's velocity that changes most, or of its angular
+    velocity (spin) if its centre has a constant velocity.
     """
     trajectory = trajectory_of(solution, solution.saved or solution.steps)
     if quantity is not None:
@@ -399,97 +367,58 @@ def _record(
     return labelled(trajectory, vectors[:, axis], f"{name} {'xyz'[axis]}", unit)
 
 
-class _Table(NamedTuple):
-    """A table in which long texts are broken into lines.
+def _text_part(lines: Sequence[str], weight: str, titles: Cells, rows: Sequence[Cells]) -> _Part:
+    """Return a row of the page with lines of text and, unless there are no `rows`, a table below.
 
-    - `columns`: left ends of the columns, as fractions of the width, by their titles.
-    - `rows`: lines of the cells of each row.
+    The columns are as wide as their longest texts where the page has space for all of them;
+    otherwise the widest columns are made narrower, and their texts broken into lines.
     """
-
-    columns: Mapping[str, float]
-    rows: list[list[list[str]]]
-
-    @staticmethod
-    def of(titles: Cells, rows: Sequence[Cells]) -> "_Table":
-        """Return a table whose columns are as wide as their longest texts where the page has space
-        for all of them; otherwise the widest columns are made narrower."""
-        cells = [titles, *rows]
-        needed = np.array([max(map(len, column)) + 2 for column in zip(*cells, strict=True)])
+    # Left end, as a fraction of the width; lines from the top; text; and weight of the letters.
+    texts = [(0.0, float(k), text, weight) for k, text in enumerate(lines)]
+    head = line = len(lines) + 0.4
+    if rows:
+        cells = zip(titles, *rows, strict=True)
+        needed = np.array([max(map(len, column)) + 2 for column in cells])
         widest = needed.max()
         while np.minimum(needed, widest).sum() > LETTERS:
             widest -= 1
         widths = np.minimum(needed, widest)
         ends = np.cumsum([0, *widths[:-1]]) * (1.0 / max(widths.sum(), 0.8 * LETTERS))
-        broken_rows = [
-            [wrap(cell, width - 2) for cell, width in zip(row, widths, strict=True)] for row in rows
-        ]
-        return _Table(dict(zip(titles, ends.tolist(), strict=True)), broken_rows)
+        texts += [(x, head, title, "bold") for x, title in zip(ends, titles, strict=True)]
+        line += 1.3
+        for row in rows:
+            broken = [wrap(cell, width - 2) for cell, width in zip(row, widths, strict=True)]
+            for x, cell in zip(ends, broken, strict=True):
+                texts += [(x, line + k, text, "normal") for k, text in enumerate(cell)]
+            line += max(map(len, broken))
 
-    def height(self) -> float:
-        """Return the height, inches, with the head and the gaps around the table."""
-        if not self.rows:
-            return LINE
-        return LINE * (sum(max(map(len, row)) for row in self.rows) + TABLE_EXTRA_LINES)
+    def draw(row: SubFigure) -> None:
+        axes = row.add_subplot()
+        axes.set_axis_off()
+        for x, down, text, weight in texts:
+            axes.annotate(
+                text,
+                (x, 1.0),
+                (0.0, -72.0 * LINE * down),  # an inch has 72 points
+                xycoords="axes fraction",
+                textcoords="offset points",
+                va="top",
+                weight=weight,
+                annotation_clip=False,
+            )
+        if rows:  # a rule below the head, just above the first row
+            shift = ScaledTranslation(0.0, -LINE * (head + 1.1), row.dpi_scale_trans)
+            look = {"color": GREY, "linewidth": 0.6, "clip_on": False}
+            axes.plot([0, 1], [1, 1], transform=axes.transAxes + shift, **look)
 
-    def draw(self, axes: Axes, first: float) -> None:
-        """Write the table with a rule below the head, unless it has no rows; `first`: line of the
-        head, counted from the top of the axes."""
-        if not self.rows:
-            return
-        for title, position in self.columns.items():
-            _write(axes, position, first, title, weight="bold")
-        # The rule is 1.1 lines below the top of the head, just above the first row at 1.3 lines.
-        shift = ScaledTranslation(0.0, -LINE * (first + 1.1), axes.figure.dpi_scale_trans)
-        transform = axes.transAxes + shift
-        axes.plot([0, 1], [1, 1], color=GREY, linewidth=0.6, transform=transform, clip_on=False)
-        line = first + 1.3
-        for row in self.rows:
-            for position, texts in zip(self.columns.values(), row, strict=True):
-                for k, text in enumerate(texts):
-                    _write(axes, position, line + k, text)
-            line += max(map(len, row))
-
-
-def draw_description(row: SubFigure, lines: list[str], joints: _Table) -> None:
-    """Write the `lines` that describe scene and run, and below them the table of joints."""
-    axes = row.add_subplot()
-    axes.set_axis_off()
-    for line, text in enumerate(lines):
-        _write(axes, 0.0, line, text)
-    joints.draw(axes, len(lines) + 0.5)
-
-
-def draw_impacts(row: SubFigure, impacts: _Table) -> None:
-    """Write the table of impacts with its heading."""
-    axes = row.add_subplot()
-    axes.set_axis_off()
-    _write(axes, 0.0, 0.0, "Impacts of largest force", "bold")
-    impacts.draw(axes, 1.2)
-
-
-def _write(axes: Axes, position: float, line: float, text: str, weight: str = "normal") -> None:
-    """Write a text whose left end is at the fraction `position` of the width, `line` lines below
-    the top."""
-    axes.annotate(
-        text,
-        (position, 1.0),
-        (0.0, -72.0 * LINE * line),  # an inch has 72 points
-        xycoords="axes fraction",
-        textcoords="offset points",
-        va="top",
-        weight=weight,
-        annotation_clip=False,
-    )
+    # A gap of about a line is below the text or the table.
+    return _Part(LINE * (line + (0.9 if rows else 0.6)), draw, is_text=True)
 
 
 def draw_motion(row: SubFigure, scene: Scene, path: Trajectory, observed: Observation) -> None:
-    """Draw the orbits of the two journals with the largest forces, and the contact directions of
-    the journal with the largest force; for a scene without journals, the paths of the bodies.
-
-    An orbit is the path of a journal in the cross-section of its bearing.
-
-    **Arguments:** `path`: states along the run; `observed`: observation of the same states.
-    """
+    """Draw the paths of the two journals with the largest forces in their bearings (orbits), and
+    the contact directions of the journal with the largest force; without journals, the paths of the
+    bodies."""
     journals = [name for name, joint in scene.joints.items() if isinstance(joint, HasJournal)]
     if not journals:
         _bodies(row.add_subplot(), path)
@@ -517,12 +446,11 @@ def draw_motion(row: SubFigure, scene: Scene, path: Trajectory, observed: Observ
 
 
 def _bodies(axes: Axes, trajectory: Trajectory) -> None:
-    """Draw the paths of the bodies' centres of mass, projected on a coordinate plane.
+    """Draw the paths of the bodies' centres of mass, projected on the coordinate plane in which
+    they extend farthest.
 
-    Its two axes are those of X, Y and Z along which the set of all paths extends farthest. If no
-    coordinate of any centre varies by more than a fiftieth of the largest extent of this set, the
-    bodies do little more than turn: draw the magnitudes of their angular velocities over time
-    instead.
+    If no coordinate of any centre varies by more than a fiftieth of the largest extent, the bodies
+    do little more than turn: draw the magnitudes of their angular velocities over time instead.
     """
     bodies = trajectory.states.bodies
     paths = {name: np.asarray(body.position) for name, body in bodies.items()}
@@ -563,11 +491,7 @@ def draw_over_time(row: SubFigure, observed: Observation) -> None:
 
 def draw_energies(row: SubFigure, observed: Observation, record: xr.DataArray) -> None:
     """Draw the energies and the error of their balance on the left, and on the right the amplitude
-    spectrum of `record` (N,) over "time", s.
-
-    A note replaces the spectrum if there are fewer than four times, or if they are not at equal
-    intervals.
-    """
+    spectrum of `record` (N,) over "time", s, or a note if its times don't suit a spectrum."""
     panels = row.subplot_mosaic([["stored", "lines"], ["drift", "lines"]], height_ratios=(2.0, 1.0))
     panels["stored"].sharex(panels["drift"])
     energy_ledger(observed, axes=np.array([panels["stored"], panels["drift"]]))

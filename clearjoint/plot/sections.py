@@ -43,7 +43,6 @@ def poincare_map(
 
     - `x`, `y`: (N,) coordinates of the points in the order of time, in any units.
     - `labels`: texts of the horizontal and the vertical axis, with units.
-    - `axes`: axes to draw on, by default new ones.
 
     **Returns:** the axes. Later points are darker; a colour bar gives their numbers from 1 on,
     unless there is only one point.
@@ -56,10 +55,7 @@ def poincare_map(
 def _mapped(
     x: np.ndarray, y: np.ndarray, numbers: np.ndarray, labels: tuple[str, str], axes: Axes | None
 ) -> Axes:
-    """Draw points whose colours show their `numbers` (N,).
-
-    The coordinates `x`, `y` (N,) are in the units of `labels`, the texts of the axes.
-    """
+    """Draw points, in the units of `labels`, whose colours show their `numbers` (N,)."""
     axes = axes_or_new(axes, (5.4, 4.8))
     shades = LinearSegmentedColormap.from_list("later is darker", [LIGHT, BLUE, DARK])
     look = {"cmap": shades, "s": 14.0, "linewidths": 0.0, "zorder": 3}
@@ -91,7 +87,6 @@ def poincare_section(
     - `after`: time, s; crossings before this time, such as those of the transient, are omitted.
     - `clearance`: radius of a circle to draw, m, for channels that are the `JournalOffset` of a
       joint with this clearance.
-    - `axes`: axes to draw on, by default new ones.
 
     **Returns:** the axes. They have equal scales with a `clearance`, or if both channels have the
     same unit and their largest magnitudes differ by at most a factor of 20. Later points are
@@ -131,11 +126,9 @@ def poincare_section_of_lane(
     **Arguments:**
 
     - `lane`: data set of one lane, from `sweep` or `open_sweep`: ``dataset.isel(clearance=3)``.
-    - `section`: name under which the `Section` was passed to `Saving`.
     - `channels`: names of the section's channels that are drawn to the right and upwards.
     - `after`: time, s; earlier crossings are omitted. `clearance`: radius of a circle to draw, m,
       see `plot.poincare_section`.
-    - `axes`: axes to draw on, by default new ones.
 
     **Returns:** the axes, see `plot.poincare_section`.
 
@@ -176,16 +169,10 @@ def section_points(
     clearance: float | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw two channels of section crossings as points, and return the axes.
+    """Draw two channels of section crossings at `times` (N,), s, as points, and return the axes.
 
-    **Arguments:**
-
-    - `times`: (N,) s, of the crossings.
-    - `channels`: name, values (N,) and SI unit of each of the two channels.
-    - `after`, `clearance`, `axes`: see `poincare_section`.
-
-    **Raises:** `ValueError` for a `clearance` with channels that are not lengths, and if all
-    crossings are earlier than `after`.
+    **Arguments:** `channels`: name, values (N,) and SI unit of each; for the others, and for
+    errors, see `poincare_section`.
     """
     times, units = np.asarray(times), [unit for *_, unit in channels]
     kept = np.full(len(times), True) if after is None else times >= after
@@ -246,7 +233,6 @@ def bifurcation(
       zipped sweep, whose axes vary together, needs a name.
     - `number`: whether colours show the numbers of the crossings, from 1 on; this helps for a
       motion that decays, whose crossings depend on the time.
-    - `axes`: axes to draw on, by default new ones.
 
     **Returns:** the axes. The scale of the parameter or the channel is logarithmic if all its
     values are positive and the largest exceeds 12 times the smallest one; that of the parameter

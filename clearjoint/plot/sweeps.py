@@ -27,10 +27,7 @@ from .style import (
 
 
 def is_successful(dataset: xr.Dataset) -> xr.DataArray:
-    """Return whether each lane ran to its end, as an array with the axes of the sweep.
-
-    It is false for lanes that failed or have not run yet.
-    """
+    """Return whether each lane ran to its end: false if it failed or has not run yet."""
     # The meanings of the numbers are attributes by the CF conventions of netCDF files.
     attributes = dataset["result"].attrs
     codes = dict(zip(attributes["flag_meanings"].split(), attributes["flag_values"], strict=True))
@@ -40,9 +37,6 @@ def is_successful(dataset: xr.Dataset) -> xr.DataArray:
 def of_lanes(dataset: xr.Dataset, variable: str, along: tuple[str, ...]) -> xr.DataArray:
     """Return an output as an array along given axes of a sweep, NaN where a lane failed or has not
     run yet.
-
-    **Arguments:** `variable`: name of the output; `along`: names of the axes, in the order of the
-    array's dimensions.
 
     **Raises:** `ValueError` for an unknown output or axis, for an axis of which a single value is
     selected, and for an output whose dimensions are not exactly these axes.
@@ -59,11 +53,8 @@ def of_lanes(dataset: xr.Dataset, variable: str, along: tuple[str, ...]) -> xr.D
 
 
 def only_axis(dataset: xr.Dataset, axis: str | None) -> str:
-    """Return `axis`, or for None the name of the sweep's only axis.
-
-    **Raises:** `ValueError` for an unknown name; and for None if the sweep has several axes or is
-    zipped, which means that its axes vary together.
-    """
+    """Return `axis`, or for None the name of the sweep's only axis; `ValueError` if there are
+    several, or if they are zipped, which means that they vary together."""
     if axis is not None:
         require_names(dataset, (axis,))
         return axis
@@ -76,11 +67,8 @@ def only_axis(dataset: xr.Dataset, axis: str | None) -> str:
 def mark_failed(
     axes: Axes, positions: np.ndarray, successful: np.ndarray, colour: str = VERMILLION
 ) -> None:
-    """Draw crosses at the lower edge of the axes for lanes that failed or have not run yet.
-
-    **Arguments:** `positions`: (L,) horizontal positions of the lanes in the unit of the axes;
-    `successful`: (L,) whether each lane ran to its end.
-    """
+    """Draw crosses at the lower edge of the axes for lanes, at `positions` (L,), that failed or
+    have not run yet."""
     missing = positions[~successful]
     if missing.size:
         axes.plot(
@@ -127,7 +115,6 @@ def against(
 
     - `dataset`: from `sweep` or `open_sweep`. If the sweep has several axes, select one value of
       each axis that is not drawn, as by ``dataset.sel(restitution=0.9)``.
-    - `variable`: name of the output.
     - `axis`: name of the swept parameter; by default the only axis of the sweep. A zipped sweep,
       whose axes vary together, needs a name.
     - `median`: number of neighbouring lanes over which a running median is drawn as a line. It
@@ -223,9 +210,7 @@ def parameter_map(
 
     - `dataset`: from `sweep` or `open_sweep`. If the sweep has further axes, select one value of
       each of them.
-    - `variable`: name of the output.
     - `x`, `y`: names of the parameters that are drawn to the right and upwards.
-    - `axes`: axes to draw on, by default new ones.
 
     **Returns:** the axes. The scale of the colours or of a parameter is logarithmic if all its
     values are positive and the largest exceeds 12 times the smallest one; that of a parameter also
@@ -346,10 +331,7 @@ def power_law_exponent(
 
 def _power_law(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     """Return exponent p and factor C of the power law C x^p that fits the logarithms of `y` (N,)
-    over those of `x` (N,) best, at the points where both are positive.
-
-    **Raises:** `ValueError` for fewer than two such points.
-    """
+    over those of `x` (N,) best, at the points where both are positive."""
     positive = (x > 0.0) & (y > 0.0)
     require(positive.sum() >= 2, "within", y, "with at least two positive values", "widen it")
     exponent, logarithm = np.polyfit(np.log(x[positive]), np.log(y[positive]), 1)

@@ -105,10 +105,7 @@ def rate_series(
 
 
 def trajectory_of(solution: Solution, trajectory: Trajectory | None) -> Trajectory:
-    """Return `trajectory`, or for None the saved states of the solution.
-
-    **Raises:** `ValueError` if `trajectory` is ``None`` and the solution has no saved states.
-    """
+    """Return `trajectory`, or for None the saved states of the solution, which must have some."""
     trajectory = solution.saved if trajectory is None else trajectory
     remedy = "pass save=Saving(times) to simulate(), or trajectory=solution.steps"
     require(trajectory is not None, "solution", "without saved states", "one with states", remedy)
@@ -131,10 +128,7 @@ def name_of(quantity: Callable[..., object]) -> str:
 
 
 def unit_of(quantity: Quantity, unit: str | None) -> str:
-    """Return `unit`, or for None the SI unit that the quantity declares.
-
-    **Raises:** `ValueError` if there is neither.
-    """
+    """Return `unit`, or for None the SI unit that the quantity declares; one of them must exist."""
     unit = getattr(quantity, "unit", None) if unit is None else unit
     require(unit is not None, "unit", unit, "an SI unit for this quantity", 'pass unit="m", say')
     assert unit is not None
@@ -152,8 +146,7 @@ def _over_seconds(unit: str) -> str:
 
 
 def labelled(trajectory: Trajectory, values: np.ndarray, name: str, unit: str) -> xr.DataArray:
-    """Return values (N,) at the N times of a trajectory as an array with a name, an SI unit in
-    ``attrs["units"]``, and the coordinate "time"."""
+    """Return values (N,) at the N times of a trajectory as an array with name, unit and times."""
     coordinate = xr.DataArray(np.asarray(trajectory.times), dims="time", attrs={"units": "s"})
     return xr.DataArray(values, {"time": coordinate}, ("time",), name=name, attrs={"units": unit})
 
@@ -175,8 +168,6 @@ def phase_portrait(
 
     - `scene`, `solution`, `unit`, `trajectory`: see `plot.series`.
     - `quantity`: function of positions, such as an angle, a position or a penetration.
-    - `window`: start and end of the drawn time, s; by default all times.
-    - `axes`: axes to draw on, new ones by default.
 
     **Returns:** the axes, in units with suitable prefixes. A dot marks the start, a square the end.
     Angles continue beyond a full turn.
@@ -288,7 +279,6 @@ def spectrum(
       intervals of time. Vibrations above half the sampling rate, such as those of an impact, appear
       at wrong frequencies below it (aliasing).
     - `taper`: see `plot.amplitude_spectrum`.
-    - `axes`: axes to draw on, by default new ones.
 
     **Returns:** the axes, which show frequency in Hz and amplitude in the quantity's unit, both
     with suitable prefixes; the amplitude on a logarithmic scale.
@@ -306,8 +296,7 @@ def spectrum(
 def spectrum_of(record: xr.DataArray, *, taper: str = "hann", axes: Axes | None = None) -> Axes:
     """Draw the amplitude spectrum of values over time, such as measured or simulated ones.
 
-    **Arguments:** `record`, `taper`: see `plot.amplitude_spectrum`; `axes`: axes to draw on, new
-    ones by default.
+    **Arguments:** `record`, `taper`: see `plot.amplitude_spectrum`.
 
     **Returns:** the axes, see `plot.spectrum`. The amplitude axis begins at 1e-8 of the largest
     amplitude or above, and is linear if all amplitudes are zero. A title names the taper and the
@@ -377,7 +366,6 @@ def energy_ledger(
     **Arguments:**
 
     - `observation`: from `cj.observe`, best of a run with ``Settings(ledger=True)``.
-    - `window`: start and end of the drawn time, s; by default all observed times.
     - `axes`: array (2,) of the upper and the lower axes; new ones by default.
 
     **Returns:** the axes, (2,); time in ms or s, energies with a suitable prefix of J.

@@ -79,8 +79,7 @@ ANYTHING = Expectation(is_text=True, is_flag=True, allows_anything=True)
 
 
 def class_name(kind: type) -> str:
-    """Return the name of a class in files: "Class" if it belongs to the package, else
-    "module:Class"."""
+    """Return the name of a class in files: "Class" in the package, else "module:Class"."""
     return kind.__name__ if is_from_package(kind) else f"{kind.__module__}:{kind.__qualname__}"
 
 
@@ -101,16 +100,11 @@ def makers(families: tuple[type, ...], given: Classes) -> dict[str, Maker]:
     They are the following classes, and those of their static methods that return an object of the
     class. Abstract and private classes are left out.
 
-    - Classes of this package that derive from one of the `families` and from `AbstractReadable`,
-      the base class of laws, joints, bodies and others.
+    - Classes of this package that derive from one of the `families` (from any class if there are
+      none) and from `AbstractReadable`, the base class of laws, joints, bodies and others.
     - The `families` themselves, if they belong to this package.
-    - Classes in `given` that derive from one of the `families`. Each has two names, with and
-      without its module; the short one is omitted if a class of this package has it.
-
-    **Arguments:** `families`: base classes of the objects, or an empty tuple for any object;
-    `given`: user-defined classes that the caller passes.
-
-    **Raises:** `ValueError` unless `given` is a collection of classes.
+    - User-defined classes, `given`, that derive from one of the `families`. Each has two names,
+      with and without its module; the short one is omitted if a class of this package has it.
     """
     # An iterator is no collection: it could be read only once. A class may be one, such as an enum.
     is_collection = isinstance(given, Collection) and not isinstance(given, type)
@@ -130,7 +124,6 @@ def makers(families: tuple[type, ...], given: Classes) -> dict[str, Maker]:
 
 
 def _subclasses(kind: type) -> Iterator[type]:
-    """Yield all direct and indirect subclasses of a class."""
     for subclass in kind.__subclasses__():
         yield subclass
         yield from _subclasses(subclass)
@@ -138,8 +131,8 @@ def _subclasses(kind: type) -> Iterator[type]:
 
 @cache
 def _static_methods(kind: type) -> dict[str, Maker]:
-    """Return the public static methods, by name, whose annotation says that they return an object
-    of their class."""
+    """Return the public static methods whose annotation says that they return an object of their
+    class."""
     return {
         name: member.__func__
         for name, member in vars(kind).items()
@@ -157,15 +150,11 @@ def family_names(families: tuple[type, ...]) -> str:
 def find_maker(
     name: object, families: tuple[type, ...], given: Classes, location: FileLocation
 ) -> Maker:
-    """Return the class or static method that a file names.
+    """Return the class or static method of the `families`, or among the user-defined classes
+    `given`, that a file names.
 
-    **Arguments:**
-
-    - `name`: the name in the file. A script saves its own class as "__main__:Class"; for such a
-      name, a class "Class" in `given` is found, whatever its module, unless this package has a
-      class of that name, which is then found instead.
-    - `families`, `given`: as for `makers`.
-    - `location`: location of the name in the file, for error messages.
+    A script saves its own class as "__main__:Class"; for such a name, a class "Class" in `given` is
+    found, whatever its module, unless this package has a class of that name.
 
     **Raises:** `ValueError` for a name that is unknown or not a text, for a class that has none of
     the base classes, and for a user-defined class that the caller has not passed.
@@ -197,69 +186,42 @@ def arguments(make: Maker) -> dict[str, Expectation]:
     # For a field and an argument of the same name, the annotation of the field counts.
     hints = _hints(kind.__init__ if make is kind else make) | _hints(kind)
     declared = {f.name: f.metadata for f in fields(kind)} if is_dataclass(kind) else {}
-    return {
-        name: replace(
-            _with_unit(expectation(hints.get(name, Any)), declared.get(name, {})),
-            default=parameter.default,
-        )
-        for name, parameter in inspect.signature(make).parameters.items()
-        if parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
-    }
-
-
-def _with_unit(expected: Expectation, metadata: Mapping) -> Expectation:
-    """Return an expectation with the unit and shape that a field declares.
-
-    Fields that are made by `quantity`, the package's function for numbers with units, declare them
-    in their metadata.
-
-    **Arguments:** `metadata`: metadata of the field; without a unit, the expectation is unchanged.
-    """
-    if "unit" not in metadata:
-        return expected
-    # An argument without annotation allows anything; with a unit it allows numbers only. The
-    # declared shape is that of the whole value, so that entries of a list get the unit only.
-    shape = getattr(metadata.get("declared"), "shape", None)
-    return replace(
-        expected,
-        unit=metadata["unit"],
-        shapes=expected.shapes if shape is None else (shape,),
-        by_name=expected.by_name and _with_unit(expected.by_name, metadata),
-        item=expected.item and _with_unit(expected.item, {"unit": metadata["unit"]}),
-        is_text=expected.is_text and not expected.allows_anything,
-        is_flag=expected.is_flag and not expected.allows_anything,
-        allows_anything=False,
-    )
+    found = {}
+    for name, parameter in inspect.signature(make).parameters.items():
+        if parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD):
+            # Fields that are made by `quantity` declare the unit and the shape of their values.
+            metadata = declared.get(name, {})
+            expected = expectation(hints.get(name, Any), metadata.get("unit"))
+            shape = getattr(metadata.get("declared"), "shape", None)
+            shapes = expected.shapes if shape is None else (shape,)
+            found[name] = replace(expected, shapes=shapes, default=parameter.default)
+    return found
 
 
 def _hints(owner: object) -> dict[str, Any]:
-    """Return the annotations of a class or function by name.
-
-    If one of them names a type that is unknown at run time, all are returned as they were written,
-    which may be texts.
-    """
+    """Return the annotations of a class or function by name; all as they were written if one of
+    them names a type that is unknown at run time."""
     try:
         return typing.get_type_hints(owner, include_extras=True)
     except NameError:
         return dict(getattr(owner, "__annotations__", {}))
 
 
-def expectation(annotation: object) -> Expectation:
-    """Return the values that the annotation of an argument allows.
+def expectation(annotation: object, unit: str | None = None) -> Expectation:
+    """Return the values that the annotation of an argument allows, with the SI unit of its numbers.
 
     Examples are ``float``, an array of jaxtyping, ``Body | None``, ``Literal["a", "b"]`` and
     ``Mapping[str, Body]``; ``Annotated[float, "s"]`` declares a number with the unit s.
     """
     origin, inner = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is Annotated:
-        unit = next((note for note in inner[1:] if isinstance(note, str)), None)
-        return replace(expectation(inner[0]), unit=unit)
+        return expectation(inner[0], next((n for n in inner[1:] if isinstance(n, str)), unit))
     # A `Quantity` is any function of an instant. A file can contain only objects of the package's
     # class of such functions.
     if annotation == Quantity:
         return Expectation(classes=(AbstractQuantity,))
     if origin in (Union, UnionType):
-        parts = [expectation(kind) for kind in inner if kind is not NoneType]
+        parts = [expectation(kind, unit) for kind in inner if kind is not NoneType]
         # None is no part: unless texts are allowed, the reader takes the text "none" for it. The
         # shapes and classes of all parts are allowed. Of every other property, the first value
         # that is neither None nor False is taken, so that a flag is true if it is true for any
@@ -274,15 +236,15 @@ def expectation(annotation: object) -> Expectation:
     if origin is Literal:
         return Expectation(options={str(text): text for text in inner})
     if inspect.isclass(origin) and issubclass(origin, Mapping) and len(inner) == 2:
-        return Expectation(by_name=expectation(inner[1]))
+        return Expectation(unit, by_name=expectation(inner[1], unit))
     if inspect.isclass(origin) and issubclass(origin, Sequence) and inner:
-        return Expectation(item=expectation(inner[0]))
+        return Expectation(unit, item=expectation(inner[0], unit))
     if inspect.isclass(annotation) and issubclass(annotation, Enum):
         return Expectation(options=annotation.__members__)
     if inspect.isclass(annotation) and is_dataclass(annotation):
         return Expectation(classes=(annotation,))
     if annotation is Any or isinstance(annotation, str | TypeVar):  # a text that was not resolved
-        return ANYTHING
+        return ANYTHING if unit is None else Expectation(unit)  # a unit: numbers only
     # The rest are numbers, texts, flags, and arrays of jaxtyping, which have `dims`. The shape is
     # known for a number, and for an array whose annotation fixes all sizes. Without `dims`, the
     # size None stands for an unknown shape.
@@ -290,6 +252,7 @@ def expectation(annotation: object) -> Expectation:
     known = tuple(size for size in sizes if isinstance(size, int))
     has_shape = annotation in (int, float) or len(known) == len(sizes)
     return Expectation(
+        unit,
         shapes=(known,) if has_shape else (),
         is_array=hasattr(annotation, "dims") or annotation in (np.ndarray, jax.Array),
         is_text=annotation is str,

@@ -12,7 +12,8 @@ import tomllib
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from functools import reduce
 from itertools import count, islice
 from operator import getitem
@@ -50,10 +51,8 @@ def split(text: str) -> tuple[str, ...]:
 
 
 def keys_of(text: str) -> tuple[str, ...]:
-    """Return the keys and indices of a written path, as `split` does.
-
-    **Raises:** `ValueError` for an empty text, and for one with characters that `split` would skip.
-    """
+    """Return the keys and indices of a written path, as `split` does, which must not skip
+    characters."""
     expected = "names with dots between, such as joints.pin.clearance"
     remedy = "put names that contain dots into quotation marks"
     is_whole = text != "" and "".join(key[0] for key in KEY.finditer(text)) == text
@@ -77,14 +76,8 @@ def written(keys: Keys) -> str:
 
 
 def existing(content: object, keys: Sequence[str | int]) -> Keys:
-    """Return the existing beginning of a path: its keys and indices before the first one that the
-    tables and lists lack.
-
-    Indices of lists may be given as texts; they are returned as integers.
-
-    **Arguments:** `content`: nested tables and lists; `keys`: the path, keys of tables and indices
-    of lists.
-    """
+    """Return the existing beginning of a path: its keys, and indices as integers, before the first
+    one that the tables and lists lack."""
     found: list[str | int] = []
     for key in keys:
         if isinstance(content, Mapping) and key in content:
@@ -114,10 +107,10 @@ class Source:
     def where(self, keys: Keys) -> str:
         """Return the text that a message adds to the path of the file for the value at `keys`.
 
-        This is " with --set …" for a value that the command line sets. Otherwise it is, for
-        example, ", line 12", the line of the statement that sets the value or the closest table
-        around it. It is empty if the line is unknown: in JSON, in TOML of more than 100 000
-        characters, and if no key of the path is in the file.
+        This is " with --set …" for a value that the command line sets. Otherwise it is ", line 12",
+        say: the line of the statement that sets the value or the closest table around it. It is
+        empty if the line is unknown: in JSON, in TOML of more than 100 000 characters, and if no
+        key is in the file.
         """
         for depth in range(1, len(keys) + 1):
             if keys[:depth] in self.changes:
@@ -130,18 +123,15 @@ class Source:
         return f", line {self._line(keys)}" if keys else ""
 
     def _line(self, keys: Keys) -> int:
-        """Return the number, from 1 on, of the first line of the statement that sets an existing
-        key."""
+        """Return the number of the first line of the statement that sets an existing key."""
         lines = self._text.split("\n")
 
         def valid_lines(limit: int) -> tuple[int, object]:
             """Return the largest number of lines, at most `limit`, that are valid TOML if parsed
             alone, and their tables."""
             for size in range(limit, 0, -1):
-                try:
+                with suppress(tomllib.TOMLDecodeError):
                     return size, tomllib.loads("\n".join(lines[:size]) + "\n")
-                except tomllib.TOMLDecodeError:
-                    continue
             return 0, {}
 
         # tomllib reports no positions. The statement ends where the beginning of the file, if
@@ -158,6 +148,7 @@ class Source:
         return first + 1
 
 
+@dataclass
 class FileLocation:
     """Location of a value in a file.
 
@@ -166,10 +157,9 @@ class FileLocation:
     - `source`: text of the file, if known.
     """
 
-    def __init__(self, file: str, keys: Keys = (), source: Source | None = None):
-        self.file = file
-        self.keys = keys
-        self.source = source
+    file: str
+    keys: Keys = ()
+    source: Source | None = None
 
     def at(self, *keys: str | int) -> "FileLocation":
         """Return the location of the entry to which further `keys` lead."""
@@ -228,10 +218,7 @@ that braces inside strings are passed over."""
 
 
 def suffix_of(path: Path) -> str:
-    """Return the suffix of a path, ".toml" or ".json".
-
-    **Raises:** `ValueError` for another suffix.
-    """
+    """Return the suffix of a path, which must be ".toml" or ".json"."""
     if path.suffix not in SUFFIXES:
         FileLocation(str(path)).refuse(path.suffix, "the suffix .toml or .json", "rename the file")
     return path.suffix
@@ -240,8 +227,8 @@ def suffix_of(path: Path) -> str:
 def read_document(path: Path) -> tuple[Document, FileLocation]:
     """Read a TOML or JSON file; return its tables and their location, for error messages.
 
-    **Raises:** `ValueError` for a suffix other than .toml and .json, for bytes that are not UTF-8,
-    for a file of more than 200 MB, and as `parse`; `OSError` for a file that can't be read.
+    **Raises:** `ValueError` for another suffix, for bytes that are not UTF-8, for a file of more
+    than 200 MB, and as `parse`; `OSError` for a file that can't be read.
     """
     suffix, location = suffix_of(path), FileLocation(str(path))
     content = read_bytes(path, 200_000_000)
@@ -255,11 +242,7 @@ def read_document(path: Path) -> tuple[Document, FileLocation]:
 
 
 def read_bytes(path: Path, most: int) -> bytes:
-    """Return the content of a file.
-
-    **Raises:** `ValueError` for a file of more than `most` bytes; `OSError` for a file that can't
-    be read.
-    """
+    """Return the content of a file, which may have at most `most` bytes."""
     size = path.stat().st_size
     if size > most:
         FileLocation(str(path)).refuse(f"{size} bytes", f"at most {most}", "shorten the file")
@@ -268,9 +251,6 @@ def read_bytes(path: Path, most: int) -> bytes:
 
 def parse(text: str, suffix: str, file: str) -> Document:
     """Parse the text of a file and return its tables, without the key `SCHEMA`.
-
-    **Arguments:** `text`: the text; `suffix`: ".toml" or ".json"; `file`: path of the file, for
-    messages.
 
     **Raises:** `ValueError` with line and column for text that is not valid; also for more than
     `DEEPEST` nested tables and lists, for JSON that is not an object, and for a whole number of
@@ -298,8 +278,7 @@ def parse(text: str, suffix: str, file: str) -> Document:
 
 
 def _depth(content: object) -> int:
-    """Return how deeply tables and lists are nested: 1 for a table or list that contains no other,
-    zero for another value."""
+    """Return how deeply tables and lists are nested: 1 for one that contains no other."""
     if not isinstance(content, dict | list):
         return 0
     entries = content.values() if isinstance(content, dict) else content
@@ -307,12 +286,8 @@ def _depth(content: object) -> int:
 
 
 def _parsed_json(text: str) -> object:
-    """Return the content of a JSON text.
-
-    **Raises:** `ValueError` with line and column for text that is not valid, and for an object with
-    a repeated key. The module `json` would silently take the last value of the key; `tomllib`
-    refuses repeated keys.
-    """
+    """Return the content of a JSON text. An object with a repeated key is refused: the module
+    `json` would silently take the last value of the key; `tomllib` refuses repeated keys."""
     numbers = count()
 
     def table(pairs: list[tuple[str, object]]) -> Document:
@@ -329,11 +304,10 @@ def _parsed_json(text: str) -> object:
 
 
 def format_document(document: Document, suffix: str, units: Units, schema: str | None) -> str:
-    """Return the text of a file with the given tables; TOML has the units in comments.
+    """Return the text of a file with the given tables; TOML has the `units` in comments.
 
-    **Arguments:** `document`: the tables; `suffix`: ".toml" or ".json"; `units`: units of the
-    values, by the keys that lead to them; `schema`: name of the JSON Schema file to which the text
-    refers for editors, or None.
+    **Arguments:** `schema`: name of the JSON Schema file to which the text refers for editors, or
+    None.
 
     **Raises:** `ValueError` for JSON with a number that is infinite or NaN, which JSON lacks.
     """

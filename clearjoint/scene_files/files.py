@@ -66,11 +66,9 @@ class Writer:
         arguments whose value and default are both ``None``, empty dictionaries whose default is
         empty or ``None``, and arguments that have a default but no field.
 
-        **Arguments:** `location`: location of the table in the file.
-
         **Raises:** `ValueError` for arguments without default that the object does not store in a
-        field of the same name, for a class with an argument named `kind`, the key by which a
-        table names its class, and for values that a file can't hold.
+        field of the same name, for a class with an argument named `kind`, and for values that a
+        file can't hold.
         """
         kind = type(instance)
         if not is_from_package(kind):
@@ -94,13 +92,7 @@ class Writer:
         return entries
 
     def _value(self, value: object, expected: Expectation, location: FileLocation) -> object:
-        """Return a value as a number, text, list or table, and add its unit to `units`.
-
-        **Arguments:** `expected`: unit and classes of the argument or entry that has the value;
-        `location`: its location in the file.
-
-        **Raises:** `ValueError` for a value that a file can't hold, such as a function or NaN.
-        """
+        """Return a value as a number, text, list or table, and add its unit to `units`."""
         if isinstance(value, Tracer):
             location.refuse(value, "a number", "call `save` outside functions that JAX transforms")
         self.units[location.keys] = expected.unit or "1"
@@ -281,8 +273,6 @@ def first_difference(one: object, other: object, location: FileLocation) -> File
 
     Fields and entries are compared recursively. Floats are equal if their bits are equal, arrays of
     NumPy and JAX if their shapes, dtypes and bits are equal.
-
-    **Arguments:** `location`: location of both objects in the file.
     """
     # An array of NumPy may equal one of JAX, and dictionaries of different types may be equal. All
     # other objects differ if their types do.
@@ -302,8 +292,7 @@ def first_difference(one: object, other: object, location: FileLocation) -> File
 
 
 def _entries(node: object) -> dict:
-    """Return the parts of an object by key: the entries of a dictionary, list or tuple, or the
-    fields of a dataclass. The result is empty for a value without parts, such as a number."""
+    """Return the parts of an object by key, entries or fields; none of a value such as a number."""
     if isinstance(node, Mapping):
         return dict(node)
     if isinstance(node, tuple | list):
@@ -316,13 +305,7 @@ def _entries(node: object) -> dict:
 def scene_of_document(
     document: Document, classes: Classes, location: FileLocation
 ) -> tuple[Scene, State]:
-    """Return the scene and its complete state that the tables of a file describe.
-
-    **Arguments:** `document`: the file's tables; `classes`: user-defined classes that it may name;
-    `location`: location of the tables, for messages.
-
-    **Raises:** `ValueError` as `load`.
-    """
+    """Return the scene and its complete state that the tables of a file describe, as `load`."""
     version, remedy = document.get(VERSION, FORMAT), ""
     if isinstance(version, bool) or not isinstance(version, int) or version < 1:
         remedy = f"write {VERSION} = {FORMAT}, or leave it out"
@@ -352,11 +335,7 @@ def _completed(scene: Scene, state: State, location: FileLocation) -> State:
     """Return `state`, or an assembled state if it lacks bodies of the scene.
 
     The missing states are found along the joints. Together with the given ones they are the first
-    guess of `assemble`, which may move all bodies, also those whose states the file has, to a state
-    nearby that satisfies the joints.
-
-    **Raises:** `ValueError` if the joints do not determine the missing states, if `assemble` fails,
-    or if the state of a body is missing in a scene of more than `MOST_ASSEMBLED` bodies.
+    guess of `assemble`, which may move all bodies, also those whose states the file has.
     """
     missing = sorted(set(scene.bodies) - set(state.bodies))
     if not missing:

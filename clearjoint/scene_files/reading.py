@@ -9,6 +9,7 @@ import math
 import re
 import sys
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, is_dataclass
 from decimal import Decimal
 from typing import Annotated
@@ -66,13 +67,8 @@ class Reader:
     def value(self, content: object, expected: Expectation, location: FileLocation) -> object:
         """Convert a value of a file to the Python value for which it stands.
 
-        **Arguments:** `content`: the value as parsed, a number, text, list or table; `expected`:
-        values that are allowed; `location`: location of the value.
-
         **Returns:** an object, a tuple, a dictionary, an array, a number, a text, true or false; or
         ``None``, for JSON's null, and for the text "none" where no texts are allowed.
-
-        **Raises:** `ValueError` if the content is not as expected.
         """
         value = self._item(content, expected, location)
         # A tuple of objects stays a tuple; other tuples are rows of numbers and become arrays.
@@ -84,10 +80,7 @@ class Reader:
             return as_number(value)
 
     def _item(self, content: object, expected: Expectation, location: FileLocation) -> object:
-        """Convert a value as `value` does, but return a number or nested tuples for an array.
-
-        **Raises:** `ValueError` if the content is not as expected.
-        """
+        """Convert a value as `value` does, but return a number or nested tuples for an array."""
         # Arguments that may also be numbers or objects are not limited to their options.
         options = None if expected.shapes or expected.classes else expected.options
         if options is not None and not (content is None or isinstance(content, str)):
@@ -126,9 +119,6 @@ class Reader:
         of the class that it names, or of the only class that is allowed. If there is no such class,
         a table with an axis and an angle becomes Euler parameters where these are allowed, and any
         table becomes a dictionary where anything is allowed.
-
-        **Raises:** `ValueError` for a table that must name a class and does not, or names an
-        unknown one, for a table where none is expected, and as `instance`.
         """
         if expected.by_name is None:
             families = expected.classes
@@ -203,28 +193,24 @@ class Reader:
         # Not every constructor checks the classes of its arguments. Where objects are allowed,
         # ``None``, numbers or options may be allowed too; these are no objects of the classes.
         for name, item in given.items():
-            families, stored = known[name].classes, getattr(made, name, None)
-            is_number = bool(known[name].shapes) and isinstance(stored, np.ndarray | tuple)
-            is_option = any(item is option for option in (known[name].options or {}).values())
-            is_other = stored is None or is_number or is_option
-            if families and not (is_other or isinstance(stored, families)):
-                expected = f"a table whose `{KIND}` is a {family_names(families)}"
+            allowed, stored = known[name], getattr(made, name, None)
+            is_other = (
+                stored is None
+                or isinstance(item, Mapping)
+                or (allowed.shapes and isinstance(stored, int | float | tuple | np.ndarray))
+                or any(item is option for option in (allowed.options or {}).values())
+            )
+            if allowed.classes and not (is_other or isinstance(stored, allowed.classes)):
+                expected = f"a table whose `{KIND}` is a {family_names(allowed.classes)}"
                 location.at(name).refuse(item, expected, "write one")
+            if allowed.by_name is not None and not is_other:
+                location.at(name).refuse(item, "a table of entries by name", "write one")
         return made
 
 
 def _text(content: str, expected: Expectation, location: FileLocation) -> object:
-    """Return the value for which a text in a file stands.
-
-    The first of these rules that applies decides:
-
-    - If the text is an option, its value is returned.
-    - If any text is allowed, the text itself is returned.
-    - For the text "none", None is returned.
-    - If there are options, the text is refused.
-    - A text such as "0.3 mm" is converted to a number.
-
-    **Raises:** `ValueError` for a text that is refused or is no number.
+    """Return the value for which a text in a file stands: that of an option; the text itself where
+    any text is allowed; ``None`` for "none"; or a number, as of "0.3 mm", unless there are options.
     """
     options = expected.options or {}
     if content in options:
@@ -243,12 +229,9 @@ def number_of_text(text: str, unit: str | None, location: FileLocation) -> float
     The number is rounded once, after the conversion of the unit, so that "0.3 mm" gives the same
     float as 3e-4.
 
-    **Arguments:** `unit`: the SI unit, None if no unit is declared; `location`: location of the
-    text, for messages.
-
     **Raises:** `ValueError` for a text without a number or of more than 200 characters, for a
-    finite number that is too large for a float, also after the conversion, for a unit that is
-    unknown or not a multiple of `unit`, such as degC for K, and for a unit where none is declared.
+    finite number that is too large for a float, for a unit that is unknown or not a multiple of
+    `unit`, such as degC for K, and for a unit where none is declared (None).
     """
     expected = "a number" if unit is None else f"a number in {unit}"
     # Longer texts are no numbers that a user means, and exact computation with them may be slow.
@@ -256,28 +239,21 @@ def number_of_text(text: str, unit: str | None, location: FileLocation) -> float
     if matched is None:
         location.refuse(text, expected, "write a number, in quotes only if it has a unit")
     digits, written = matched[1], matched[2].strip()
-    number, largest = float(digits), f"a number below {sys.float_info.max:.2g}"
-    if math.isinf(number) and "inf" not in digits:  # 1e999, say
-        location.refuse(text, largest, "write a smaller one")
-    if not written:
-        return number
-    if unit is None:
-        remedy = "write a plain number in SI units; fields made by `quantity` convert units"
-        location.refuse(text, "a number without a unit, since none is declared", remedy)
-    try:
-        factor, _ = to_si(written, unit)
-    except ValueError as error:
-        raise ValueError(
-            f"{location}: found {text!r}, expected {expected}: write a unit of this dimension, "
-            f"or a plain number in {unit}."
-        ) from error
-    if math.isinf(number):
-        return number
-    try:
+    number = converted = float(digits)
+    if written:
+        if unit is None:
+            remedy = "write a plain number in SI units; fields made by `quantity` convert units"
+            location.refuse(text, "a number without a unit, since none is declared", remedy)
+        try:
+            factor, _ = to_si(written, unit)
+        except ValueError:
+            remedy = f"write a unit of this dimension, or a plain number in {unit}"
+            location.refuse(text, expected, remedy)
         # Decimal numbers have 28 digits in products, a float 17: only float() rounds noticeably.
-        converted = float(Decimal(digits) * Decimal(repr(factor)))
-    except ArithmeticError:  # an exponent too low for Decimal, below -1e18: the float is zero
-        return number
-    if math.isinf(converted):
-        location.refuse(text, f"{largest} {unit}", "write a smaller one")
+        # The exponent may be too low for Decimal, below -1e18: the float is zero.
+        with suppress(ArithmeticError):
+            converted = float(Decimal(digits) * Decimal(repr(factor)))
+    if "inf" not in digits and (math.isinf(number) or math.isinf(converted)):  # 1e999, say
+        largest = f"a number below {sys.float_info.max:.2g} {unit if written else ''}".strip()
+        location.refuse(text, largest, "write a smaller one")
     return converted

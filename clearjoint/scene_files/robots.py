@@ -47,7 +47,15 @@ FLOATING = "floating"
 """Type of joints that leave the child free; the scene has no joint for them."""
 FIXED = "fixed"
 """Type of joints that hold the child on the parent."""
-TYPES = *HINGES, "prismatic", "planar", "spherical", FLOATING, FIXED
+IDEAL = {
+    **dict.fromkeys(HINGES, (RevoluteJoint, 2)),
+    "prismatic": (PrismaticJoint, 1),
+    "planar": (PlanarJoint, 2),
+    "spherical": (SphericalJoint, 0),
+    FIXED: (FixedJoint, 0),
+}
+"""Class of the ideal joint, and how often it takes the axis, by the type of the joint."""
+TYPES = *IDEAL, FLOATING
 """Types of joints that a scene can represent."""
 BACKLASH = "backlash"
 """Key of the angle of a backlash, rad, in the arguments of a joint's play. The class `Backlash` has
@@ -224,10 +232,8 @@ class Robot:
             carrier.centre = self._centre(carrier)
 
     def _joints_by_child(self) -> dict[str, RobotJoint]:
-        """Return the joints by the names of their child links.
-
-        **Raises:** `ValueError` unless the joints lead from one root to every other link once.
-        """
+        """Return the joints by the names of their child links; they must lead from one root to
+        every other link once."""
         of_child: dict[str, RobotJoint] = {}
         for joint in self.joints.values():
             at = self.location.at(joint.name)
@@ -294,10 +300,8 @@ class Robot:
         return LinkPose(carrier.body, point, euler_parameters(rotation))
 
     def in_body(self, carrier: Carrier, point: np.ndarray) -> tuple[float, float, float]:
-        """Return a point of a carrier, m from its centre of mass in body axes.
-
-        **Arguments:** `point`: (3,) m in the frame of the carrier's first link.
-        """
+        """Return a point, (3,) m in the frame of the carrier's first link, from the centre of mass
+        in body axes."""
         x, y, z = _rounded(carrier.pose[:3, :3]) @ (point - carrier.centre)
         return float(x), float(y), float(z)
 
@@ -305,14 +309,7 @@ class Robot:
 def scene_of(
     robot: Robot, play: Mapping[str, Play], gravity: TripleLike | None
 ) -> tuple[Scene, State]:
-    """Return the scene of a robot, and its state at rest with all joints at zero.
-
-    **Arguments:** `play`, `gravity`: as for `load_urdf`.
-
-    **Raises:** `ValueError`, with the file and the element, for a robot that a scene can't
-    represent, and for invalid `play`. **Warns:** `NotCarriedOverWarning` for inertias that are
-    replaced.
-    """
+    """Return the scene of a robot, and its state at rest with all joints at zero."""
     location = robot.location
     hinges = [joint.name for joint in robot.joints.values() if joint.kind in HINGES]
     play = {name: _checked(name, given, hinges, location) for name, given in play.items()}
@@ -345,12 +342,7 @@ def scene_of(
 
 
 def _bodies(robot: Robot, carriers: Iterable[Carrier]) -> dict[str, Body]:
-    """Return the bodies of a robot, by name.
-
-    **Raises:** `ValueError` for a body without mass, and for a missing or impossible inertia.
-    **Warns:** `NotCarriedOverWarning`, with the names of the links or bodies, if impossible
-    inertias are replaced, or masses and moments increased to the least ones.
-    """
+    """Return the bodies of a robot, by name, as `load_urdf` describes."""
     options, bodies = robot.options, {}
     balanced: list[str] = []
     bounded: list[str] = []
@@ -395,10 +387,7 @@ def _bodies(robot: Robot, carriers: Iterable[Carrier]) -> dict[str, Body]:
 
 def _tensor(robot: Robot, carrier: Carrier, inertials: Mapping[str, Inertial]) -> np.ndarray:
     """Return the inertia of a carrier about its centre of mass, (3, 3) kg m^2 in the axes of its
-    first link, by the parallel-axis theorem.
-
-    **Raises:** `ValueError` for a link that has a mass, but no inertia.
-    """
+    first link, by the parallel-axis theorem."""
     total = np.zeros((3, 3))
     for name, inertial in inertials.items():
         if inertial.tensor is None:
@@ -436,12 +425,8 @@ def _bounded(tensor: np.ndarray, least: float) -> np.ndarray:
 def _require_possible(
     tensor: np.ndarray, carrier: Carrier, names: Collection[str], location: FileLocation
 ) -> None:
-    """Check the inertia of a body, so that the message names the links and the options.
-
-    **Arguments:** `tensor`: (3, 3) kg m^2; `names`: of the links of the carrier with mass.
-
-    **Raises:** `ValueError` for an inertia that no rigid body has.
-    """
+    """Check the inertia of a body, (3, 3) kg m^2, so that the message names the links with mass and
+    the options."""
     moments = np.linalg.eigvalsh(tensor)
     at = location.at(carrier.links[0])
     whole = f" of links {', '.join(names)} together" if len(names) > 1 else ""
@@ -456,10 +441,6 @@ def _require_possible(
 
 
 def _by_name(elements: Iterable, kind: str, location: FileLocation) -> dict:
-    """Return links or joints by name.
-
-    **Raises:** `ValueError` for repeated names.
-    """
     elements = list(elements)
     for name, number in Counter(element.name for element in elements).items():
         if number > 1:
@@ -468,15 +449,8 @@ def _by_name(elements: Iterable, kind: str, location: FileLocation) -> dict:
 
 
 def _checked(name: str, given: Play, hinges: list[str], location: FileLocation) -> Play:
-    """Return the arguments of a joint's play, with texts such as "0.1 deg" converted to numbers in
-    SI units.
-
-    **Arguments:** `name`: name of the joint; `given`: its play, as the user passes it to
-    `load_urdf`; `hinges`: names of the joints that can have play; `location`: the file.
-
-    **Raises:** `ValueError` for a joint that can't have play, for arguments that are no dictionary,
-    for an unknown argument, and for a text that is no number with a suitable unit.
-    """
+    """Return the arguments of the play of the joint `name`, one of `hinges`, with texts such as
+    "0.1 deg" converted to numbers in SI units."""
     if name not in hinges:
         remedy = nearest(name, hinges, "leave it out")
         location.refuse(name, f"play in one of the hinges {listed(hinges)}", remedy)
@@ -509,12 +483,6 @@ def _backlash(
 
     If neither a law nor a stiffness is given, the stiffness follows from the joint's effort limit,
     as `load_urdf` describes.
-
-    **Arguments:** `joint`, `hinge`: the joint of the file, and the joint of the scene made from it;
-    `given`: arguments of the backlash, checked by `_checked`.
-
-    **Raises:** `ValueError` if neither a law nor a stiffness is given and the joint has no effort
-    limit, and for invalid arguments.
     """
     options = {key: value for key, value in given.items() if key != BACKLASH}
     axes = {"axis_first": hinge.axis_first, "axis_second": hinge.axis_second}
@@ -536,15 +504,8 @@ def _backlash(
 def _joint(
     joint: RobotJoint, robot: Robot, play: Play | None
 ) -> AbstractConstraint | AbstractContactJoint | None:
-    """Return the joint of the scene for a joint of a robot.
-
-    **Arguments:** `play`: arguments of a `ClearanceJoint` that replaces the joint, None for an
-    ideal joint.
-
-    **Returns:** the joint; ``None`` for a floating joint, and if both links belong to one body.
-
-    **Raises:** `ValueError` for a type of joint that a scene doesn't have, and for an invalid axis
-    or argument of `play`.
+    """Return the joint of the scene for a joint of a robot: a `ClearanceJoint` with the arguments
+    `play`, or an ideal joint; ``None`` for a floating joint, and if both links belong to one body.
     """
     parent, child = robot.carriers[joint.parent], robot.carriers[joint.child]
     location = robot.location.at(joint.name)
@@ -569,15 +530,8 @@ def _joint(
                 journal_axis=axis,
                 **{"axial": FixedAxially(), **play},
             )
-        if joint.kind in HINGES:
-            return RevoluteJoint(*bodies, *points, axis, axis)
-        if joint.kind == "planar":
-            return PlanarJoint(*bodies, *points, axis, axis)
-        if joint.kind == "prismatic":
-            return PrismaticJoint(*bodies, *points, axis)
-        if joint.kind == "spherical":
-            return SphericalJoint(*bodies, *points)
-        return FixedJoint(*bodies, *points)
+        make, axes = IDEAL[joint.kind]
+        return make(*bodies, *points, *[axis] * axes)
 
 
 def _moved(pose: np.ndarray, point: np.ndarray) -> np.ndarray:

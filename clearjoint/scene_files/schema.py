@@ -5,7 +5,7 @@ Each class has a definition, its part of the schema, to which the schemas of arg
 name of the class.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TypeAlias
 
 from ..model.bodies import State
@@ -67,11 +67,7 @@ class Catalogue:
     )
 
     def document(self, title: str, properties: Schema, required: list[str]) -> Schema:
-        """Return the whole schema of a file.
-
-        **Arguments:** `properties`: schemas of the top-level keys of the file; `required`: keys
-        that the file must have.
-        """
+        """Return the whole schema of a file with the top-level `properties`."""
         whole = _table({SCHEMA: {"type": "string"}, **properties}, required)
         dialect = "https://json-schema.org/draft/2020-12/schema"
         return {SCHEMA: dialect, "title": title, **whole, "$defs": self.definitions}
@@ -89,31 +85,27 @@ class Catalogue:
         """Return the schema of the values that an argument may have according to `expected`."""
         if expected.allows_anything:
             return {}
-        # The schemas of texts, of single numbers (which may be texts with a unit) and of objects
-        # admit the text "none" already.
-        is_open = expected.is_text or expected.classes or () in expected.shapes
-        if expected.allows_none and not is_open:
-            return {"anyOf": [self._value(replace(expected, allows_none=False)), {"const": ABSENT}]}
+        ways: list[Schema] = []
         if expected.options is not None:
-            options: Schema = {"enum": list(expected.options)}
-            if not (expected.is_text or expected.classes or expected.shapes):
-                return options
-            return {"anyOf": [options, self._value(replace(expected, options=None))]}
+            ways.append({"enum": list(expected.options)})
         if expected.by_name is not None:
-            return {"type": "object", "additionalProperties": self._value(expected.by_name)}
+            ways.append({"type": "object", "additionalProperties": self._value(expected.by_name)})
         if expected.item is not None:
-            row = _list_of(self._value(expected.item))
-            return {"anyOf": [{"type": "string"}, row]} if expected.is_text else row
-        # `NUMBER` admits any text: an argument with classes may also allow a number, or "none".
-        if expected.classes:
-            return {"anyOf": [*self._references(expected.classes), NUMBER]}
-        if expected.is_text:
-            return NUMBER if expected.shapes else {"type": "string"}
-        return _numbers(expected.shapes)
+            ways.append(_list_of(self._value(expected.item)))
+        if expected.classes:  # besides objects, there may be numbers, or "none"
+            ways += [*self._references(expected.classes), NUMBER]
+        elif expected.is_text:
+            ways.append(NUMBER if expected.shapes else {"type": "string"})
+        elif expected.shapes or not ways:
+            ways += _numbers(expected.shapes)
+        # `NUMBER` admits any text already.
+        if expected.allows_none and not (expected.is_text or NUMBER in ways):
+            ways.append({"const": ABSENT})
+        return _any_of(ways)
 
     def _references(self, families: tuple[type, ...]) -> list[Schema]:
-        """Return references to the definitions of all classes and static methods whose objects
-        have one of the given base classes. Definitions that are missing are added."""
+        """Return references to the definitions of all classes and static methods whose objects have
+        one of the given base classes. Definitions that are missing are added."""
         # A user-defined class has two names; the last one, with its module, names its definition.
         names: dict[Maker, list[str]] = {}
         for name, make in makers(families, self.classes).items():
@@ -143,8 +135,7 @@ class Catalogue:
 
 
 def _table(properties: Schema, required: list[str]) -> Schema:
-    """Return the schema of a table that may have the keys of `properties` and no others, with their
-    schemas, and must have the keys in `required`."""
+    """Return the schema of a table with the keys of `properties` and no others."""
     return {
         "type": "object",
         "properties": properties,
@@ -154,8 +145,6 @@ def _table(properties: Schema, required: list[str]) -> Schema:
 
 
 def _list_of(item: Schema, length: int | None = None) -> Schema:
-    """Return the schema of a list of entries with the schema `item`; `length` is the number of
-    entries, ``None`` for any."""
     size = {} if length is None else {"minItems": length, "maxItems": length}
     return {"type": "array", "items": item, **size}
 
@@ -164,14 +153,18 @@ def _reference(name: str) -> Schema:
     return {"$ref": f"#/$defs/{name}"}
 
 
-def _numbers(shapes: tuple[tuple[int, ...], ...]) -> Schema:
-    """Return the schema of arrays of numbers, or of texts with units, with one of the given shapes.
+def _any_of(ways: list[Schema]) -> Schema:
+    return ways[0] if len(ways) == 1 else {"anyOf": ways}
+
+
+def _numbers(shapes: tuple[tuple[int, ...], ...]) -> list[Schema]:
+    """Return the schemas of arrays of numbers, or of texts with units, of the given shapes.
 
     If `shapes` is empty, any shape is allowed, and also true and false, because the `shapes` of an
     argument that is true or false are empty too.
     """
     if not shapes:
-        return {"anyOf": [{"type": "boolean"}, _reference(ROWS)]}
+        return [{"type": "boolean"}, _reference(ROWS)]
     schemas = []
     for shape in shapes:
         schema = NUMBER
@@ -180,6 +173,6 @@ def _numbers(shapes: tuple[tuple[int, ...], ...]) -> Schema:
         schemas.append(schema)
         if shape == EULER_PARAMETERS:  # a table with an axis and an angle may replace them
             entries = arguments(axis_and_angle)
-            properties: Schema = {name: _numbers(entry.shapes) for name, entry in entries.items()}
+            properties: Schema = {n: _any_of(_numbers(e.shapes)) for n, e in entries.items()}
             schemas.append(_table(properties, list(properties)))
-    return schemas[0] if len(schemas) == 1 else {"anyOf": schemas}
+    return schemas

@@ -179,11 +179,7 @@ def load_urdf(
 
 
 def _not_carried_over(robot: Robot, omitted: Mapping[str, list[str]]) -> str:
-    """Return a text that lists the contents of the file that the scene lacks; empty if none.
-
-    **Arguments:** `omitted`: names of the links and joints that have elements of a title, by title;
-    no names for elements of the robot.
-    """
+    """Return a text that lists the contents of the file that the scene lacks; empty if none."""
     grounded = [name for name, carrier in robot.carriers.items() if carrier.body == GROUND]
     massive = [name for name in grounded if (one := robot.links[name].inertial) and one.mass > 0.0]
     listed_parts = {**omitted} | ({"inertia of the fixed links": massive} if massive else {})
@@ -205,11 +201,6 @@ class Content(NamedTuple):
 
 
 def _parsed(path: Path) -> Content:
-    """Return the content of a URDF file.
-
-    **Raises:** `ValueError`, with the file and the element, for a file that can't be parsed, or of
-    more than 50 MB; `OSError` for a file that does not exist.
-    """
     location = FileLocation(str(path))
     robot = _root(read_bytes(path, LARGEST_FILE), location)
     links: list[RobotLink] = []
@@ -241,8 +232,6 @@ def _root(content: bytes, location: FileLocation) -> Element:
 
     Tags and attributes keep their prefixes, and a default namespace has no effect, as in other
     readers of URDF, which ignore namespaces.
-
-    **Raises:** `ValueError` for a file that is not XML, or has another root element.
     """
     parser, builder = expat.ParserCreate(), TreeBuilder()
     parser.StartElementHandler = builder.start
@@ -259,10 +248,7 @@ def _root(content: bytes, location: FileLocation) -> Element:
 
 
 def _attribute(element: Element, name: str, location: FileLocation) -> str:
-    """Return an attribute of an element that must have it.
-
-    **Raises:** `ValueError` without the attribute, with an empty one, and with a macro in it.
-    """
+    """Return an attribute, not empty and without macros, of an element that must have it."""
     value = element.get(name, "")
     if not value:
         expected = f"an attribute `{name}` of <{element.tag}>"
@@ -277,10 +263,8 @@ def _numbers(
 ) -> np.ndarray:
     """Return the numbers in an attribute of an element, (count,).
 
-    **Arguments:** `element`: None if the file has none; `name`: of the attribute; `default`: its
-    text if the element or the attribute is missing; None if it must exist.
-
-    **Raises:** `ValueError` for a missing attribute, and for another number of finite numbers.
+    **Arguments:** `element`: None if the file has none; `default`: text of a missing attribute;
+    None if it must exist.
     """
     text = default if element is None else element.get(name, default)
     if element is not None:
@@ -317,10 +301,7 @@ def _pose(origin: Element | None, location: FileLocation) -> np.ndarray:
 
 
 def _inertial(link: Element, location: FileLocation) -> Inertial | None:
-    """Return the inertia of a link in its frame; None without an <inertial>.
-
-    **Raises:** `ValueError` for a negative mass, and for invalid numbers.
-    """
+    """Return the inertia of a link in its frame; None without an <inertial>."""
     inertial = link.find("inertial")
     if inertial is None:
         return None
@@ -342,10 +323,6 @@ def _inertial(link: Element, location: FileLocation) -> Inertial | None:
 
 
 def _joint(joint: Element, name: str, location: FileLocation) -> RobotJoint:
-    """Return a joint of the file.
-
-    **Raises:** `ValueError` for a missing type, parent or child, and for invalid numbers.
-    """
     links = []
     for tag in ("parent", "child"):
         element = joint.find(tag)

@@ -50,19 +50,13 @@ def arrows(
 
     Lengths are proportional to forces, with one exception: if no scale is given, and the largest
     force is more than five times the median of all forces that are not zero, as in an impact during
-    a motion along the wall, lengths are proportional to the square root of forces. Small forces
-    are then visible too.
+    a motion along the wall, lengths are proportional to the square root of forces. Small forces are
+    then visible too.
 
-    **Arguments:**
-
-    - `pen`: the pen with which the scene has drawn itself; it has the journals as they are drawn,
-      and the loads.
-    - `observation`: the contact forces at the times of the frames; None to draw loads only.
-    - `sizes`: sizes of the view, among them the size of the mechanism and the radius of the bar by
-      which a body is drawn.
-    - `scale`: length of an arrow divided by its force, m/N; None to choose it, so that the arrow of
-      the largest force has the length `LONGEST` times the size of the mechanism. For a given scale,
-      longer arrows are cut to this length.
+    **Arguments:** `pen`: has the journals as they are drawn, and the loads; `observation`: the
+    contact forces at the times of the frames, None to draw loads only; `scale`: length of an arrow
+    divided by its force, m/N, or None for one by which the largest force has the length `LONGEST`
+    times the size of the mechanism. For a given scale, longer arrows are cut to this length.
     """
     contact_forces = [] if observation is None else [*_contact_forces(pen, observation).items()]
     all_forces = [force for _, (_, force) in (*contact_forces, *pen.loads)]
@@ -112,12 +106,10 @@ def newtons(force: float) -> str:
 def _contact_forces(
     pen: SketchingPen, observation: Observation
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Return where the contact forces act, and the forces on the second body of each joint.
+    """Return where the contact forces act, and the forces on the second body of each joint: (N, 3)
+    m and N in global axes, by names such as "pin V" for the contact "V" of the joint "pin".
 
     Joints that draw nothing, such as `Backlash`, whose contacts transmit a couple, are left out.
-
-    **Returns:** contact points (N, 3), m, and forces (N, 3), N, in global axes, by names such as
-    "pin V" for the contact "V" of the joint "pin".
     """
     result = {}
     for joint, family in observation.contacts.items():
@@ -145,16 +137,12 @@ def _contact_forces(
 def coloured_by_mode(
     parts: list[DrawnPart], observation: Observation
 ) -> tuple[list[DrawnPart], list[MotionMode]]:
-    """Give journals and balls the colours of their motion modes. The modes are free flight, and
-    contact at one end, along a line, or at opposite sides.
+    """Give journals and balls the colours of their motion modes.
 
     A joint without observed motion modes, such as a ball in a socket, has the mode 1 (contact at
     one end) if one of its contacts touches, else 0 (free flight).
 
-    **Arguments:** `observation`: motion modes and contacts at the times of the frames.
-
-    **Returns:** all parts, coloured or unchanged; the motion modes that occur in any frame, sorted
-    by number.
+    **Returns:** all parts, and the motion modes that occur in any frame, sorted by number.
     """
     modes = {name: np.asarray(numbers) for name, numbers in observation.modes.items()}
     # Only joints with a journal have observed modes.

@@ -130,11 +130,8 @@ class Film:
         return part.opacity < 1.0, float(centre @ self._view[2])
 
     def save(self, file: Path, frames: Sequence[int]) -> None:
-        """Write an animation of the frames with the indices `frames` to a file: a GIF or an MP4,
-        depending on whether its name ends in ".gif" or ".mp4".
-
-        **Raises:** `ValueError` for an MP4 if ffmpeg is not installed.
-        """
+        """Write an animation of the frames with the indices `frames` to a GIF or, with ffmpeg, an
+        MP4 file."""
         writer = PillowWriter(FRAMES_PER_SECOND)
         if file.suffix.lower() == ".mp4":
             has_ffmpeg = shutil.which("ffmpeg") is not None
@@ -195,8 +192,8 @@ def _covered(
 
 
 def _counted(starts: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the whole numbers of all intervals, from its start to before its end for each, and the
-    index of the interval of each number, first."""
+    """Return the whole numbers of all intervals, from the start to before the end of each, and
+    first the index of the interval of each number."""
     counts = np.maximum(ends - starts, 0)
     interval = np.repeat(np.arange(len(counts)), counts)
     before = np.repeat(np.cumsum(counts) - counts, counts)
@@ -205,8 +202,7 @@ def _counted(starts: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 def _time_text(time: float, whole: float) -> str:
     """Return the text of a time, s, with the unit and the digits that suit a run of duration
-    `whole`, s: one unit of the last digit is at most a hundredth of the duration. If the duration
-    is zero, as for a single frame, unit and digits suit the time itself."""
+    `whole`, s: one unit of the last digit is at most a hundredth of the duration."""
     whole = whole or abs(time) or 1.0
     factor, unit = (1e6, "µs") if whole < 1e-3 else (1e3, "ms") if whole < 1.0 else (1.0, "s")
     digits = max(0, 2 - int(np.floor(np.log10(whole * factor))))

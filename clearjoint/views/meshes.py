@@ -169,23 +169,16 @@ def plate(rim: Float[np.ndarray, "N 2"], width: float) -> Mesh:
 
 
 def ring(inner: Float[np.ndarray, "N 2"], outer: Float[np.ndarray, "N 2"], width: float) -> Mesh:
-    """Return a ring about z, centred at the origin.
-
-    **Arguments:** `inner`, `outer`: (N, 2) m, corners of the inner and of the outer edge,
-    counter-clockwise around the origin, where corners with the same index are at the same angle;
-    `width`: of the ring along z, m.
-    """
+    """Return a ring about z, centred at the origin, between edges with `inner` and `outer` corners,
+    (N, 2) m each, counter-clockwise, where corners with the same index are at the same angle."""
     return _extruded(np.vstack([inner, outer]), _skin(2, len(inner)), width)
 
 
 def _extruded(
     corners: Float[np.ndarray, "N 2"], faces: Int[np.ndarray, "F 3"], width: float
 ) -> Mesh:
-    """Return the solid from z = -width/2 to z = width/2 with a given cross-section.
-
-    **Arguments:** `corners`: (N, 2) m, of the triangles that form the cross-section; `faces`:
-    (F, 3), indices of the three corners of each triangle; `width`: of the solid along z, m.
-    """
+    """Return the solid of thickness `width` with the cross-section of triangles: `corners` (N, 2),
+    m, and their indices, `faces` (F, 3)."""
     solid = _creation().extrude_triangulation(corners, faces, width)
     return _of(solid).moved(pose_at((0.0, 0.0, -0.5 * width)))
 
@@ -231,9 +224,7 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
 
 
 def given_mesh(argument: str, value: MeshLike) -> Mesh:
-    """Check a mesh that a user passes, and return it as a `Mesh`.
-
-    **Arguments:** `argument`: name of the user's argument, for messages; `value`: the mesh.
+    """Check a mesh that a user passes as the given argument, and return it as a `Mesh`.
 
     **Raises:** `ValueError` for a missing file, for an object that is not a `MeshLike`, and for
     arrays with wrong shapes, with faces that are not indices of vertices, or with vertices that are
@@ -263,13 +254,9 @@ def given_mesh(argument: str, value: MeshLike) -> Mesh:
 def frames(
     axes: Float[np.ndarray, "N 3"], start: Float[np.ndarray, "N 3"] | None = None
 ) -> Float[np.ndarray, "N 4 4"]:
-    """Return homogeneous matrices (N, 4, 4) of rotations that turn z into given axes, without
-    translation.
-
-    **Arguments:** `axes`: (N, 3) unit vectors, the third columns of the rotations; `start`: (N, 3)
-    directions, not parallel to the axes, which determine the first columns: each is along the
-    component of `start` perpendicular to the axis. By default, directions are chosen.
-    """
+    """Return homogeneous matrices (N, 4, 4) of rotations whose third columns are the unit vectors
+    `axes`, (N, 3), and whose first columns are along the components of `start`, (N, 3),
+    perpendicular to them; by default, directions are chosen."""
     if start is None:  # the coordinate axis that is farthest from parallel
         start = np.eye(3)[np.argmin(np.abs(axes), axis=1)]
     first = start - axes * np.sum(start * axes, axis=1, keepdims=True)
@@ -280,12 +267,9 @@ def frames(
 
 
 def frame_about(axis: ArrayLike, start: ArrayLike | None = None) -> Float[np.ndarray, "3 3"]:
-    """Return a rotation matrix (3, 3) whose third column is along a given axis.
-
-    **Arguments:** `axis`: (3,), of any length except zero; `start`: (3,), a direction not parallel
-    to the axis, which determines the first column: it is along the component of `start`
-    perpendicular to the axis. By default, a direction is chosen.
-    """
+    """Return a rotation matrix (3, 3) whose third column is along an axis (3,) of any length, and
+    whose first is along the component of `start` perpendicular to it, by default a chosen
+    direction."""
     rows = np.asarray(axis, dtype=float)[None]
     near = None if start is None else np.asarray(start, dtype=float)[None]
     return frames(rows / np.linalg.norm(rows), near)[0, :3, :3]
@@ -378,12 +362,9 @@ class DrawnPart:
 def between(
     starts: Float[np.ndarray, "N 3"], ends: Float[np.ndarray, "N 3"], width: float
 ) -> Float[np.ndarray, "N 4 4"]:
-    """Return the poses of a solid, such as a spring, that connects two moving points.
-
-    The solid reaches from z = 0 to z = 1 in its own axes. The poses stretch it so that it reaches
-    from the start to the end, and multiply its x and y by `width`.
-
-    **Arguments:** `starts`, `ends`: (N, 3) m, in global axes, one row for each frame.
+    """Return the poses of a solid, from z = 0 to z = 1 in its own axes, that connects two moving
+    points, such as a spring: stretched from `starts` to `ends`, (N, 3) m, with its x and y times
+    `width`.
 
     **Returns:** (N, 4, 4), or (1, 4, 4) if all poses are equal.
     """
@@ -398,14 +379,8 @@ def between(
 
 
 def corners(parts: Sequence[DrawnPart], instants: Sequence[int]) -> Float[np.ndarray, "N 3"]:
-    """Return the corners, (M, 3) m in global axes, of boxes around all parts.
-
-    Each box contains the vertices of a part, and its edges are parallel to the part's own axes. The
-    camera must show the corners.
-
-    **Arguments:** `parts`: the solids; `instants`: indices of the frames. A moving part has a box
-    in each of these frames, a part at rest has one box.
-    """
+    """Return the corners, (M, 3) m in global axes, of boxes around all parts, with edges parallel
+    to the parts' own axes, in the frames `instants`. The camera must show them."""
     result = []
     for part in parts:
         ends = part.mesh.vertices.min(axis=0), part.mesh.vertices.max(axis=0)

@@ -43,10 +43,8 @@ def page(
 ) -> str:
     """Return the HTML text of a page that shows a view and needs no network.
 
-    **Arguments:** `parts`: solids with their poses in each frame; `camera`: first position of the
-    viewer, which the reader can change; `legend`: texts beside the view; `times`: times of the
-    frames, (N,) s, or ``None`` for a single state; `height`: height of the view in a notebook,
-    pixels.
+    **Arguments:** `camera`: first position of the viewer, which the reader can change; `times`: of
+    the frames, (N,) s, or ``None`` for a single state; `height`: of the view in a notebook, pixels.
 
     **Raises:** `ImportError` without the package k3d.
     """
@@ -86,10 +84,7 @@ def _script(name: str) -> str:
 
 
 def _drawable(part: DrawnPart, k3d):
-    """Return a part as a mesh of k3d, with its poses and colours in all frames.
-
-    **Arguments:** `part`: the solid; `k3d`: the package.
-    """
+    """Return a part as a mesh of the package `k3d`, with its poses and colours in all frames."""
     mesh = k3d.mesh(
         part.mesh.vertices.astype(np.float32),
         part.mesh.faces.astype(np.uint32),

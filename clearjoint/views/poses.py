@@ -36,11 +36,8 @@ class BodyPoses:
 
 
 def body_poses(states: State, times: np.ndarray | None = None) -> BodyPoses:
-    """Return the poses of the bodies and of the ground.
-
-    **Arguments:** `states`: a single state, or states at N times, whose arrays have the times as
-    first axis; `times`: (N,) s, or ``None`` for a single state.
-    """
+    """Return the poses of the bodies and of the ground in a single state, or in states at N
+    `times`, whose arrays have the times as first axis."""
     from scipy.spatial.transform import Rotation
 
     ground = np.tile(np.eye(4), (1 if times is None else len(times), 1, 1))
@@ -79,12 +76,7 @@ def initial_state(scene: Scene) -> tuple[State, bool]:
 
 def instants_to_show(times: np.ndarray, most: int) -> Int[np.ndarray, " M"]:
     """Choose the instants of a run that become frames: at most `most` of its times, about equally
-    spaced.
-
-    The first and, unless `most` is 1, the last time are among them. All times are chosen if there
-    are at most `most`.
-
-    **Arguments:** `times`: (N,) s, increasing.
+    spaced, with the first and, unless `most` is 1, the last time.
 
     **Returns:** indices (M,) of the chosen times, rising.
     """
@@ -99,17 +91,8 @@ def instants_to_show(times: np.ndarray, most: int) -> Int[np.ndarray, " M"]:
 def require_bodies(
     states: State, bodies: Mapping[str, object], times: np.ndarray | None = None
 ) -> None:
-    """Check that a state has exactly the bodies of a scene. If times are given, also check that
-    each body has one position for each time.
-
-    **Arguments:** `states`: a single state, or states at N times, whose arrays have the times as
-    first axis; `bodies`: bodies of the scene by name; `times`: (N,) s, or ``None`` for a single
-    state, of which only the names of the bodies are checked.
-
-    **Raises:** `ValueError` for missing or unknown bodies and, with `times`, if N is zero or the
-    positions of a body have another shape than (N, 3), which is possible in a trajectory that a
-    user made.
-    """
+    """Check that a state has exactly the bodies of a scene and, if times are given, one position of
+    each body for each time, which a trajectory that a user made may lack."""
     found, known = sorted(states.bodies), sorted(bodies)
     remedy = "pass a state or a solution of this scene"
     require(found == known, "motion", found, f"of the scene's bodies {known}", remedy)

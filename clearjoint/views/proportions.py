@@ -60,13 +60,12 @@ def proportions(
     bearing_scale: float | None,
     clearance_scale: float | None,
 ) -> Proportions:
-    """Return the sizes and scales for a view of a scene.
+    """Return the sizes and scales for a view of a scene, as it is in the first frame.
 
-    **Arguments:** `poses`: poses of the bodies, of which the first frame is used; `noted`: points
-    and axes of the scene's joints and forces (markers), and radii and clearances of its bearings
-    and sockets (bores), from `survey`; `bearing_scale`, `clearance_scale`: drawn size divided by
-    true size. With None, scales of at least 1 are chosen so that all bearings, and the clearance
-    that is largest relative to its drawn bearing, are visible.
+    **Arguments:** `noted`: points and axes of the scene's joints and forces (markers), and radii
+    and clearances of its bearings and sockets (bores); `bearing_scale`, `clearance_scale`: drawn
+    size divided by true size. With None, scales of at least 1 are chosen so that all bearings, and
+    the clearance that is largest relative to its drawn bearing, are visible.
 
     **Raises:** `ValueError` for scales that are not positive, or if a drawn clearance, with a given
     or a chosen scale, would exceed 0.9 times the drawn radius of its bearing.
@@ -137,11 +136,11 @@ def equivalent_solid(body: Body) -> BodySolid:
 
 
 def _size(scene: Scene, poses: BodyPoses, noted: SurveyingPen) -> float:
-    """Return the size of the mechanism in the first frame: the diagonal, m, of a box around it.
+    """Return the size of the mechanism in the first frame: the diagonal, m, of a box around it,
+    whose edges are parallel to the global axes.
 
-    The edges of the box are parallel to the global axes. It contains all points of joints and
-    forces and, of bodies with at most one such point, the middles of the faces of their equivalent
-    solids. If all these points coincide, the size is 1 m. The arguments are those of `proportions`.
+    It contains all points of joints and forces and, of bodies with at most one such point, the
+    middles of the faces of their equivalent solids. If all these points coincide, the size is 1 m.
     """
     points = [poses.point(marker.body, marker.point)[0] for marker in noted.markers]
     for name, body in scene.bodies.items():
@@ -157,10 +156,7 @@ def _size(scene: Scene, poses: BodyPoses, noted: SurveyingPen) -> float:
 
 def _front(poses: BodyPoses, noted: SurveyingPen) -> tuple[np.ndarray, bool]:
     """Return the main direction of the joint axes in the first frame, (3,) unit vector in global
-    axes, and whether the mechanism is planar: whether nearly all joint axes are parallel.
-
-    Without joint axes, the result is the global Z axis and false. The arguments are those of
-    `proportions`.
+    axes, and whether nearly all joint axes are parallel; the Z axis and false without joint axes.
     """
     turning = [marker for marker in noted.markers if marker.axis is not None]
     axes = [poses.direction(marker.body, marker.along())[0] for marker in turning]
@@ -235,9 +231,6 @@ def camera(parts: Sequence[DrawnPart], proportions: Proportions) -> Camera:
 
     Arrows of forces, which are recognised by their colours, do not belong to the mechanism: the
     picture contains them, but its middle is that of the mechanism without them.
-
-    **Arguments:** `parts`: drawn solids; `proportions`: has the directions from which the mechanism
-    is seen.
     """
     # The parts are evaluated in at most 120 frames, between which a motion hardly leaves the
     # picture. Coordinates below are to the right, upwards and to the viewer, m.
@@ -267,13 +260,10 @@ def camera(parts: Sequence[DrawnPart], proportions: Proportions) -> Camera:
 def in_perspective(
     corners: Float[np.ndarray, "*N 3"], distance: float
 ) -> Float[np.ndarray, "*N 2"]:
-    """Return the perspective projection of points to the plane that contains the target and is
-    perpendicular to the line of sight.
+    """Return the perspective projection (..., N, 2), m, of points (..., N, 3), m, relative to the
+    target, to the plane through the target; the viewer is at `distance`, m.
 
-    **Arguments:** `corners`: (..., N, 3) m, coordinates of the points relative to the target: to
-    the right, upwards and to the viewer; `distance`: distance of the viewer from the target, m.
-
-    **Returns:** (..., N, 2) m, coordinates to the right and upwards.
+    Coordinates are to the right, upwards and to the viewer.
     """
     return corners[..., :2] * (distance / (distance - corners[..., 2:]))
 
@@ -299,10 +289,5 @@ def _direction(proportions: Proportions) -> np.ndarray:
 
 def _axes(towards: np.ndarray, up: np.ndarray) -> np.ndarray:
     """Return a matrix (3, 3) whose rows are the unit vectors to the right, upwards and to the
-    viewer.
-
-    **Arguments:** `towards`: (3,), direction to the viewer; `up`: (3,), direction that appears
-    upwards, not parallel to `towards`, but not necessarily perpendicular to it. Both may have any
-    length except zero.
-    """
+    viewer, from directions (3,) that need not be perpendicular."""
     return frame_about(towards, np.cross(up, towards)).T

@@ -436,13 +436,8 @@ class SketchingPen(AbstractPen):
             self._add(GROUND, stand.moved(pose_at(point, frame)))
 
     def _edge(self, radius: float, profile: AbstractProfile) -> np.ndarray:
-        """Return the corners, (`CORNERS`, 2) m, of the drawn cross-section of a bearing or journal.
-
-        The x axis is in the direction of the profile's angle zero.
-
-        **Arguments:** `radius`: of the drawn circle from which the cross-section deviates, m;
-        `profile`: the true deviation.
-        """
+        """Return the corners, (`CORNERS`, 2) m, of the drawn cross-section of a bearing or journal
+        that deviates by `profile` from a circle; the profile's angle zero is on the x axis."""
         angles = np.arange(CORNERS) * 2.0 * np.pi / CORNERS
         deviation = np.asarray(profile.at(angles).value, float)
         return meshes.outline(radius + self._sizes.clearance_scale * deviation)
@@ -456,35 +451,27 @@ class SketchingPen(AbstractPen):
         return points[np.sort(firsts)]
 
     def _add(self, body: str, mesh: Mesh, colour: str = "", opacity: float = 1.0) -> None:
-        """Fix a solid to a body; the mesh is in body axes, m.
-
-        **Arguments:** `colour`: "#rrggbb", by default that of the body; `opacity`: from 0,
-        invisible, to 1, opaque.
-        """
+        """Fix a solid to a body; the mesh is in body axes, m; the colour is by default that of the
+        body."""
         key = body, colour or self._colours[body], opacity
         self._fixed.setdefault(key, []).append(mesh)
 
     def _fix(self, marker: Marker, mesh: Mesh, colour: str = "", opacity: float = 1.0) -> None:
-        """Fix a solid to the marker's body, with the solid's origin at the marker's point.
-
-        The solid's z axis is along the marker's axis. If the marker has no axis, the solid's axes
-        are parallel to those of the body.
-
-        **Arguments:** `mesh`: in the solid's own axes, m; `colour`, `opacity`: see `_add`.
-        """
+        """Fix a solid to the marker's body, with the solid's origin at the marker's point, and its
+        z axis along the marker's axis, if it has one."""
         rotation = None if marker.axis is None else frame_about(marker.along())
         self._add(marker.body, mesh.moved(pose_at(marker.point, rotation)), colour, opacity)
 
     def _ends(self, first: Marker, second: Marker) -> tuple[np.ndarray, np.ndarray]:
-        """Extend the hulls of the bodies to both markers, and return the positions of the markers
-        in each frame, (N, 3) m each in global axes."""
+        """Extend the hulls of the bodies to both markers, and return their positions in each frame,
+        (N, 3) m in global axes."""
         self._hold(first, second)
         start, end = (self._poses.point(marker.body, marker.point) for marker in (first, second))
         return start, end
 
     def _span(self, mesh: Mesh, starts: np.ndarray, ends: np.ndarray) -> None:
-        """Draw a solid, which reaches from z = 0 to z = 1 in its own axes, stretched from `starts`
-        to `ends`, (N, 3) m in global axes."""
+        """Draw a solid, from z = 0 to z = 1 in its own axes, stretched from `starts` to `ends`, (N,
+        3) m in global axes."""
         self._moving.append(DrawnPart(self.element, mesh, between(starts, ends, 1.0), METAL))
 
     def _hold(self, *markers: Marker, around: float = 0.0) -> None:
@@ -526,12 +513,8 @@ class SketchingPen(AbstractPen):
         return self._poses.poses[body][0, :3, :3].T @ direction
 
     def _range(self, base: Marker, runner: Marker, axis: np.ndarray) -> tuple[float, float]:
-        """Return the smallest and the largest coordinate, m, of the marker `runner` along an axis
-        through the marker `base`, among all frames. A rail or walls must reach from the smallest to
-        the largest.
-
-        **Arguments:** `axis`: (3,) unit vector in the axes of the body of `base`.
-        """
+        """Return the smallest and the largest coordinate, m, of the marker `runner` in all frames,
+        along an axis in the body of `base` through the marker `base`."""
         offset = self._poses.point(runner.body, runner.point)
         offset = offset - self._poses.point(base.body, base.point)
         along = np.sum(offset * self._poses.direction(base.body, axis), axis=1)
@@ -549,10 +532,9 @@ def sketch(
 ) -> SketchingPen:
     """Draw all parts of a scene except arrows, and return the pen with which they are drawn.
 
-    **Arguments:** `poses`: poses of the bodies in each frame; `proportions`: sizes of the symbols;
-    `given`: meshes that replace the drawn bodies, by the body's name; `centres`: whether to add a
-    ball at each centre of mass; `solids`: whether to add the homogeneous solid with each body's
-    mass and moments of inertia.
+    **Arguments:** `given`: meshes that replace the drawn bodies, by the body's name; `centres`,
+    `solids`: whether to add a ball at each centre of mass, and the homogeneous solid with each
+    body's mass and moments of inertia.
     """
     pen = SketchingPen(poses, proportions, colours(scene.bodies))
     for name, mesh in given.items():
@@ -599,12 +581,9 @@ def _unit(vector: ArrayLike) -> np.ndarray:
 
 
 def _transverse_frame(along: np.ndarray, phase: float = 0.0) -> np.ndarray:
-    """Return a matrix (3, 3) whose columns are the axes of a gear, a bearing or a journal.
-
-    The third column is the axis of rotation or symmetry, `along`, (3,), a unit vector. The first
-    column is turned about this axis by `phase`, rad, from the first of the two vectors that
-    `transverse_axes` returns for the axis. Joints measure angles of profiles and teeth from the
-    same vector.
+    """Return a matrix (3, 3) whose columns are the axes of a gear, a bearing or a journal: the
+    third is the axis of rotation `along`, and the first is turned about it by `phase`, rad, from
+    the first vector of `transverse_axes`, from which joints measure angles of profiles and teeth.
     """
     first = np.array([*map(float, transverse_axes(Vector(*map(float, along)))[0])])
     return frame_about(along, first * np.cos(phase) + np.cross(along, first) * np.sin(phase))

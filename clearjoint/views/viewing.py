@@ -241,10 +241,7 @@ def _poses(
     and notes for the legend.
 
     The observation is None if `forces` is false, for a single state and, unless it is given, for a
-    trajectory and for a scene without contacts. The arguments are those of `view`.
-
-    **Raises:** `ValueError` for a motion without states, of other bodies or with arrays of wrong
-    shapes, and for an observation of other instants or with a single state.
+    trajectory and for a scene without contacts.
     """
     if motion is None or isinstance(motion, State):
         remedy = "leave it out, or pass the solution that was observed"
@@ -281,17 +278,12 @@ def _poses(
 
 
 def _at(recorded: T, chosen: np.ndarray) -> T:
-    """Return the rows of a trajectory or of an observation at the indices `chosen`, (M,)."""
     return jax.tree.map(lambda rows: np.asarray(rows)[chosen], recorded)
 
 
 def _trajectory(motion: Solution | NonsmoothSolution | Trajectory) -> Trajectory:
     """Return the saved states of a run, or the states at its steps if no states were saved; a
-    trajectory is returned as it is.
-
-    **Raises:** `ValueError` for a run with neither saved states nor steps, and for an object of
-    another type.
-    """
+    trajectory is returned as it is."""
     if isinstance(motion, Trajectory):
         return motion
     remedy = "pass a State, the result of simulate(), or a Trajectory"
@@ -311,11 +303,8 @@ def _trajectory(motion: Solution | NonsmoothSolution | Trajectory) -> Trajectory
 def _given(scene: Scene, meshes: Mapping[str, MeshLike], sizes: Proportions) -> dict[str, Mesh]:
     """Return the meshes of bodies that the user of `view` passes, in m in body axes, by body.
 
-    **Arguments:** `sizes`: has the size of the mechanism.
-
-    **Raises:** `ValueError` for an unknown body, an invalid mesh, and a mesh whose size differs
-    from that of the mechanism by more than a factor of 50, as for a mesh in mm; the other errors
-    of `given_mesh`.
+    A mesh whose size differs from that of the mechanism by more than a factor of 50, as for a mesh
+    in mm, is refused.
     """
     checked = {}
     for name, value in meshes.items():
@@ -332,14 +321,8 @@ def _given(scene: Scene, meshes: Mapping[str, MeshLike], sizes: Proportions) -> 
 
 
 def _missed(motion: Viewable | None, observed: Observation | None) -> list[str]:
-    """Return a list with a note on the largest force of all impacts, if it acts between two frames;
-    otherwise an empty list.
-
-    The force acts between two frames if it exceeds the largest normal force of all frames by more
-    than a tenth.
-
-    **Arguments:** `motion`: as in `view`; `observed`: its observation in all frames, or ``None``.
-    """
+    """Return a list with a note on the largest force of all impacts, if it exceeds the largest
+    normal force of all frames by more than a tenth, because it acts between two frames."""
     impacts = motion.impacts if isinstance(motion, Solution) else None
     if observed is None or impacts is None or not len(impacts):
         return []

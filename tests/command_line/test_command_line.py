@@ -17,7 +17,7 @@ from click.testing import CliRunner
 import clearjoint as cj
 from clearjoint.command_line import fitting, folders, reports, running, wearing
 from clearjoint.command_line.endings import understandable
-from clearjoint.command_line.folders import formulation_of, read_run
+from clearjoint.command_line.folders import read_run
 from clearjoint.command_line.program import clearjoint
 from clearjoint.command_line.reports import lane_table
 from clearjoint.command_line.study import find_path, read_study, study_schema
@@ -256,6 +256,10 @@ REFUSED = {
     "no fit": (["fit", "rod.toml"], r"expected a section \[fit\]"),
     "no wear": (["wear", "rod.toml"], r"`wear`.*expected a section \[wear\]"),
     "no data": (["fit", "study.toml"], r"`fit\.measurements`.*expected a CSV file"),
+    "no table": (
+        ["check", "study.toml", "--set", "run.outputs=3"],
+        "`run.outputs`: found 3, expected a table of entries by name",
+    ),
     "rare states": (
         ["check", "study.toml", "--set", "run.save_every='1 h'"],
         "at most the duration",
@@ -403,6 +407,15 @@ def test_a_study_fits_its_schema(folder):
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate({**tomllib.loads(STUDY), "run": {"ende": 1}}, schema)
     assert json.loads(invoke("schema", "study").output) == schema
+
+
+@pytest.mark.parametrize("spread", [0.5, 1, {"clearance": 0.2}])
+def test_an_entry_may_be_a_number_or_a_table(spread, folder):
+    part = {"measurements": "a.csv", "columns": {}, "parameters": {}}
+    fit = {**part, "starts": {"kind": "Starts", "number": 3, "spread": spread}}
+    jsonschema.validate({"scene": "rod.toml", "fit": fit}, study_schema())
+    Path("study.json").write_text(json.dumps({"scene": "rod.toml", "fit": fit}))
+    assert read_study(Path("study.json")).parts.fit.starts.spread == spread
 
 
 @pytest.mark.parametrize(("error", "code"), [(ValueError, 2), (OSError, 2), (RuntimeError, 1)])
@@ -847,15 +860,29 @@ def test_a_fit_interrupted_at_once_names_no_old_page(folder, monkeypatch):
     assert outcome.stdout == "interrupted before the first run ended: nothing was written\n"
 
 
-def test_the_formulation_of_a_run_is_read_from_its_settings():
+@pytest.mark.parametrize(
+    "stabilisation", [cj.Baumgarte(alpha=3.0, beta=7.0), cj.Projection(), cj.Unstabilised()]
+)
+def test_the_formulation_of_a_run_is_restored_bit_for_bit(stabilisation):
     """`clearjoint report` observes a run again, whose reactions depend on the stabilisation."""
-    for stabilisation in (cj.Baumgarte(alpha=3.0, beta=7.0), cj.Projection(), cj.Unstabilised()):
-        settings = cj.Settings(
-            coordinates=cj.AbsoluteCoordinates(), stabilisation=stabilisation, ledger=True
-        )
-        read = formulation_of(dict(setting_notes(settings)), redundant=True)
-        written = Formulation(cj.AbsoluteCoordinates(), stabilisation, redundant=True, ledger=True)
-        assert describe(read) == describe(written)
-    assert describe(formulation_of({}, redundant=False)) == describe(Formulation())
-    with pytest.raises(ValueError, match="`setting_coordinates` must be .*, but is 'Screws'"):
-        formulation_of({"setting_coordinates": "Screws(pitch=1.0)"}, redundant=False)
+    written = Formulation(cj.AbsoluteCoordinates(), stabilisation, redundant=True, ledger=True)
+    notes = {folders.FORMULATION: folders.formulation_text(written)}
+    read = folders.read_formulation(notes, FileLocation("motion.nc"))
+    assert describe(read) == describe(written)
+    with pytest.raises(ValueError, match="motion.nc, `formulation.coordinates.kind`: found 'Scr"):
+        unknown = {folders.FORMULATION: '{"coordinates": {"kind": "Screws"}}'}
+        folders.read_formulation(unknown, FileLocation("motion.nc"))
+
+
+@pytest.mark.parametrize("stabilisation", [cj.Baumgarte(), cj.Projection(), cj.Unstabilised()])
+def test_formulations_of_earlier_versions_are_recognised_if_their_numbers_are_the_defaults(
+    stabilisation,
+):
+    settings = cj.Settings(stabilisation=stabilisation, coordinates=cj.AbsoluteCoordinates())
+    notes = dict(setting_notes(settings)) | {"redundant_constraints": "pin y"}
+    read = folders.read_formulation(notes, FileLocation("motion.nc"))
+    expected = Formulation(cj.AbsoluteCoordinates(), stabilisation, redundant=True)
+    assert describe(read) == describe(expected)
+    notes["setting_stabilisation"] = "Baumgarte(alpha=3.0, beta=7.0)"
+    with pytest.raises(ValueError, match="found 'Baumgarte.alpha=3.0.*: run `clearjoint run` agai"):
+        folders.read_formulation(notes, FileLocation("motion.nc"))
