@@ -16,6 +16,7 @@ from typing import ClassVar, Protocol, runtime_checkable
 
 import equinox as eqx
 
+from ..dynamics.equations_of_motion import Dynamics
 from ..dynamics.multipliers import row_rate
 from ..fields.checks import require
 from ..math.smoothing import norm_and_direction
@@ -333,6 +334,21 @@ class Multiplier(AbstractJointQuantity):
         return multipliers[self.row]
 
 
+def constraint_wrenches(dynamics: Dynamics, joint: str) -> dict[str, Wrench]:
+    """Return the wrenches of a joint's constraints on its bodies, by name.
+
+    Each is the sum of the Jacobians of the constraint rows times their Lagrange multipliers: a
+    force, N in global axes, and a moment about the centre of mass, N m in body axes.
+    """
+    wrenches: dict[str, Wrench] = {}
+    for label, row in dynamics.rows[joint].items():
+        multiplier = dynamics.multipliers[joint][label]
+        # A Jacobian is the wrench on each body for a multiplier of 1.
+        for body, pair in row.jacobian.items():
+            wrenches[body] = wrenches.get(body, NO_WRENCH) + pair * multiplier
+    return wrenches
+
+
 class AbstractReaction(AbstractJointQuantity):
     """Base class of reactions of a joint on one of its bodies.
 
@@ -350,19 +366,9 @@ class AbstractReaction(AbstractJointQuantity):
         require_known("body", self.body, scene.joints[self.joint].body_names())
 
     def constraint_wrench(self, now: Instant) -> Wrench:
-        """Return the force and moment of the joint's constraints on the body, as a wrench.
-
-        It is the sum of the constraint rows' Jacobians times their Lagrange multipliers: a force, N
-        in global axes, and a moment about the centre of mass, N m in body axes. The joint must have
-        constraint rows.
-        """
+        """Return the part of the joint's constraints in the reaction, as `constraint_wrenches`."""
         # In joint coordinates, rows of joints that the coordinates satisfy have no multipliers.
-        dynamics, wrench = now.absolute_dynamics, NO_WRENCH
-        for label, row in dynamics.rows[self.joint].items():
-            if self.body in row.jacobian:
-                pair, multiplier = row.jacobian[self.body], dynamics.multipliers[self.joint][label]
-                wrench = wrench + Wrench(pair.force * multiplier, pair.moment * multiplier)
-        return wrench
+        return constraint_wrenches(now.absolute_dynamics, self.joint).get(self.body, NO_WRENCH)
 
 
 class Reaction(AbstractReaction):
