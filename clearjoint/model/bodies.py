@@ -21,7 +21,6 @@ from ..fields.checks import (
     caution_unless,
     checkable,
     concrete,
-    named,
     require,
     require_axis,
     require_euler_parameters,
@@ -29,6 +28,7 @@ from ..fields.checks import (
     require_numbers,
     require_positive,
     require_shape,
+    require_types,
 )
 from ..fields.objects import AbstractReadable, as_numbers, described, quantity
 from ..fields.types import ArrayLike, Quadruple, QuadrupleLike, Single, Square, Triple, TripleLike
@@ -465,12 +465,10 @@ class State(AbstractReadable):
         bristles: dict[str, dict[str, Triple]] | None = None,
     ):
         remedy = "pass State({name: body_state(...)})"
-        self.bodies = named("bodies", bodies, remedy)
         # The numbers are not checked here: `body_state` checks those that it gets, and a run checks
         # all numbers of its initial state.
-        for name, body in self.bodies.items():
-            kind, is_valid = type(body).__name__, isinstance(body, BodyState)
-            require(is_valid, f"bodies[{name!r}]", kind, "a BodyState", remedy)
+        require_types("bodies", bodies, BodyState, "a BodyState", remedy)
+        self.bodies = dict(bodies)
         self.entry_speeds = {} if entry_speeds is None else entry_speeds
         self.work = {} if work is None else work
         self.bristles = {} if bristles is None else bristles

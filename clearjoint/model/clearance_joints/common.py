@@ -4,7 +4,7 @@ import abc
 import operator
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import equinox as eqx
 import numpy as np
@@ -52,10 +52,7 @@ class AbstractOneLawJoint(AbstractContactJoint):
     """Base class of joints whose contacts share the normal law `law` and the friction law
     `friction`, which is ``None`` for no friction."""
 
-    if TYPE_CHECKING:  # pyright mistakes AbstractVar for a field
-        law: ClassVar[AbstractContactLaw]
-    else:
-        law: eqx.AbstractVar[AbstractContactLaw]
+    law: eqx.AbstractVar[AbstractContactLaw]
     friction: eqx.AbstractVar[FrictionLaw | None]
 
     @abc.abstractmethod
@@ -65,6 +62,14 @@ class AbstractOneLawJoint(AbstractContactJoint):
     def laws(self) -> dict[str, AbstractContactLaw]:
         """Return the normal law of each contact by label."""
         return dict.fromkeys(self.contact_labels(), self.law)
+
+    @abc.abstractmethod
+    def deepest_penetration(self) -> Scalar:
+        """Return the penetration of a contact in `contact_labels`, m, that ends a run."""
+
+    def deepest(self) -> dict[str, Scalar]:
+        """Return the penetration that ends a run, m, by label of the contact."""
+        return dict.fromkeys(self.contact_labels(), self.deepest_penetration())
 
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
         """Return the friction force on the second body, N in global axes; ``None`` without

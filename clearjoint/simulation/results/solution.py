@@ -28,7 +28,8 @@ from ...fields.checks import as_shown, require
 from ...fields.objects import AbstractReadable
 from ...fields.types import ArrayLike
 from ...math.interpolation import Slope, hermite_rate, hermite_value
-from ...math.vectors import Scalar
+from ...math.rotations import composed
+from ...math.vectors import EulerParameters, Scalar, pack
 from ...model.bodies import BodyState, State
 from ...result_codes import RESULTS, result_number
 from ..step.settings import checked_times
@@ -240,10 +241,8 @@ def _along(start: Slope, end: Slope, x: np.ndarray, h: np.ndarray) -> tuple[np.n
 
 
 def _product(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return the products, (N, 4), of two arrays of quaternions, (N, 4) each, scalar part first."""
-    a, u, b, v = first[:, :1], first[:, 1:], second[:, :1], second[:, 1:]
-    scalar = a * b - np.sum(u * v, axis=1, keepdims=True)
-    return np.concatenate([scalar, a * v + b * u + np.cross(u, v)], axis=1)
+    """Return the quaternion products of the rows of two arrays (N, 4), scalar parts first."""
+    return pack(composed(EulerParameters(*first.T), EulerParameters(*second.T)))
 
 
 if TYPE_CHECKING:
