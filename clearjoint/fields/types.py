@@ -7,16 +7,11 @@ scalars, one of shape (4,) by `EulerParameters`, and one of shape (3, 3) by a `M
 below are used for both forms; so they are based on `Any`.
 """
 
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy.typing
 from jaxtyping import Float
 from typing_extensions import TypeAliasType
-
-if TYPE_CHECKING:  # pyright mistakes equinox's for a field
-    from typing import ClassVar as AbstractClassVar
-else:
-    from equinox import AbstractClassVar as AbstractClassVar
 
 ArrayLike = TypeAliasType("ArrayLike", numpy.typing.ArrayLike)
 """A number, a sequence of numbers or an array.

@@ -4,7 +4,7 @@ import abc
 import operator
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import equinox as eqx
 import numpy as np
@@ -52,7 +52,10 @@ class AbstractOneLawJoint(AbstractContactJoint):
     """Base class of joints whose contacts share the normal law `law` and the friction law
     `friction`, which is ``None`` for no friction."""
 
-    law: eqx.AbstractVar[AbstractContactLaw]
+    if TYPE_CHECKING:  # pyright mistakes AbstractVar for a field
+        law: ClassVar[AbstractContactLaw]
+    else:
+        law: eqx.AbstractVar[AbstractContactLaw]
     friction: eqx.AbstractVar[FrictionLaw | None]
 
     @abc.abstractmethod

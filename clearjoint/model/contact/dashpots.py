@@ -15,13 +15,14 @@ damping, whose force is zero at the onset.
 """
 
 import abc
+from typing import TYPE_CHECKING, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
 
 from ...fields.checks import require_type
 from ...fields.objects import quantity
-from ...fields.types import AbstractClassVar, Single
+from ...fields.types import Single
 from ...math.vectors import Scalar
 from .laws import (
     AbstractElasticity,
@@ -58,8 +59,12 @@ class AbstractDashpotLaw(AbstractPowerLaw):
     ```
     """
 
-    exponent: AbstractClassVar[float]
-    damping_exponent: AbstractClassVar[float]
+    if TYPE_CHECKING:  # pyright mistakes AbstractClassVar for a field
+        exponent: ClassVar[float]
+        damping_exponent: ClassVar[float]
+    else:
+        exponent: eqx.AbstractClassVar[float]
+        damping_exponent: eqx.AbstractClassVar[float]
     uses_entry_speed = False
     force_jumps = False
 

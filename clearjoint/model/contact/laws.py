@@ -13,7 +13,7 @@ import abc
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -23,7 +23,7 @@ from jaxtyping import PyTree
 from ...fields.cautions import LawRangeWarning, caution
 from ...fields.checks import concrete, require, require_numbers, require_type
 from ...fields.objects import AbstractConverting, optional_quantity, quantity
-from ...fields.types import AbstractClassVar, Single
+from ...fields.types import Single
 from ...math.smoothing import positive_power
 from ...math.vectors import Scalar, Vector
 
@@ -353,7 +353,10 @@ class AbstractContactLaw(AbstractConverting):
     ```
     """
 
-    uses_entry_speed: AbstractClassVar[bool]
+    if TYPE_CHECKING:  # pyright mistakes AbstractClassVar for a field
+        uses_entry_speed: ClassVar[bool]
+    else:
+        uses_entry_speed: eqx.AbstractClassVar[bool]
     force_jumps = True
 
     def __init_subclass__(cls, **options: object):

@@ -76,7 +76,10 @@ class Row:
 
 class AbstractElement(AbstractConverting):
     """Base class of joints, forces and drivers: everything in a scene, except gravity, that acts on
-    bodies."""
+    bodies.
+
+    `point_fields` has the name of each field with a point, and of the field with the body's name.
+    """
 
     point_fields: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
