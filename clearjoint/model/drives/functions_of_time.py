@@ -389,7 +389,7 @@ def as_triple_in_time(value: PyTree) -> PyTree:
     """
     if isinstance(value, tuple | list) and any(map(callable, value)):
         return tuple(map(as_single_in_time, value))
-    return as_single_in_time(value)
+    return as_single_in_time(value)  # pyright: ignore[reportArgumentType]
 
 
 def value_at(given: SingleInTime, t: Scalar) -> Scalar:
