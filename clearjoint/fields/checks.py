@@ -178,7 +178,7 @@ def require(
 def require_numbers(
     condition: Callable[..., bool],
     argument: str,
-    values: tuple[ArrayLike, ...],
+    values: tuple[object, ...],
     expected: str,
     remedy: str,
 ) -> None:
@@ -193,8 +193,10 @@ def require_numbers(
     **Raises:** `ValueError` if the condition is false.
     """
     if (known := checkable(*values)) is not None:
-        expected = expected.format(*map(as_shown, known))
-        require(condition(*known), argument, known[0], expected, remedy)
+        holds = condition(*known)
+        # Numbers are written out for an error only: a run checks all numbers of its scene.
+        if isinstance(holds, Tracer) or not holds:
+            require(holds, argument, known[0], expected.format(*map(as_shown, known)), remedy)
 
 
 @contextmanager
@@ -237,19 +239,11 @@ def require_finite(argument: str, value: object) -> None:
     >>> extend.require_finite("times", [0.0, 1.0])  # raises for NaN
     """
     remedy = "replace the NaN or infinite entries"
-    _require(lambda x: x.__array_namespace__().isfinite(x).all(), argument, value, "finite", remedy)
+    require_numbers(_all_finite, argument, (value,), "finite", remedy)
 
 
-def _require(
-    condition: Callable[[Any], bool], argument: str, value: object, expected: str, remedy: str
-) -> None:
-    """Raise a ``ValueError`` unless a value satisfies a condition.
-
-    `condition` is called with the value as an array, and its result may be traced; the other
-    arguments are those of `require`.
-    """
-    if (known := checkable(value)) is not None:
-        require(condition(known[0]), argument, known[0], expected, remedy)
+def _all_finite(array: np.ndarray | jax.Array) -> bool:
+    return array.__array_namespace__().isfinite(array).all()
 
 
 def require_positive(argument: str, value: ArrayLike, remedy: str, *, zero: bool = False) -> None:
@@ -263,7 +257,7 @@ def require_positive(argument: str, value: ArrayLike, remedy: str, *, zero: bool
     """
     require_shape(argument, value, (), "pass a single number")
     expected = "zero or positive" if zero else "positive"
-    _require(lambda x: x >= 0 if zero else x > 0, argument, value, expected, remedy)
+    require_numbers(lambda x: x >= 0 if zero else x > 0, argument, (value,), expected, remedy)
 
 
 def require_count(argument: str, value: object, remedy: str, *, zero: bool = False) -> None:
@@ -336,7 +330,7 @@ def require_range(argument: str, value: ArrayLike, lower: float, upper: float, r
     """
     require_shape(argument, value, (), "pass a single number")
     expected = f"in [{lower}, {upper}]"
-    _require(lambda x: (lower <= x) & (x <= upper), argument, value, expected, remedy)
+    require_numbers(lambda x: (lower <= x) & (x <= upper), argument, (value,), expected, remedy)
 
 
 def caution_unless(
@@ -395,7 +389,7 @@ def require_axis(argument: str, value: ArrayLike) -> None:
     require_shape(argument, value, (3,), "pass three components")
     expected, remedy = "a vector of non-zero length", "give a direction, for example (0, 0, 1)"
     # A length below 1e-12 is the rounding error of a difference of two points.
-    _require(lambda x: (x**2).sum() > 1e-24, argument, value, expected, remedy)
+    require_numbers(lambda x: (x**2).sum() > 1e-24, argument, (value,), expected, remedy)
 
 
 def require_euler_parameters(argument: str, value: ArrayLike) -> None:
@@ -405,7 +399,9 @@ def require_euler_parameters(argument: str, value: ArrayLike) -> None:
     expected = "Euler parameters of unit norm, scalar part first"
     remedy = "divide them by their norm"
     # The margin allows for parameters that are given with seven digits.
-    _require(lambda x: abs((x**2).sum() ** 0.5 - 1.0) < 1e-6, argument, value, expected, remedy)
+    require_numbers(
+        lambda x: abs((x**2).sum() ** 0.5 - 1.0) < 1e-6, argument, (value,), expected, remedy
+    )
 
 
 def recheck(tree: PyTree) -> None:

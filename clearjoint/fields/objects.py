@@ -148,6 +148,11 @@ def _as_optional_number(
     return None if value is None else as_number(value, argument, unit)
 
 
+def described(unit: str, text: str = "") -> Any:
+    """Declare a field of a result, with the unit and the description that it has in tables."""
+    return eqx.field(metadata={"unit": unit, "text": text})
+
+
 @cache
 def _declarations(kind: type[eqx.Module]) -> list[tuple[str, Declaration]]:
     """Return the fields of a class that have a declaration: the name and declaration of each."""

@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -22,7 +21,6 @@ from ..fields.checks import (
     caution_unless,
     checkable,
     concrete,
-    named,
     require,
     require_axis,
     require_euler_parameters,
@@ -30,8 +28,9 @@ from ..fields.checks import (
     require_numbers,
     require_positive,
     require_shape,
+    require_types,
 )
-from ..fields.objects import AbstractReadable, as_numbers, quantity
+from ..fields.objects import AbstractReadable, as_numbers, described, quantity
 from ..fields.types import ArrayLike, Quadruple, QuadrupleLike, Single, Square, Triple, TripleLike
 from ..math.vectors import IDENTITY, ZERO, Matrix, Scalar, Vector
 from .densities import STEEL
@@ -421,10 +420,10 @@ class BodyState(AbstractReadable):
     (array([1., 0., 0., 0.]), array([0., 0., 2.]))
     """
 
-    position: Triple = eqx.field(metadata={"unit": "m"})
-    orientation: Quadruple = eqx.field(metadata={"unit": "1"})
-    velocity: Triple = eqx.field(metadata={"unit": "m/s"})
-    spin: Triple = eqx.field(metadata={"unit": "rad/s"})
+    position: Triple = described("m", "position of the centre of mass, global")
+    orientation: Quadruple = described("1", "Euler parameters, scalar first, body to global")
+    velocity: Triple = described("m/s", "velocity of the centre of mass, global")
+    spin: Triple = described("rad/s", "angular velocity in body axes")
 
 
 class State(AbstractReadable):
@@ -466,12 +465,10 @@ class State(AbstractReadable):
         bristles: dict[str, dict[str, Triple]] | None = None,
     ):
         remedy = "pass State({name: body_state(...)})"
-        self.bodies = named("bodies", bodies, remedy)
         # The numbers are not checked here: `body_state` checks those that it gets, and a run checks
         # all numbers of its initial state.
-        for name, body in self.bodies.items():
-            kind, is_valid = type(body).__name__, isinstance(body, BodyState)
-            require(is_valid, f"bodies[{name!r}]", kind, "a BodyState", remedy)
+        require_types("bodies", bodies, BodyState, "a BodyState", remedy)
+        self.bodies = dict(bodies)
         self.entry_speeds = {} if entry_speeds is None else entry_speeds
         self.work = {} if work is None else work
         self.bristles = {} if bristles is None else bristles
@@ -495,6 +492,9 @@ class Wrench:
 
     def __add__(self, other: "Wrench") -> "Wrench":
         return Wrench(self.force + other.force, self.moment + other.moment)
+
+    def __mul__(self, factor: Scalar) -> "Wrench":
+        return Wrench(self.force * factor, self.moment * factor)
 
 
 NO_WRENCH = Wrench(ZERO, ZERO)

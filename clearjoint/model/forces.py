@@ -15,7 +15,7 @@ from ..math.vectors import Matrix, Scalar, Vector, pack, unpack
 from .bodies import Wrench
 from .drives.drivers import AbstractDriveAboutAxis, AbstractDriveTorque
 from .drives.functions_of_time import TripleInTime, breakpoints_of, triple_in_time, vector_at
-from .joints.base import PARALLEL, AbstractForce, AbstractPairAtPoints, Attachment, Motions
+from .joints.base import PARALLEL, AbstractForce, AbstractPairAtPoints, Motions
 from .pen import AbstractPen, Marker
 
 SI = "give it in SI units"
@@ -175,15 +175,11 @@ class AppliedLoad(AbstractForce):
     force: TripleInTime = triple_in_time("N", default=NONE)
     torque: TripleInTime = triple_in_time("N m", default=NONE)
     point: Triple = quantity("m", check=require_point, default=NONE)
+    point_fields = {"point": "body"}
 
     def body_names(self) -> tuple[str, ...]:
         """Return the name of the body."""
         return (self.body,)
-
-    def attachments(self) -> tuple[Attachment, ...]:
-        """Return the point where the force acts as one entry: the name of its field, the name of
-        the body, and the point, m in body axes."""
-        return (("point", self.body, self.point),)
 
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
         """Return the wrench of force and torque at the time `t`, s, under the name of the body."""

@@ -20,7 +20,7 @@ from scipy import signal
 from ..fields.checks import require
 from ..model.scene import Scene
 from ..quantities.base import AbstractQuantity, Quantity
-from ..simulation.results.observe import Observation, rates_along, values_along
+from ..simulation.results.observe import Observation, values_along
 from ..simulation.results.solution import Solution, Trajectory
 from .style import (
     BLUE,
@@ -99,7 +99,7 @@ def rate_series(
     ('m/s', True)
     """
     trajectory = trajectory_of(solution, trajectory)
-    rates = rates_along(scene, solution, quantity, trajectory)
+    rates = values_along(scene, solution, quantity, trajectory, rates=True)
     unit = _over_seconds(unit_of(quantity, unit))
     return labelled(trajectory, rates, f"rate of {name_of(quantity)}", unit)
 

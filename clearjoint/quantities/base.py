@@ -327,6 +327,22 @@ def optional_numbers(values: ArrayLike | None) -> Numbers | None:
     return None if values is None else numbers(values)
 
 
-def component_or_magnitude(vector: Vector, component: Component | None) -> Scalar:
-    """Return the component "x", "y" or "z" of a vector, or the vector's magnitude for ``None``."""
-    return norm_and_direction(vector)[0] if component is None else getattr(vector, component)
+class AbstractVectorQuantity(AbstractQuantity):
+    """Base class of quantities that are a component of a vector, or with ``None`` its magnitude.
+
+    It precedes the other base class of a quantity, so that `component` follows the fields of that
+    class.
+    """
+
+    component: Component | None = eqx.field(default=None, static=True, converter=component_or_none)
+
+    @abc.abstractmethod
+    def vector(self, now: Instant) -> Vector:
+        """Return the vector at an instant, in the unit of the quantity."""
+
+    def __call__(self, now: Instant) -> Scalar:
+        """Return the component or the magnitude of the vector."""
+        vector = self.vector(now)
+        if self.component is None:
+            return norm_and_direction(vector)[0]
+        return getattr(vector, self.component)

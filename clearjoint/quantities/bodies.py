@@ -15,14 +15,13 @@ from ..model.bodies import GROUND
 from ..model.scene import Scene
 from .base import (
     AbstractQuantity,
+    AbstractVectorQuantity,
     Axes,
     Component,
     Instant,
     Numbers,
     as_axes,
     as_component,
-    component_or_magnitude,
-    component_or_none,
     numbers,
     optional_numbers,
     require_known,
@@ -68,7 +67,7 @@ class Position(AbstractBodyQuantity):
         return getattr(now.motions[self.body].position, self.component)
 
 
-class Velocity(AbstractBodyQuantity):
+class Velocity(AbstractVectorQuantity, AbstractBodyQuantity):
     """Velocity of a body's centre of mass, m/s: its magnitude or a global component.
 
     **Arguments:** `body`: its name. `component`: "x", "y", "z", or ``None``, the default, for the
@@ -80,15 +79,14 @@ class Velocity(AbstractBodyQuantity):
     'm/s'
     """
 
-    component: Component | None = eqx.field(default=None, static=True, converter=component_or_none)
     unit: ClassVar[str | None] = "m/s"
 
-    def __call__(self, now: Instant) -> Scalar:
-        """Return the component or magnitude of the centre of mass's velocity, m/s."""
-        return component_or_magnitude(now.motions[self.body].velocity, self.component)
+    def vector(self, now: Instant) -> Vector:
+        """Return the velocity of the centre of mass, m/s."""
+        return now.motions[self.body].velocity
 
 
-class Acceleration(AbstractBodyQuantity):
+class Acceleration(AbstractVectorQuantity, AbstractBodyQuantity):
     """Acceleration of a body's centre of mass, m/s^2: its magnitude or a global component.
 
     **Arguments:** `body`: its name, which can't be the ground. `component`: "x", "y", "z", or
@@ -100,13 +98,12 @@ class Acceleration(AbstractBodyQuantity):
     'm/s^2'
     """
 
-    component: Component | None = eqx.field(default=None, static=True, converter=component_or_none)
     unit: ClassVar[str | None] = "m/s^2"
     applies_to_ground: ClassVar[bool] = False
 
-    def __call__(self, now: Instant) -> Scalar:
-        """Return the component or magnitude of the centre of mass's acceleration, m/s^2."""
-        return component_or_magnitude(now.dynamics.accelerations[self.body].linear, self.component)
+    def vector(self, now: Instant) -> Vector:
+        """Return the acceleration of the centre of mass, m/s^2."""
+        return now.dynamics.accelerations[self.body].linear
 
 
 class AbstractPointQuantity(AbstractBodyQuantity):
@@ -142,7 +139,7 @@ class PointPosition(AbstractPointQuantity):
         return getattr(now.motions[self.body].point(Vector(*self.point)), self.component)
 
 
-class PointVelocity(AbstractPointQuantity):
+class PointVelocity(AbstractVectorQuantity, AbstractPointQuantity):
     """Velocity of a point of a body, m/s: its magnitude or a global component.
 
     **Arguments:**
@@ -157,17 +154,14 @@ class PointVelocity(AbstractPointQuantity):
     'm/s'
     """
 
-    component: Component | None = eqx.field(default=None, static=True, converter=component_or_none)
     unit: ClassVar[str | None] = "m/s"
 
-    def __call__(self, now: Instant) -> Scalar:
-        """Return the component or magnitude of the point's velocity, m/s."""
-        return component_or_magnitude(
-            now.motions[self.body].velocity_at(Vector(*self.point)), self.component
-        )
+    def vector(self, now: Instant) -> Vector:
+        """Return the velocity of the point, m/s."""
+        return now.motions[self.body].velocity_at(Vector(*self.point))
 
 
-class PointAcceleration(AbstractPointQuantity):
+class PointAcceleration(AbstractVectorQuantity, AbstractPointQuantity):
     """Acceleration of a point of a body, m/s^2: its magnitude or a component.
 
     An accelerometer on the body measures the specific force, which is the acceleration minus
@@ -188,14 +182,13 @@ class PointAcceleration(AbstractPointQuantity):
     'm/s^2'
     """
 
-    component: Component | None = eqx.field(default=None, static=True, converter=component_or_none)
     axes: Axes = eqx.field(default="global", static=True, converter=as_axes)
     gravity: bool = eqx.field(default=False, static=True)
     unit: ClassVar[str | None] = "m/s^2"
     applies_to_ground: ClassVar[bool] = False
 
-    def __call__(self, now: Instant) -> Scalar:
-        """Return the component or magnitude of the point's acceleration, m/s^2."""
+    def vector(self, now: Instant) -> Vector:
+        """Return the acceleration of the point, m/s^2."""
         motion, acceleration = now.motions[self.body], now.dynamics.accelerations[self.body]
         # Acceleration of the point relative to the centre of mass, in body axes.
         local, spin, linear = Vector(*self.point), motion.spin, acceleration.linear
@@ -203,11 +196,11 @@ class PointAcceleration(AbstractPointQuantity):
         if self.gravity and now.scene.gravity is not None:
             linear = linear - now.scene.gravity
         if self.axes == "body":
-            return component_or_magnitude(motion.components(linear) + relative, self.component)
-        return component_or_magnitude(linear + motion.direction(relative), self.component)
+            return motion.components(linear) + relative
+        return linear + motion.direction(relative)
 
 
-class AngularVelocity(AbstractBodyQuantity):
+class AngularVelocity(AbstractVectorQuantity, AbstractBodyQuantity):
     """Angular velocity of a body, rad/s: its magnitude or a component.
 
     The signal of a gyroscope is `AngularVelocity(body, component, axes="body")`.
@@ -224,18 +217,16 @@ class AngularVelocity(AbstractBodyQuantity):
     >>> outputs = {"fastest": cj.Peak(spin, "rad/s")}
     """
 
-    component: Component | None = eqx.field(default=None, static=True, converter=component_or_none)
     axes: Axes = eqx.field(default="global", static=True, converter=as_axes)
     unit: ClassVar[str | None] = "rad/s"
 
-    def __call__(self, now: Instant) -> Scalar:
-        """Return the component or magnitude of the angular velocity, rad/s."""
+    def vector(self, now: Instant) -> Vector:
+        """Return the angular velocity, rad/s."""
         motion = now.motions[self.body]
-        spin = motion.spin if self.axes == "body" else motion.direction(motion.spin)
-        return component_or_magnitude(spin, self.component)
+        return motion.spin if self.axes == "body" else motion.direction(motion.spin)
 
 
-class AngularAcceleration(AbstractBodyQuantity):
+class AngularAcceleration(AbstractVectorQuantity, AbstractBodyQuantity):
     """Angular acceleration of a body, rad/s^2: its magnitude or a component.
 
     **Arguments:**
@@ -249,17 +240,16 @@ class AngularAcceleration(AbstractBodyQuantity):
     >>> jolt = cj.quantities.AngularAcceleration("arm 2", "z")
     """
 
-    component: Component | None = eqx.field(default=None, static=True, converter=component_or_none)
     axes: Axes = eqx.field(default="global", static=True, converter=as_axes)
     unit: ClassVar[str | None] = "rad/s^2"
     applies_to_ground: ClassVar[bool] = False
 
-    def __call__(self, now: Instant) -> Scalar:
-        """Return the component or magnitude of the angular acceleration, rad/s^2."""
+    def vector(self, now: Instant) -> Vector:
+        """Return the angular acceleration, rad/s^2."""
         angular = now.dynamics.accelerations[self.body].angular
         if self.axes == "global":
             angular = now.motions[self.body].direction(angular)
-        return component_or_magnitude(angular, self.component)
+        return angular
 
 
 class Angle(AbstractBodyQuantity):

@@ -16,6 +16,7 @@ from typing import ClassVar, Protocol, runtime_checkable
 
 import equinox as eqx
 
+from ..dynamics.equations_of_motion import Dynamics
 from ..dynamics.multipliers import row_rate
 from ..fields.checks import require
 from ..math.smoothing import norm_and_direction
@@ -26,13 +27,12 @@ from ..model.joints.base import AbstractConstraint, AbstractContactJoint, Motion
 from ..model.scene import Scene
 from .base import (
     AbstractQuantity,
+    AbstractVectorQuantity,
     Axes,
     Component,
     Instant,
     as_axes,
     as_component,
-    component_or_magnitude,
-    component_or_none,
     one_of,
     require_known,
 )
@@ -333,6 +333,21 @@ class Multiplier(AbstractJointQuantity):
         return multipliers[self.row]
 
 
+def constraint_wrenches(dynamics: Dynamics, joint: str) -> dict[str, Wrench]:
+    """Return the wrenches of a joint's constraints on its bodies, by name.
+
+    Each is the sum of the Jacobians of the constraint rows times their Lagrange multipliers: a
+    force, N in global axes, and a moment about the centre of mass, N m in body axes.
+    """
+    wrenches: dict[str, Wrench] = {}
+    for label, row in dynamics.rows[joint].items():
+        multiplier = dynamics.multipliers[joint][label]
+        # A Jacobian is the wrench on each body for a multiplier of 1.
+        for body, pair in row.jacobian.items():
+            wrenches[body] = wrenches.get(body, NO_WRENCH) + pair * multiplier
+    return wrenches
+
+
 class AbstractReaction(AbstractJointQuantity):
     """Base class of reactions of a joint on one of its bodies.
 
@@ -350,22 +365,12 @@ class AbstractReaction(AbstractJointQuantity):
         require_known("body", self.body, scene.joints[self.joint].body_names())
 
     def constraint_wrench(self, now: Instant) -> Wrench:
-        """Return the force and moment of the joint's constraints on the body, as a wrench.
-
-        It is the sum of the constraint rows' Jacobians times their Lagrange multipliers: a force, N
-        in global axes, and a moment about the centre of mass, N m in body axes. The joint must have
-        constraint rows.
-        """
+        """Return the part of the joint's constraints in the reaction, as `constraint_wrenches`."""
         # In joint coordinates, rows of joints that the coordinates satisfy have no multipliers.
-        dynamics, wrench = now.absolute_dynamics, NO_WRENCH
-        for label, row in dynamics.rows[self.joint].items():
-            if self.body in row.jacobian:
-                pair, multiplier = row.jacobian[self.body], dynamics.multipliers[self.joint][label]
-                wrench = wrench + Wrench(pair.force * multiplier, pair.moment * multiplier)
-        return wrench
+        return constraint_wrenches(now.absolute_dynamics, self.joint).get(self.body, NO_WRENCH)
 
 
-class Reaction(AbstractReaction):
+class Reaction(AbstractVectorQuantity, AbstractReaction):
     """Force of a joint on one of its bodies, N: its magnitude or a global component.
 
     For an ideal joint the force follows from the Lagrange multipliers of its constraints, which are
@@ -385,17 +390,16 @@ class Reaction(AbstractReaction):
     'N'
     """
 
-    component: Component | None = eqx.field(default=None, static=True, converter=component_or_none)
     unit: ClassVar[str | None] = "N"
 
-    def __call__(self, now: Instant) -> Scalar:
+    def vector(self, now: Instant) -> Vector:
         """Return the force, N."""
         joint, force = now.scene.joints[self.joint], ZERO
         if isinstance(joint, AbstractContactJoint):
             force = self._contact_force(joint, now)
         if joint.rows(now.motions, now.time):
             force = force + self.constraint_wrench(now).force
-        return component_or_magnitude(force, self.component)
+        return force
 
     def _contact_force(self, joint: AbstractContactJoint, now: Instant) -> Vector:
         """Return the force of the contacts and the film on the body, N in global axes."""
@@ -410,7 +414,7 @@ class Reaction(AbstractReaction):
         return (on_second if self.body == joint.pair()[1] else -on_second) + film_force
 
 
-class ReactionMoment(AbstractReaction):
+class ReactionMoment(AbstractVectorQuantity, AbstractReaction):
     """Moment of an ideal joint or driver on one of its bodies, N m: its magnitude or a component.
 
     The moment refers to the joint's point on the body. If the joint has no point there, it refers
@@ -430,7 +434,6 @@ class ReactionMoment(AbstractReaction):
     >>> bending = cj.quantities.ReactionMoment("elbow", "arm 3", "x", axes="body")
     """
 
-    component: Component | None = eqx.field(default=None, static=True, converter=component_or_none)
     axes: Axes = eqx.field(default="global", static=True, converter=as_axes)
     unit: ClassVar[str | None] = "N m"
 
@@ -438,7 +441,7 @@ class ReactionMoment(AbstractReaction):
         """Return the names of the ideal joints and drivers."""
         return [name for name, j in scene.joints.items() if isinstance(j, AbstractConstraint)]
 
-    def __call__(self, now: Instant) -> Scalar:
+    def vector(self, now: Instant) -> Vector:
         """Return the moment, N m."""
         wrench, motion = self.constraint_wrench(now), now.motions[self.body]
         # The wrench refers to the centre of mass: move its moment to the joint's point.
@@ -446,12 +449,10 @@ class ReactionMoment(AbstractReaction):
         for _, body, point in now.scene.joints[self.joint].attachments():
             if body == self.body:
                 moment = moment - point.cross(motion.components(wrench.force))
-        return component_or_magnitude(
-            moment if self.axes == "body" else motion.direction(moment), self.component
-        )
+        return moment if self.axes == "body" else motion.direction(moment)
 
 
-class FilmForce(AbstractJointQuantity):
+class FilmForce(AbstractVectorQuantity, AbstractJointQuantity):
     """Force of a joint's lubricant film on its journal, N: its magnitude or a global component.
 
     It is the force that the joint's method `film_wrenches` returns for the second body, which has
@@ -467,7 +468,6 @@ class FilmForce(AbstractJointQuantity):
     >>> force.check(cj.mechanisms.rotor_in_bearing(film=cj.films.CaponeFilm(0.02))[0])
     """
 
-    component: Component | None = eqx.field(default=None, static=True, converter=component_or_none)
     unit: ClassVar[str | None] = "N"
 
     def joints(self, scene: Scene) -> Collection[str]:
@@ -477,13 +477,11 @@ class FilmForce(AbstractJointQuantity):
         default = AbstractContactJoint.film_wrenches
         return [name for name, kind in kinds.items() if kind.film_wrenches is not default]
 
-    def __call__(self, now: Instant) -> Scalar:
+    def vector(self, now: Instant) -> Vector:
         """Return the force, N."""
         joint = now.scene.contact_joints()[self.joint]
         _, journal = joint.pair()
-        return component_or_magnitude(
-            joint.film_wrenches(now.motions).get(journal, NO_WRENCH).force, self.component
-        )
+        return joint.film_wrenches(now.motions).get(journal, NO_WRENCH).force
 
 
 @runtime_checkable

@@ -158,14 +158,13 @@ class Backlash(AbstractPair, AbstractFlankJoint):
         remedy = "give the angle from flank to flank in rad"
         require_numbers(lambda play: play < TURN, "play", (self.play,), expected, remedy)
 
-    def deepest(self) -> dict[str, Scalar]:
-        """Return the penetration that ends a run, m, for each flank by label.
+    def deepest_penetration(self) -> Scalar:
+        """Return the penetration that ends a run, m.
 
         Opposite the middle of the play the angle jumps by 2 pi, and the contact would change to the
         other flank. The penetration there is radius (pi - play/2), of which half is allowed.
         """
-        deepest: Scalar = 0.25 * self.radius * (TURN - self.play)
-        return dict.fromkeys(FLANKS, deepest)
+        return 0.25 * self.radius * (TURN - self.play)
 
     def relative_angle(self, motions: Motions) -> Row:
         """Return the second body's angle about the axis, rad in [-pi, pi], as a row: the angle

@@ -12,7 +12,7 @@ from ...math.smoothing import norm_and_direction
 from ...math.vectors import Scalar, subtract
 from ..contact.friction import FrictionLaw
 from ..contact.laws import AbstractContactLaw, Gap, Limit, caution_beyond
-from ..joints.base import AbstractConstraint, Attachment, Contact, Motions
+from ..joints.base import AbstractConstraint, Contact, Motions
 from ..joints.ideal import SphericalJoint
 from ..pen import AbstractPen, Marker
 from .clearance import LARGEST_BEARING
@@ -66,6 +66,7 @@ class BallInSocket(AbstractCentredJoint):
     socket_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0))
     ball_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0))
     friction: FrictionLaw | None = None  # pyright: ignore[reportGeneralTypeIssues]
+    point_fields = {"socket_point": "socket_body", "ball_point": "ball_body"}
 
     def _check_together(self) -> None:
         require_smaller_clearance(self.clearance, self.socket_radius, "the socket's radius")
@@ -76,18 +77,6 @@ class BallInSocket(AbstractCentredJoint):
     def contact_labels(self) -> tuple[str, ...]:
         """Return the label of the only contact, "ball"."""
         return (CONTACT,)
-
-    def attachments(self) -> tuple[Attachment, ...]:
-        """Return an entry for the centre of the socket and one for that of the ball.
-
-        An entry consists of the name of the field that holds the point, the name of the body, and
-        the point, (3,) m from the body's centre of mass in its axes. The scene warns of points
-        implausibly far from the centre of mass.
-        """
-        return (
-            ("socket_point", self.socket_body, self.socket_point),
-            ("ball_point", self.ball_body, self.ball_point),
-        )
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
         """Return the contact "ball", whose normal points from the socket's centre to the ball's."""
@@ -107,10 +96,9 @@ class BallInSocket(AbstractCentredJoint):
         # Without friction the force acts at the two centres, which are on its line of action.
         return {CONTACT: Contact(gap, normal, on_socket, on_ball, slip, *centres)}
 
-    def deepest(self) -> dict[str, Scalar]:
-        """Return the penetration that ends a run, m, by label: the ball's radius. At this
-        penetration the ball's centre is on the surface of the socket."""
-        return {CONTACT: subtract(self.socket_radius, self.clearance)}
+    def deepest_penetration(self) -> Scalar:
+        """Return the ball's radius, m, at which the ball's centre is on the socket's surface."""
+        return subtract(self.socket_radius, self.clearance)
 
     def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
         """Return the validity limits of the normal law at a penetration, m; `name`, the contact's
@@ -133,9 +121,8 @@ class BallInSocket(AbstractCentredJoint):
         size = np.linalg.norm(load)
         if not size > 0.0:
             return None
-        (deepest,) = self.deepest().values()
         radii = self.socket_radius, self.clearance
-        depth = resting_depth([self.law], float(size), deepest, *radii)
+        depth = resting_depth([self.law], float(size), self.deepest_penetration(), *radii)
         centre = self.socket_point + (self.clearance + depth) / size * load
         return SphericalJoint(*self.pair(), centre, self.ball_point)
 

@@ -12,7 +12,7 @@ from ...math.rotations import unit
 from ...math.vectors import Scalar, add
 from ..contact.friction import FrictionLaw
 from ..contact.laws import AbstractContactLaw, require_flat_law
-from ..joints.base import AbstractConstraint, Attachment, Contact, Motions
+from ..joints.base import AbstractConstraint, Contact, Motions
 from ..joints.ideal import LineInPlaneJoint, PointInPlaneJoint
 from ..pen import AbstractPen, Marker
 from .common import (
@@ -88,6 +88,7 @@ class PinInSlot(AbstractFrictionJoint):
     pin_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0))
     travel: Single | None = optional_quantity("m", positive=True)
     friction: FrictionLaw | None = None  # pyright: ignore[reportGeneralTypeIssues]
+    point_fields = {"slot_point": "slot_body", "pin_point": "pin_body"}
 
     def _check_together(self) -> None:
         require_flat_law(self.law, "the slot's walls")
@@ -100,18 +101,6 @@ class PinInSlot(AbstractFrictionJoint):
     def contact_labels(self) -> tuple[str, ...]:
         """Return the labels of both walls, and of both ends if the slot has ends."""
         return WALLS if self.travel is None else WALLS + ENDS
-
-    def attachments(self) -> tuple[Attachment, ...]:
-        """Return an entry for the middle of the slot and one for the centre of the pin.
-
-        An entry consists of the name of the field that holds the point, the name of the body, and
-        the point, (3,) m from the body's centre of mass in its axes. The scene warns of points
-        implausibly far from the centre of mass.
-        """
-        return (
-            ("slot_point", self.slot_body, self.slot_point),
-            ("pin_point", self.pin_body, self.pin_point),
-        )
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
         """Return the contacts by label: walls, and ends if the slot has ends."""
@@ -127,13 +116,9 @@ class PinInSlot(AbstractFrictionJoint):
                 contacts[label] = wall.contact(slot, pin, *part)
         return contacts
 
-    def deepest(self) -> dict[str, Scalar]:
-        """Return the penetration that ends a run, m, for each contact by label.
-
-        It is `pin_radius`, at which the pin's centre is at the wall.
-        """
-        deepest: Scalar = self.pin_radius
-        return dict.fromkeys(self.contact_labels(), deepest)
+    def deepest_penetration(self) -> Scalar:
+        """Return `pin_radius`, m, at which the pin's centre is at the wall."""
+        return self.pin_radius
 
     def centred_joint(self) -> AbstractConstraint:
         """Return the ideal joint that keeps the pin's centre in the middle plane of the slot.
@@ -242,6 +227,8 @@ class SliderInGuide(AbstractFrictionJoint):
     slider_axis: Triple = quantity("1", check=require_axis, default=(1.0, 0.0, 0.0))
     slider_normal: Triple = quantity("1", check=require_axis, default=(0.0, 1.0, 0.0))
     friction: FrictionLaw | None = None  # pyright: ignore[reportGeneralTypeIssues]
+    # The guide's point is left out, since it may be far away along the walls.
+    point_fields = {"slider_point": "slider_body"}
 
     def _check_together(self) -> None:
         require_flat_law(self.law, "the guide's walls")
@@ -255,15 +242,6 @@ class SliderInGuide(AbstractFrictionJoint):
     def contact_labels(self) -> tuple[str, ...]:
         """Return the labels of the four corners' contacts."""
         return tuple(CORNERS)
-
-    def attachments(self) -> tuple[Attachment, ...]:
-        """Return an entry for the slider's centre: the name of the field that holds the point, the
-        name of the body, and the point, (3,) m from the body's centre of mass in its axes.
-
-        The scene warns of points implausibly far from the centre of mass. The point of the guide is
-        left out, since it may be far away along the walls.
-        """
-        return (("slider_point", self.slider_body, self.slider_point),)
 
     def contacts(self, motions: Motions) -> dict[str, Contact]:
         """Return the geometry of each corner's contact with the wall on its side, by label."""
@@ -280,13 +258,9 @@ class SliderInGuide(AbstractFrictionJoint):
             contacts[label] = walls[side].contact(guide, slider, corner, 0.0, has_friction)
         return contacts
 
-    def deepest(self) -> dict[str, Scalar]:
-        """Return the penetration that ends a run, m, for each corner by label.
-
-        It is `half_height`, at which the middle of the slider's end is at the wall.
-        """
-        deepest: Scalar = self.half_height
-        return dict.fromkeys(CORNERS, deepest)
+    def deepest_penetration(self) -> Scalar:
+        """Return `half_height`, m, at which the middle of the slider's end is at the wall."""
+        return self.half_height
 
     def centred_joint(self) -> AbstractConstraint:
         """Return the ideal joint that keeps the slider's axis in the middle plane of the guide.

@@ -46,7 +46,7 @@ from ..contact.laws import (
     require_instance,
     slip_velocity,
 )
-from ..joints.base import AbstractConstraint, Attachment, Contact, Motions, Row
+from ..joints.base import AbstractConstraint, Contact, Motions, Row
 from ..joints.constraint_rows import point_in_plane, relative_angle_row
 from ..joints.ideal import CylindricalJoint, RevoluteJoint
 from ..pen import AbstractPen, Marker
@@ -304,6 +304,7 @@ class ClearanceJoint(AbstractCentredJoint):
     bearing_profile: AbstractProfile | None  # pyright: ignore[reportGeneralTypeIssues]
     journal_profile: AbstractProfile | None  # pyright: ignore[reportGeneralTypeIssues]
     line_points: int | None = eqx.field(static=True)  # pyright: ignore[reportGeneralTypeIssues]
+    point_fields = {"bearing_point": "bearing_body", "journal_point": "journal_body"}
 
     def __init__(
         self,
@@ -393,18 +394,6 @@ class ClearanceJoint(AbstractCentredJoint):
         its position, from -1 at base V to 1 at base W, and its share of the length as `weight`."""
         return axial_points(len(BASES) if self.line_points is None else self.line_points)
 
-    def attachments(self) -> tuple[Attachment, ...]:
-        """Return an entry for the centre of the bearing and one for that of the journal.
-
-        An entry consists of the name of the field that holds the point, the name of the body, and
-        the point, (3,) m from the body's centre of mass in its axes. The scene warns of points
-        implausibly far from the centre of mass.
-        """
-        return (
-            ("bearing_point", self.bearing_body, self.bearing_point),
-            ("journal_point", self.journal_body, self.journal_point),
-        )
-
     def laws(self) -> dict[str, AbstractContactLaw]:
         """Return the normal law by label: "V" and "W", points between them, and shoulders.
 
@@ -417,15 +406,12 @@ class ClearanceJoint(AbstractCentredJoint):
                 laws[label] = WeightedLaw(self.law, point.weight)
         return laws if shoulder_law is None else laws | dict.fromkeys(SHOULDERS, shoulder_law)
 
-    def deepest(self) -> dict[str, Scalar]:
-        """Return the largest meaningful penetration of each contact with the wall, m, by label.
+    def deepest_penetration(self) -> Scalar:
+        """Return the journal's radius, m, at which the journal's axis is at the wall.
 
-        It is the journal's radius: then the eccentricity equals the bearing's radius, so that the
-        journal's axis is at the wall. A run ends when a contact is deeper. Shoulders have no entry
-        and thus no limit.
+        Shoulders are flat, and thus have no limit.
         """
-        radius = subtract(self.bearing_radius, self.clearance)
-        return dict.fromkeys(self.contact_labels(), radius)
+        return subtract(self.bearing_radius, self.clearance)
 
     def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
         """Return the validity limits of the law of the contact `name` at a penetration, m."""

@@ -66,6 +66,14 @@ class AbstractOneLawJoint(AbstractContactJoint):
         """Return the normal law of each contact by label."""
         return dict.fromkeys(self.contact_labels(), self.law)
 
+    @abc.abstractmethod
+    def deepest_penetration(self) -> Scalar:
+        """Return the penetration of a contact in `contact_labels`, m, that ends a run."""
+
+    def deepest(self) -> dict[str, Scalar]:
+        """Return the penetration that ends a run, m, by label of the contact."""
+        return dict.fromkeys(self.contact_labels(), self.deepest_penetration())
+
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
         """Return the friction force on the second body, N in global axes; ``None`` without
         friction.

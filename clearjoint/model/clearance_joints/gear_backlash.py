@@ -186,14 +186,10 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
             remedy = "give the play along the pitch circle in m"
             caution_above("backlash", self.backlash, "m", widest, remedy)
 
-    def deepest(self) -> dict[str, Scalar]:
-        """Return the penetration that ends a run, m, for each flank by label.
-
-        It is half of a tooth's thickness along the line of action.
-        """
+    def deepest_penetration(self) -> Scalar:
+        """Return half of a tooth's thickness along the line of action, m."""
         play = self.backlash * cosine(self.pressure_angle)
-        deepest: Scalar = 0.25 * (self._base_pitch() - play)
-        return dict.fromkeys(FLANKS, deepest)
+        return 0.25 * (self._base_pitch() - play)
 
     def _base_pitch(self) -> Scalar:
         """Return the distance from tooth to tooth along the line of action, m: pi times the module

@@ -8,7 +8,7 @@ from ...fields.types import Single, Triple
 from ...math.rotations import transverse_axes, unit
 from ...math.vectors import Scalar, Vector
 from ..contact.laws import require_instance
-from ..joints.base import AbstractConstraint, Attachment, Motions, Row, require_distinct
+from ..joints.base import AbstractConstraint, Motions, Row, require_distinct
 from ..joints.constraint_rows import distance_row, point_in_plane
 from ..pen import AbstractPen, Marker
 from .clearance import AbstractAxialPolicy, FreeAxially
@@ -56,6 +56,7 @@ class MasslessLink(AbstractConstraint):
     journal_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0))
     journal_axis: Triple = quantity("1", check=require_axis, default=(0.0, 0.0, 1.0))
     axial: AbstractAxialPolicy = eqx.field(default_factory=FreeAxially)
+    point_fields = {"bearing_point": "bearing_body", "journal_point": "journal_body"}
 
     def __check_init__(self):
         require_distinct(self.bearing_body, self.journal_body)
@@ -67,18 +68,6 @@ class MasslessLink(AbstractConstraint):
     def body_names(self) -> tuple[str, ...]:
         """Return the names of the bearing's body and the journal's body."""
         return self.bearing_body, self.journal_body
-
-    def attachments(self) -> tuple[Attachment, ...]:
-        """Return an entry for the centre of the bearing and one for that of the journal.
-
-        An entry consists of the name of the field that holds the point, the name of the body, and
-        the point, (3,) m from the body's centre of mass in its axes. The scene warns of points
-        implausibly far from the centre of mass.
-        """
-        return (
-            ("bearing_point", self.bearing_body, self.bearing_point),
-            ("journal_point", self.journal_body, self.journal_point),
-        )
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         """Return the rows "V" and "W" of the bases, and "axial" if the axial policy holds the

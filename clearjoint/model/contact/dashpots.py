@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from ...fields.checks import require
+from ...fields.checks import require_type
 from ...fields.objects import quantity
 from ...fields.types import Single
 from ...math.vectors import Scalar
@@ -134,9 +134,9 @@ class AbstractTunedDashpotLaw(AbstractDashpotLaw):
     effective_mass: Single = quantity("kg", positive=True, remedy="give the mass that rebounds")
 
     def _check_together(self) -> None:
-        fine, given = isinstance(self.stiffness, AbstractStiffness), type(self.stiffness).__name__
+        expected = "a number or an AbstractStiffness"
         remedy = "the damping of this law is computed from the stiffness K of a power law"
-        require(fine, "stiffness", given, "a number or an AbstractStiffness", remedy)
+        require_type("stiffness", self.stiffness, AbstractStiffness, expected, remedy)
         require_rebound(self.restitution)
 
     def _root(self, gap: Gap) -> Scalar:

@@ -21,7 +21,7 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ...fields.cautions import LawRangeWarning, caution
-from ...fields.checks import concrete, require, require_numbers
+from ...fields.checks import concrete, require, require_numbers, require_type
 from ...fields.objects import AbstractConverting, optional_quantity, quantity
 from ...fields.types import Single
 from ...math.smoothing import positive_power
@@ -508,9 +508,9 @@ def require_flat_law(law: object, surfaces: str) -> None:
     require_instance("law", law, AbstractContactLaw)
     # Whether a law of another class reads the radii is not visible from outside.
     if isinstance(law, AbstractElasticLaw):
-        fine, kind = isinstance(law.stiffness, GivenStiffness), type(law.stiffness).__name__
         remedy = f"{surfaces} are flat, so pass a number in N/m^n as the law's stiffness"
-        require(fine, "law", kind, "a law with an explicit stiffness", remedy)
+        expected = "a law with an explicit stiffness"
+        require_type("law", law.stiffness, GivenStiffness, expected, remedy)
 
 
 def contact_normal_force(law: AbstractContactLaw, gap: Gap, entry_speed: Scalar | None) -> Scalar:

@@ -387,13 +387,9 @@ def as_triple_in_time(value: PyTree) -> PyTree:
 
     **Raises:** `ValueError` if a component is neither a number nor a function.
     """
-    if isinstance(value, AbstractFunctionOfTime):
-        return value
-    if callable(value):
-        return PlainFunction(value)
     if isinstance(value, tuple | list) and any(map(callable, value)):
         return tuple(map(as_single_in_time, value))
-    return as_number(value)
+    return as_single_in_time(value)  # pyright: ignore[reportArgumentType]
 
 
 def value_at(given: SingleInTime, t: Scalar) -> Scalar:

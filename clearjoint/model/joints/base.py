@@ -12,7 +12,8 @@ three scalars, not arrays, and so are the element's fields with three numbers.
 import abc
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import TypeAlias, TypeVar
+from types import MappingProxyType
+from typing import ClassVar, TypeAlias, TypeVar
 
 import equinox as eqx
 import jax
@@ -75,7 +76,12 @@ class Row:
 
 class AbstractElement(AbstractConverting):
     """Base class of joints, forces and drivers: everything in a scene, except gravity, that acts on
-    bodies."""
+    bodies.
+
+    `point_fields` has the name of each field with a point, and of the field with the body's name.
+    """
+
+    point_fields: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
     @abc.abstractmethod
     def body_names(self) -> tuple[str, ...]:
@@ -101,11 +107,12 @@ class AbstractElement(AbstractConverting):
         return ()
 
     def attachments(self) -> tuple[Attachment, ...]:
-        """Return the element's points on bodies; the default is an empty tuple.
+        """Return the element's points on bodies, by default those in `point_fields`.
 
         The scene warns of a point so far from the centre of mass that its unit is probably wrong.
         """
-        return ()
+        fields = self.point_fields.items()
+        return tuple((point, getattr(self, body), getattr(self, point)) for point, body in fields)
 
     def draw(self, pen: AbstractPen) -> None:
         """Draw the element with a pen, whose methods draw symbols at points of bodies.
@@ -487,13 +494,7 @@ class AbstractPairAtPoints(AbstractPair):
     second: str = eqx.field(static=True)
     point_first: Triple = quantity("m", check=require_point)
     point_second: Triple = quantity("m", check=require_point)
-
-    def attachments(self) -> tuple[Attachment, ...]:
-        """Return the element's point on the first and on the second body."""
-        return (
-            ("point_first", self.first, self.point_first),
-            ("point_second", self.second, self.point_second),
-        )
+    point_fields = {"point_first": "first", "point_second": "second"}
 
     def ends(
         self, axis_first: Triple | None = None, axis_second: Triple | None = None

@@ -370,7 +370,7 @@ def distance_row(components: Iterable[Row], length: Scalar, motions: Motions) ->
     for row in components:
         slope, rate = row.value / length, rate_of(row, motions)
         for name, wrench in row.jacobian.items():
-            jacobian[name] = jacobian.get(name, NO_WRENCH) + _scaled(wrench, slope)
+            jacobian[name] = jacobian.get(name, NO_WRENCH) + wrench * slope
         # The second derivative of x^2/(2 length) is (x'^2 + x x'')/length.
         value = value + 0.5 * slope * row.value
         bias = bias + rate * rate / length + slope * row.bias
@@ -396,10 +396,6 @@ def row_following(row: Row, function: Callable[[Scalar], Scalar], t: Scalar) -> 
     return Row(row.value - function(t), row.jacobian, row.bias - acceleration, time_rate)
 
 
-def _scaled(wrench: Wrench, factor: Scalar) -> Wrench:
-    return Wrench(wrench.force * factor, wrench.moment * factor)
-
-
 def plus_multiple(first: Row, second: Row, factor: Scalar) -> Row:
     """Return the row `first` plus a constant `factor` times the row `second`.
 
@@ -408,7 +404,7 @@ def plus_multiple(first: Row, second: Row, factor: Scalar) -> Row:
     """
     jacobian = dict(first.jacobian)
     for name, wrench in second.jacobian.items():
-        jacobian[name] = jacobian.get(name, NO_WRENCH) + _scaled(wrench, factor)
+        jacobian[name] = jacobian.get(name, NO_WRENCH) + wrench * factor
     value = add(first.value, multiply(second.value, factor))
     bias = add(first.bias, multiply(second.bias, factor))
     return Row(value, jacobian, bias, add(first.time_rate, multiply(second.time_rate, factor)))

@@ -17,7 +17,7 @@ from ..contact.laws import AbstractContactLaw
 from ..drives.drivers import PrescribedRotation
 from ..joints.ideal import RevoluteJoint
 from ..scene import Scene
-from .common import ORIGIN, Z_AXIS, Joints
+from .common import ORIGIN, Z_AXIS, Joints, turned_about_z
 
 Components: TypeAlias = Float[np.ndarray, "3"]
 """The components of a vector, (3,)."""
@@ -103,8 +103,7 @@ class LinkFrame:
 
     def turned(self, angle: float) -> EulerParameters:
         """Return the orientation after a rotation by an angle, rad, about the frame's z axis."""
-        about_z = EulerParameters(math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle))
-        return composed(self.orientation, about_z)
+        return composed(self.orientation, EulerParameters(*turned_about_z(angle)))
 
     def after(self, link: ArmLink, angle: float) -> "LinkFrame":
         """Return the frame of the next link of a chain.

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from ...fields.checks import as_number, require
+from ...fields.checks import as_number, errors_about, require
 from ...fields.objects import AbstractConverting
 from ...math.vectors import Condition, Scalar
 from ...model.scene import Scene
@@ -130,10 +130,8 @@ def check_reductions(outputs: Mapping[str, object], scene: Scene, ledger: bool) 
         expected = f"True for outputs[{name!r}]"
         fine = ledger or not output.needs_ledger
         require(fine, "ledger", ledger, expected, "pass Settings(ledger=True)")
-        try:
+        with errors_about(f"Output {name!r}"):
             output.check(scene)
-        except ValueError as error:
-            raise ValueError(f"Output {name!r}: {error}") from error
 
 
 def optional_time(value: Instants) -> Instants:

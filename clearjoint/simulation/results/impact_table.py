@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...export.datasets import AbstractTabular, Labelled, labelled_dataset, texts
+from ...fields.objects import described
 from ...model.contact.laws import exceeded
 from ...model.scene import Scene
 
@@ -16,17 +17,6 @@ if TYPE_CHECKING:
 
 NAMED = "joint", "contact"
 """Columns of `Impacts` that contain names instead of numbers."""
-IMPACT_UNITS = {
-    "onset": "s",
-    "separation": "s",
-    "duration": "s",
-    "entry_speed": "m/s",
-    "exit_speed": "m/s",
-    "peak_force": "N",
-    "peak_time": "s",
-    "largest_penetration": "m",
-}
-"""Unit of each column of `Impacts` that contains numbers."""
 
 
 @dataclass(frozen=True)
@@ -57,14 +47,14 @@ class Impacts(AbstractTabular):
 
     joint: np.ndarray
     contact: np.ndarray
-    onset: np.ndarray
-    separation: np.ndarray
-    duration: np.ndarray
-    entry_speed: np.ndarray
-    exit_speed: np.ndarray
-    peak_force: np.ndarray
-    peak_time: np.ndarray
-    largest_penetration: np.ndarray
+    onset: np.ndarray = described("s")
+    separation: np.ndarray = described("s")
+    duration: np.ndarray = described("s")
+    entry_speed: np.ndarray = described("m/s")
+    exit_speed: np.ndarray = described("m/s")
+    peak_force: np.ndarray = described("N")
+    peak_time: np.ndarray = described("s")
+    largest_penetration: np.ndarray = described("m")
 
     def __len__(self) -> int:
         return len(self.onset)
@@ -115,6 +105,10 @@ class Impacts(AbstractTabular):
     def _rows(self, chosen: np.ndarray) -> "Impacts":
         """Return the table of those impacts for which `chosen`, (N,), is true."""
         return Impacts(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
+
+
+IMPACT_UNITS = {f.name: f.metadata["unit"] for f in fields(Impacts) if f.metadata}
+"""Unit of each column of `Impacts` that contains numbers."""
 
 
 def beyond_law_ranges(scene: Scene, impacts: Impacts) -> list[str]:

@@ -1,5 +1,6 @@
 """Result of `simulate_nonsmooth`, a run with rigid contacts, whose impacts have no duration."""
 
+from dataclasses import fields
 from typing import TYPE_CHECKING
 
 import equinox as eqx
@@ -8,7 +9,7 @@ import numpy as np
 from ...dynamics.formulation import Formulation
 from ...export.datasets import AbstractTabular
 from ...fields.checks import require
-from ...fields.objects import AbstractReadable
+from ...fields.objects import AbstractReadable, described
 from ...model.bodies import State
 from ...result_codes import RESULTS
 from ..step.types import Integers, Numbers
@@ -19,15 +20,6 @@ if TYPE_CHECKING:
 
 RIGID = "rigid_contact"
 """Name of the dimension along which rigid contacts are listed."""
-TOTAL_UNITS = {
-    "impacts": "1",
-    "impulse": "N s",
-    "dissipated": "J",
-    "hardest": "N s",
-    "fastest": "m/s",
-    "penetration": "m",
-}
-"""Units of the fields of `ContactTotals`."""
 
 
 class ContactTotals(AbstractReadable):
@@ -51,12 +43,12 @@ class ContactTotals(AbstractReadable):
     True
     """
 
-    impacts: Integers
-    impulse: Numbers
-    dissipated: Numbers
-    hardest: Numbers
-    fastest: Numbers
-    penetration: Numbers
+    impacts: Integers = described("1")
+    impulse: Numbers = described("N s")
+    dissipated: Numbers = described("J")
+    hardest: Numbers = described("N s")
+    fastest: Numbers = described("m/s")
+    penetration: Numbers = described("m")
 
 
 class NonsmoothSolution(AbstractReadable, AbstractTabular):
@@ -140,9 +132,9 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
         found = self.saved.to_xarray()
         contacts = by_contact(self.history)
         if contacts:
-            for name, unit in TOTAL_UNITS.items():
-                values = np.stack([np.asarray(getattr(c, name)) for c in contacts.values()], 1)
-                found[name] = ("time", RIGID), values, {"units": unit}
+            for f in fields(ContactTotals):
+                values = np.stack([np.asarray(getattr(c, f.name)) for c in contacts.values()], 1)
+                found[f.name] = ("time", RIGID), values, {"units": f.metadata["unit"]}
             found = found.assign_coords({RIGID: list(contacts)})
         notes = {
             "title": "motion of a mechanism with rigid contacts",

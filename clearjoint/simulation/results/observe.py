@@ -5,7 +5,7 @@
 
 import enum
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -33,14 +33,15 @@ from ...export.datasets import (
     texts,
 )
 from ...fields.checks import as_shown, require
-from ...fields.objects import with_arrays
+from ...fields.objects import described, with_arrays
 from ...math.smoothing import norm_and_direction
 from ...math.vectors import ConstantFolded, Scalar, Vector, fold_constants, pack, unpack
-from ...model.bodies import GROUND, NO_WRENCH, State, Wrench
+from ...model.bodies import GROUND, State
 from ...model.clearance_joints.journal_bases import BASES, HasJournal, axial_positions
 from ...model.scene import Scene
 from ...native import Native, over_rows
 from ...quantities.base import Instant, Quantity, check_quantity
+from ...quantities.joints import constraint_wrenches
 from ..step.types import Flags, Integers, Numbers, Vectors
 from .nonsmooth_solution import NonsmoothSolution
 from .solution import CONTACTS, Solution, Trajectory, by_contact
@@ -48,30 +49,13 @@ from .solution import CONTACTS, Solution, Trajectory, by_contact
 if TYPE_CHECKING:
     import xarray as xr
 
-CONTACT_PARTS = {
-    "penetration": ("m", "penetration, negative in flight"),
-    "penetration_rate": ("m/s", "rate of the penetration"),
-    "eccentricity": ("m", "distance of the base's centre from the bearing's axis"),
-    "offset": ("m", "the base's centre in the bearing's frame"),
-    "normal_force": ("N", "normal force"),
-    "friction_force": ("N", "friction force on the journal, global"),
-    "normal": ("1", "direction from bearing axis to contact, global"),
-    "point_on_bearing": ("m", "contact point on the bearing, global"),
-    "point_on_journal": ("m", "contact point on the journal, global"),
+VARIABLES = {
+    "force": "reaction_force",
+    "moment": "reaction_moment",
+    "linear": "acceleration",
+    "angular": "angular_acceleration",
 }
-"""Unit and description of each field of a `ContactObservation`."""
-BODY_PARTS = {
-    "acceleration": ("linear", "m/s^2", "of the centre of mass, global"),
-    "angular_acceleration": ("angular", "rad/s^2", "of the body, body axes"),
-}
-"""For each variable of the dataset that describes bodies: the field of `AccelerationSeries` with
-its values, its unit and its description."""
-REACTION_PARTS = {
-    "reaction_force": ("force", "N", "force of an ideal joint on a body, global"),
-    "reaction_moment": ("moment", "N m", "its moment about the centre of mass, body axes"),
-}
-"""For each variable of the dataset that describes reactions: the field of `Load` with its values,
-its unit and its description."""
+"""Variable of the dataset for each field of `Load` and `AccelerationSeries`."""
 
 
 class MotionMode(enum.IntEnum):
@@ -116,15 +100,17 @@ class ContactObservation(eqx.Module):
       global coordinates.
     """
 
-    penetration: Numbers
-    penetration_rate: Numbers
-    eccentricity: Numbers | None
-    offset: Vectors | None
-    normal_force: Numbers
-    friction_force: Vectors | None
-    normal: Vectors
-    point_on_bearing: Vectors
-    point_on_journal: Vectors
+    penetration: Numbers = described("m", "penetration, negative in flight")
+    penetration_rate: Numbers = described("m/s", "rate of the penetration")
+    eccentricity: Numbers | None = described(
+        "m", "distance of the base's centre from the bearing's axis"
+    )
+    offset: Vectors | None = described("m", "the base's centre in the bearing's frame")
+    normal_force: Numbers = described("N", "normal force")
+    friction_force: Vectors | None = described("N", "friction force on the journal, global")
+    normal: Vectors = described("1", "direction from bearing axis to contact, global")
+    point_on_bearing: Vectors = described("m", "contact point on the bearing, global")
+    point_on_journal: Vectors = described("m", "contact point on the journal, global")
 
 
 class Load(eqx.Module):
@@ -134,8 +120,8 @@ class Load(eqx.Module):
     - `moment`: (N, 3) N m, about the body's centre of mass, in body axes.
     """
 
-    force: Vectors
-    moment: Vectors
+    force: Vectors = described("N", "force of an ideal joint on a body, global")
+    moment: Vectors = described("N m", "its moment about the centre of mass, body axes")
 
 
 class AccelerationSeries(eqx.Module):
@@ -145,8 +131,8 @@ class AccelerationSeries(eqx.Module):
     - `angular`: (N, 3) rad/s^2, time derivative of the angular velocity, in body axes.
     """
 
-    linear: Vectors
-    angular: Vectors
+    linear: Vectors = described("m/s^2", "of the centre of mass, global")
+    angular: Vectors = described("rad/s^2", "of the body, body axes")
 
 
 class Observation(eqx.Module, AbstractTabular):
@@ -247,23 +233,18 @@ class Observation(eqx.Module, AbstractTabular):
         }
         # For each variable: its second dimension, the series along it, unit, description and
         # further attributes.
-        rows: dict[str, tuple[Any, ...]] = {
-            name: (CONTACTS, [getattr(one, name) for one in contacts.values()], *texts_of)
-            for name, texts_of in CONTACT_PARTS.items()
-        }
-        rows["mode"] = "journal", modes, None, "mode of the journal", flags
-        for name, (field, *of_load) in REACTION_PARTS.items():
-            loads = [getattr(load, field) for load in reactions.values()]
-            rows[name] = "reaction", loads, *of_load, {"comment": unique}
-        for name, (field, *of_body) in BODY_PARTS.items():
-            rows[name] = "body", [getattr(b, field) for b in self.accelerations.values()], *of_body
-        # Equations of one joint have different units, so that drift has no unit of its own.
         of_drift = "largest |Phi| of the joint, in m, rad or without unit"
-        rows["drift"] = "joint", [*self.drift.values()], None, of_drift
         of_rate = "largest |rate of Phi| of the joint, in m/s, rad/s or 1/s"
-        rows["drift_rate"] = "joint", [*self.drift_rate.values()], None, of_rate
-        energies = [*self.energies.values()]
-        rows["energy"] = "energy_term", energies, "J", "energies and their ledger"
+        rows: dict[str, tuple[Any, ...]] = {
+            **_rows_of(ContactObservation, contacts, CONTACTS),
+            "mode": ("journal", modes, None, "mode of the journal", flags),
+            **_rows_of(Load, reactions, "reaction", {"comment": unique}),
+            **_rows_of(AccelerationSeries, self.accelerations, "body"),
+            # Equations of one joint have different units, so that drift has no unit of its own.
+            "drift": ("joint", [*self.drift.values()], None, of_drift),
+            "drift_rate": ("joint", [*self.drift_rate.values()], None, of_rate),
+            "energy": ("energy_term", [*self.energies.values()], "J", "energies and their ledger"),
+        }
         # A variable is left out if the scene has no element with such a series.
         variables = {
             name: _stacked(*row)
@@ -305,6 +286,18 @@ class Observation(eqx.Module, AbstractTabular):
             ends = ~np.asarray(self.interpolated)
             balance = np.interp(self.times, self.times[ends], np.asarray(balance)[ends])
         return balance - balance[:1]
+
+
+def _rows_of(
+    kind: type[eqx.Module], parts: Mapping[str, PyTree], dim: str, *attributes: Mapping[str, object]
+) -> dict[str, tuple[Any, ...]]:
+    """Return for each field of the class `kind`, by the name of its variable: the dimension along
+    the parts, the field of each part, its unit, its description, and `attributes`."""
+    rows = {}
+    for f in fields(kind):
+        series = [getattr(part, f.name) for part in parts.values()]
+        rows[VARIABLES.get(f.name, f.name)] = dim, series, *f.metadata.values(), *attributes
+    return rows
 
 
 def _stacked(
@@ -490,11 +483,19 @@ def observe_compiled(
             name: AccelerationSeries(pack(part.linear), pack(part.angular))
             for name, part in dynamics.accelerations.items()
         }
+        reactions = {
+            joint: {
+                body: Load(pack(wrench.force), pack(wrench.moment))
+                for body, wrench in constraint_wrenches(dynamics, joint).items()
+                if body != GROUND
+            }
+            for joint in dynamics.rows
+        }
         observation = Observation(
             times=t,
             contacts=_contacts(scene, dynamics),
             modes=_modes(scene, dynamics),
-            reactions=_reactions(dynamics),
+            reactions=reactions,
             accelerations=accelerations,
             drift=drift,
             drift_rate=drift_rate,
@@ -558,25 +559,6 @@ def _modes(scene: Scene, dynamics: Dynamics) -> dict[str, Integers]:
     return modes
 
 
-def _reactions(dynamics: Dynamics) -> dict[str, dict[str, Load]]:
-    """Return the reaction of each joint with constraints on each of its bodies except the ground,
-    at one instant, by joint and body."""
-    reactions: dict[str, dict[str, Load]] = {}
-    for name, rows in dynamics.rows.items():
-        total: dict[str, Wrench] = {}
-        for label, row in rows.items():
-            multiplier = dynamics.multipliers[name][label]
-            # A constraint's Jacobian is the wrench on each body for a multiplier of 1.
-            for body, pair in row.jacobian.items():
-                if body != GROUND:
-                    scaled = Wrench(pair.force * multiplier, pair.moment * multiplier)
-                    total[body] = total.get(body, NO_WRENCH) + scaled
-        reactions[name] = {
-            body: Load(pack(wrench.force), pack(wrench.moment)) for body, wrench in total.items()
-        }
-    return reactions
-
-
 def _drift(dynamics: Dynamics) -> tuple[dict[str, Scalar], dict[str, Scalar]]:
     """Return two dictionaries by joint: the largest magnitude of the values of its constraint
     equations, and that of their time derivatives. Both are zero for an exact solution."""
@@ -592,9 +574,18 @@ def _drift(dynamics: Dynamics) -> tuple[dict[str, Scalar], dict[str, Scalar]]:
 
 
 def values_along(
-    scene: Scene, solution: Solution, quantity: Quantity, trajectory: Trajectory
+    scene: Scene,
+    solution: Solution,
+    quantity: Quantity,
+    trajectory: Trajectory,
+    rates: bool = False,
 ) -> np.ndarray:
-    """Return the values of a quantity at the N states of a trajectory, (N,), in its unit.
+    """Return the values of a quantity at the N states of a trajectory, (N,), in its unit, or with
+    `rates` their time derivatives, in this unit per s.
+
+    Time derivatives are total derivatives along the motion, by the chain rule through time,
+    positions and velocities. Entry speeds of contacts, deflections of bristles and integrals of the
+    energy ledger count as constant.
 
     **Arguments:** `scene`: the scene that was simulated; `solution`: its solution, of which only
     the formulation is used; `quantity`: a scalar function of an `Instant`, the scene with its
@@ -603,29 +594,6 @@ def values_along(
 
     **Raises:** `ValueError` if the quantity names an element that the scene lacks.
     """
-    return _along(scene, solution, quantity, trajectory, rates=False)
-
-
-def rates_along(
-    scene: Scene, solution: Solution, quantity: Quantity, trajectory: Trajectory
-) -> np.ndarray:
-    """Return the time derivatives of a quantity at the N states of a trajectory, (N,), in its unit
-    per s.
-
-    They are total derivatives along the motion, by the chain rule through time, positions and
-    velocities. Entry speeds of contacts, deflections of bristles and integrals of the energy ledger
-    count as constant.
-
-    **Arguments**, **Raises:** as of `values_along`.
-    """
-    return _along(scene, solution, quantity, trajectory, rates=True)
-
-
-def _along(
-    scene: Scene, solution: Solution, quantity: Quantity, trajectory: Trajectory, rates: bool
-) -> np.ndarray:
-    """Return the values of a quantity at the N states of a trajectory, (N,), or with `rates` their
-    time derivatives; the other arguments are those of `values_along`."""
     check_quantity("quantity", quantity, scene)
     fixed = fold_constants(with_arrays(scene)), absolute_formulation(solution), quantity, rates
     rows = np.asarray(trajectory.times), trajectory.states

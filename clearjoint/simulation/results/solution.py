@@ -2,6 +2,7 @@
 failed."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import equinox as eqx
@@ -27,7 +28,8 @@ from ...fields.checks import as_shown, require
 from ...fields.objects import AbstractReadable
 from ...fields.types import ArrayLike
 from ...math.interpolation import Slope, hermite_rate, hermite_value
-from ...math.vectors import Scalar
+from ...math.rotations import composed
+from ...math.vectors import EulerParameters, Scalar, pack
 from ...model.bodies import BodyState, State
 from ...result_codes import RESULTS, result_number
 from ..step.settings import checked_times
@@ -36,20 +38,12 @@ from .impact_table import Impacts
 
 T = TypeVar("T")
 STATE_PARTS = {
-    "position": ("component", "m"),
-    "orientation": ("parameter", "1"),
-    "velocity": ("component", "m/s"),
-    "spin": ("component", "rad/s"),
+    field.name: ("parameter" if field.name == "orientation" else COMPONENT, field.metadata["unit"])
+    for field in fields(BodyState)
 }
 """Last dimension and unit of the array for each field of a `BodyState`."""
 LABELS = {COMPONENT: [*COMPONENTS], "parameter": ["e0", "e1", "e2", "e3"]}
 """Labels along the last dimension of a body's vectors and of its Euler parameters."""
-MEANINGS = {
-    "position": "position of the centre of mass, global",
-    "orientation": "Euler parameters, scalar first, body to global",
-    "velocity": "velocity of the centre of mass, global",
-    "spin": "angular velocity in body axes",
-}
 CONTACTS = "contact"
 BRISTLES = "bristle_contact"
 """Names of the dimensions along which contacts, and contacts with bristles, are listed."""
@@ -86,10 +80,10 @@ def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict
     # Arrays of single bodies or contacts are stacked along a new dimension, before that of the
     # components of vectors.
     arrays = {}
-    for part, (dim, unit) in STATE_PARTS.items():
-        values = [np.asarray(getattr(body, part)) for body in states.bodies.values()]
-        dims = (*rows, "body", dim)
-        arrays[prefix + part] = Labelled(dims, np.stack(values, -2), unit, MEANINGS[part])
+    for field in fields(BodyState):
+        values = [np.asarray(getattr(body, field.name)) for body in states.bodies.values()]
+        dims = (*rows, "body", STATE_PARTS[field.name][0])
+        arrays[prefix + field.name] = Labelled(dims, np.stack(values, -2), *field.metadata.values())
     if entry_speeds := by_contact(states.entry_speeds):
         values = np.stack([*entry_speeds.values()], -1)
         text = "speed of approach at the onset of the contact; zero in flight"
@@ -247,10 +241,8 @@ def _along(start: Slope, end: Slope, x: np.ndarray, h: np.ndarray) -> tuple[np.n
 
 
 def _product(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return the products, (N, 4), of two arrays of quaternions, (N, 4) each, scalar part first."""
-    a, u, b, v = first[:, :1], first[:, 1:], second[:, :1], second[:, 1:]
-    scalar = a * b - np.sum(u * v, axis=1, keepdims=True)
-    return np.concatenate([scalar, a * v + b * u + np.cross(u, v)], axis=1)
+    """Return the quaternion products of the rows of two arrays (N, 4), scalar parts first."""
+    return pack(composed(EulerParameters(*first.T), EulerParameters(*second.T)))
 
 
 if TYPE_CHECKING:
