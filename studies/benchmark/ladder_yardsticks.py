@@ -3,13 +3,14 @@
 Programs that are not installed are reported, and their rows left out.
 """
 
+import importlib
 import math
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -176,8 +177,8 @@ def _pinocchio(scene: str, size: int, step: float) -> Iterator[Compared]:
     """Yield the comparison of a chain's right-hand side with Pinocchio's `aba`."""
     if scene != "ideal":
         return
-    import pinocchio as pin  # pyright: ignore
-
+    # Type checkers do not know the attributes of the compiled module.
+    pin: Any = importlib.import_module("pinocchio")
     model, place = pin.Model(), pin.SE3.Identity()
     across = MASS * LENGTH**2 / 12.0
     inertia = pin.Inertia(

@@ -407,23 +407,7 @@ FrictionLaw: TypeAlias = AbstractFriction | AbstractBristleFriction
 """Law of the friction in a joint, without or with bristles."""
 
 
-class AbstractElasticBristles(AbstractBristleFriction):
-    """Base class of bristles that are springs: `stiffness` is their stiffness sigma0 over the
-    normal force, 1/m."""
-
-    stiffness: eqx.AbstractVar[Single]
-
-    def rate(self, deflection: Vector, slip: Vector) -> Vector:
-        """Return v - sigma0 |v| z/g(v), m/s, with the sliding ratio g."""
-        speed, _ = norm_and_direction(slip)
-        return slip - deflection * (self.stiffness * speed / self.sliding_ratio(speed))
-
-    def stored_energy(self, deflection: Vector) -> Scalar:
-        """Return sigma0 z^2/2, m."""
-        return 0.5 * self.stiffness * deflection.dot(deflection)
-
-
-class Dahl(AbstractElasticBristles):
+class Dahl(AbstractBristleFriction):
     r"""Bristles without damping (P. R. Dahl 1968, with the exponent one).
 
     $$\dot z = v - \frac{\sigma_0 |v|}{\mu} z, \quad \frac{F_t}{F_n} = \sigma_0 z$$
@@ -445,6 +429,11 @@ class Dahl(AbstractElasticBristles):
     coefficient: Single = quantity("1", positive=True, remedy="give mu")
     stiffness: Single = quantity("1/m", default=1e5, positive=True, remedy="give sigma0 in 1/m")
 
+    def rate(self, deflection: Vector, slip: Vector) -> Vector:
+        """Return v - sigma0 |v| z/mu, m/s."""
+        speed, _ = norm_and_direction(slip)
+        return slip - deflection * (self.stiffness * speed / self.coefficient)
+
     def ratio(self, deflection: Vector, rate: Vector, slip: Vector) -> Vector:
         """Return sigma0 z."""
         return deflection * self.stiffness
@@ -453,12 +442,16 @@ class Dahl(AbstractElasticBristles):
         """Return mu at every speed."""
         return self.coefficient
 
+    def stored_energy(self, deflection: Vector) -> Scalar:
+        """Return sigma0 z^2/2, m."""
+        return 0.5 * self.stiffness * deflection.dot(deflection)
+
     def full_deflection(self) -> Scalar:
         """Return mu/sigma0, m."""
         return self.coefficient / self.stiffness
 
 
-class AbstractDampedBristles(AbstractElasticBristles):
+class AbstractDampedBristles(AbstractBristleFriction):
     """Base class of damped bristles whose friction in steady sliding follows Stribeck's curve.
 
     Friction over normal force is sigma0 z + sigma1 dz/dt + sigma2 v, with the deflection z, m, and
@@ -470,6 +463,7 @@ class AbstractDampedBristles(AbstractElasticBristles):
     `breakaway` is below `kinetic`.
     """
 
+    stiffness: eqx.AbstractVar[Single]
     damping: eqx.AbstractVar[Single]
     viscosity: eqx.AbstractVar[Single]
     breakaway: Single = quantity("1", positive=True, remedy="give mu_S")
@@ -482,6 +476,10 @@ class AbstractDampedBristles(AbstractElasticBristles):
     def ratio(self, deflection: Vector, rate: Vector, slip: Vector) -> Vector:
         """Return sigma0 z + sigma1 dz/dt + sigma2 v."""
         return deflection * self.stiffness + rate * self.damping + slip * self.viscosity
+
+    def stored_energy(self, deflection: Vector) -> Scalar:
+        """Return sigma0 z^2/2, m."""
+        return 0.5 * self.stiffness * deflection.dot(deflection)
 
     def sliding_ratio(self, slip_speed: Scalar) -> Scalar:
         """Return g(v) = mu_C + (mu_S - mu_C) exp(-(v/v_S)^2) for the speed v, m/s.
@@ -525,6 +523,11 @@ class LuGre(AbstractDampedBristles):
     stiffness: Single = quantity("1/m", default=1e5, positive=True, remedy="give sigma0 in 1/m")
     damping: Single = quantity("s/m", default=0.0, positive=True, zero=True)
     viscosity: Single = quantity("s/m", default=0.0, positive=True, zero=True)
+
+    def rate(self, deflection: Vector, slip: Vector) -> Vector:
+        """Return v - sigma0 |v| z/g(v), m/s."""
+        speed, _ = norm_and_direction(slip)
+        return slip - deflection * (self.stiffness * speed / self.sliding_ratio(speed))
 
 
 class ElastoPlastic(AbstractDampedBristles):
