@@ -500,71 +500,83 @@ def check(
     started = time.perf_counter()
     bar = ProgressBar(desc="check of the covariance", unit=" runs", leave=False, disable=not show)
     with telling_of_compiling(bar):
-        # The seed is fixed: the check of the same fit always gives the same result.
-        generator = np.random.default_rng(0)
-        runs, data = compared.runs, compared.data
-        limits = _largest_offsets(best, step_limits(compared.parameters))
-        test = _quadratic_test(best, compared, limits, generator, bar)
-        count = len(test.actual)
-        if test.passed:
-            return LikelihoodCheck(test, None, (), count, time.perf_counter() - started, 0.0)
-        # A run with derivatives by p parameters costs about as much as 1 + p runs without.
-        each = 1 + len(best.coordinates)
-        most_runs = math.inf if number is not None else float(each * (cost + count))
-        if number is None:
-            number = int(np.clip(most_runs // 4, LEAST_NUMBER, MOST_NUMBER))
-        searches: list[Search] = []
-        computed = 0
+        checked = _checked(best, compared, number, on_iteration, cost, bar)
+    return replace(checked, seconds=time.perf_counter() - started)
 
-        def chi_squared(points: np.ndarray) -> np.ndarray:
-            nonlocal computed
-            computed += len(points)
-            # The last column is that of the whole record.
-            values = compared.chi_squared(points, compared.count)[:, -1]
-            bar.update(len(points))
-            return values
 
-        def descend(start: np.ndarray, near: float = NEAR, steps: int = STEPS_DOWN) -> RunMisfit:
-            end, max_changes = float(compared.times[-1]), step_limits(compared.parameters)
-            misfit = partial(run_misfit, runs, data, end)
-            lowest, iterations, ending = search_with_damping(
-                misfit, start, max_changes, near, steps, on_iteration
-            )
-            # An interruption, which `search_with_damping` catches, ends the whole check.
-            if ending is Ending.INTERRUPTED:
-                raise KeyboardInterrupt
-            searches.append(Search(start, (WindowSearch(end, iterations, ending),), lowest))
-            bar.update(len(iterations))
-            return lowest
+def _checked(
+    best: RunMisfit,
+    compared: Comparison,
+    number: int | None,
+    on_iteration: Callable[[Iteration], None],
+    cost: int,
+    bar: ProgressBar,
+) -> LikelihoodCheck:
+    """Return the result of `check`, without its time, and count all runs in `bar`."""
+    # The seed is fixed: the check of the same fit always gives the same result.
+    generator = np.random.default_rng(0)
+    runs, data = compared.runs, compared.data
+    limits = _largest_offsets(best, step_limits(compared.parameters))
+    test = _quadratic_test(best, compared, limits, generator, bar)
+    count = len(test.actual)
+    if test.passed:
+        return LikelihoodCheck(test, None, (), count, 0.0, 0.0)
+    # A run with derivatives by p parameters costs about as much as 1 + p runs without.
+    each = 1 + len(best.coordinates)
+    most_runs = math.inf if number is not None else float(each * (cost + count))
+    if number is None:
+        number = int(np.clip(most_runs // 4, LEAST_NUMBER, MOST_NUMBER))
+    searches: list[Search] = []
+    computed = 0
 
-        def left() -> float:
-            return most_runs - computed - each * sum(one.evaluations for one in searches)
+    def chi_squared(points: np.ndarray) -> np.ndarray:
+        nonlocal computed
+        computed += len(points)
+        # The last column is that of the whole record.
+        values = compared.chi_squared(points, compared.count)[:, -1]
+        bar.update(len(points))
+        return values
 
-        difference = float(chi_squared(best.coordinates[None])[0]) - best.chi_squared
-        farthest = np.minimum(limits, FARTHEST * np.sqrt(np.diag(best.covariance)))
-        likely = statistics.likely_chi_squared(data.count - len(best.coordinates))
-        # Chi squared of an early part of the record is smoother and wider: its covariance draws
-        # points beyond the minimum that the whole record's covariance describes.
-        covariances = [best.covariance, *_early_covariances(best, compared, test.horizon)]
-        given = chi_squared, descend, best, covariances, farthest, number
-        explored = explore(*given, likely, generator, lambda: left() > 0.0)
-        # The local searches of the exploration end early. If one of them has found a lower minimum,
-        # the fit moves there, which takes an accurate search. The test tolerates a decrease of chi
-        # squared up to `FLOOR`, so that a smaller one is no other minimum.
-        lowest = min(explored.minima, key=lambda minimum: minimum.chi_squared)
-        if best.chi_squared - lowest.chi_squared > FLOOR:
-            descend(lowest.coordinates, NEAREST, 4 * STEPS_DOWN)
-        count += len(explored.points) + sum(search.evaluations for search in searches)
-        posterior, bounded = None, math.isfinite(most_runs)
-        # If noise doesn't explain chi squared, the model is wrong, and so would be its posterior.
-        if explored.lowest <= likely and left() > LEAST_RUNS * POINTS * number:
-            half = np.minimum(farthest, MARGIN * _extent(explored, lowest))
-            box = lowest.coordinates - half, lowest.coordinates + half
-            most = int(min(left(), MOST_RUNS * number))
-            posterior = _small_posterior(compared, box, number, explored.lowest, most, bar)
-        seconds = time.perf_counter() - started
-        results = test, explored, tuple(searches), count, seconds, difference, posterior
-        return LikelihoodCheck(*results, bounded)
+    def descend(start: np.ndarray, near: float = NEAR, steps: int = STEPS_DOWN) -> RunMisfit:
+        end, max_changes = float(compared.times[-1]), step_limits(compared.parameters)
+        misfit = partial(run_misfit, runs, data, end)
+        lowest, iterations, ending = search_with_damping(
+            misfit, start, max_changes, near, steps, on_iteration
+        )
+        # An interruption, which `search_with_damping` catches, ends the whole check.
+        if ending is Ending.INTERRUPTED:
+            raise KeyboardInterrupt
+        searches.append(Search(start, (WindowSearch(end, iterations, ending),), lowest))
+        bar.update(len(iterations))
+        return lowest
+
+    def left() -> float:
+        return most_runs - computed - each * sum(one.evaluations for one in searches)
+
+    difference = float(chi_squared(best.coordinates[None])[0]) - best.chi_squared
+    farthest = np.minimum(limits, FARTHEST * np.sqrt(np.diag(best.covariance)))
+    likely = statistics.likely_chi_squared(data.count - len(best.coordinates))
+    # Chi squared of an early part of the record is smoother and wider: its covariance draws
+    # points beyond the minimum that the whole record's covariance describes.
+    covariances = [best.covariance, *_early_covariances(best, compared, test.horizon)]
+    given = chi_squared, descend, best, covariances, farthest, number
+    explored = explore(*given, likely, generator, lambda: left() > 0.0)
+    # The local searches of the exploration end early. If one of them has found a lower minimum,
+    # the fit moves there, which takes an accurate search. The test tolerates a decrease of chi
+    # squared up to `FLOOR`, so that a smaller one is no other minimum.
+    lowest = min(explored.minima, key=lambda minimum: minimum.chi_squared)
+    if best.chi_squared - lowest.chi_squared > FLOOR:
+        descend(lowest.coordinates, NEAREST, 4 * STEPS_DOWN)
+    count += len(explored.points) + sum(search.evaluations for search in searches)
+    posterior, bounded = None, math.isfinite(most_runs)
+    # If noise doesn't explain chi squared, the model is wrong, and so would be its posterior.
+    if explored.lowest <= likely and left() > LEAST_RUNS * POINTS * number:
+        half = np.minimum(farthest, MARGIN * _extent(explored, lowest))
+        box = lowest.coordinates - half, lowest.coordinates + half
+        most = int(min(left(), MOST_RUNS * number))
+        posterior = _small_posterior(compared, box, number, explored.lowest, most, bar)
+    results = test, explored, tuple(searches), count, 0.0, difference, posterior
+    return LikelihoodCheck(*results, bounded)
 
 
 def _extent(explored: Exploration, lowest: RunMisfit) -> Float[np.ndarray, " p"]:

@@ -215,33 +215,8 @@ def identify_many(
     >>> all(abs(fit.estimates["stiffness"] - 100.0) < 1.0 for fit in fits)
     True
     """
-    remedy = "pass at least one set of measurements"
-    require(len(measurements) > 0, "measurements", len(measurements), "not empty", remedy)
-    remedy = 'pass cj.Measurements({"probe": cj.Series(...)})'
-    for one in measurements:
-        require_type("measurements", one, Measurements, "Measurements", remedy)
+    _check(scene, measurements, start_time, grow, max_iterations, tolerance, check_runs)
     first = measurements[0]
-    first.check(scene)
-    for k, one in enumerate(measurements):
-        same = list(one.series) == list(first.series) and all(
-            series.channel == first[name].channel
-            and np.array_equal(series.times, first[name].times)
-            for name, series in one.series.items()
-        )
-        expected = "measurements of the same channels and times as the first"
-        require(same, f"measurements[{k}]", list(one.series), expected, "fit them separately")
-    ends = [start_time, *grow, first.times()[-1]]
-    rising = all(a < b for a, b in zip(ends, ends[1:], strict=False))
-    expected = f"rising times between the start, {start_time} s, and the last sample, {ends[-1]} s"
-    remedy = "leave out the time of the last sample, which is added"
-    require(rising, "grow", list(grow), expected, remedy)
-    require_count("max_iterations", max_iterations, "allow one run")
-    require_positive("tolerance", tolerance, "1e-3 standard deviations suffice")
-    # An exploration by fewer points would hardly describe chi squared of several parameters.
-    whole = isinstance(check_runs, int) and (check_runs == 0 or check_runs >= 50)
-    remedy = "pass 0 to leave out the test"
-    expected = "None, 0, or a whole number from 50"
-    require(check_runs is None or whole, "check_runs", check_runs, expected, remedy)
     settings = settings_or(settings, presets.identification)
     if horizon is not None:
         horizon.warn_if_beyond(float(first.times()[-1]))
@@ -467,3 +442,45 @@ def iteration_callback(
             bar.update()
 
         yield show
+
+
+def _check(
+    scene: Scene,
+    measurements: Sequence[Measurements],
+    start_time: float,
+    grow: Sequence[float],
+    max_iterations: int,
+    tolerance: float,
+    check_runs: int | None,
+) -> None:
+    """Check the arguments of `identify_many`.
+
+    **Raises:** `ValueError` that names the wrong argument.
+    """
+    remedy = "pass at least one set of measurements"
+    require(len(measurements) > 0, "measurements", len(measurements), "not empty", remedy)
+    remedy = 'pass cj.Measurements({"probe": cj.Series(...)})'
+    for one in measurements:
+        require_type("measurements", one, Measurements, "Measurements", remedy)
+    first = measurements[0]
+    first.check(scene)
+    for k, one in enumerate(measurements):
+        same = list(one.series) == list(first.series) and all(
+            series.channel == first[name].channel
+            and np.array_equal(series.times, first[name].times)
+            for name, series in one.series.items()
+        )
+        expected = "measurements of the same channels and times as the first"
+        require(same, f"measurements[{k}]", list(one.series), expected, "fit them separately")
+    ends = [start_time, *grow, first.times()[-1]]
+    rising = all(a < b for a, b in zip(ends, ends[1:], strict=False))
+    expected = f"rising times between the start, {start_time} s, and the last sample, {ends[-1]} s"
+    remedy = "leave out the time of the last sample, which is added"
+    require(rising, "grow", list(grow), expected, remedy)
+    require_count("max_iterations", max_iterations, "allow one run")
+    require_positive("tolerance", tolerance, "1e-3 standard deviations suffice")
+    # An exploration by fewer points would hardly describe chi squared of several parameters.
+    whole = isinstance(check_runs, int) and (check_runs == 0 or check_runs >= 50)
+    remedy = "pass 0 to leave out the test"
+    expected = "None, 0, or a whole number from 50"
+    require(check_runs is None or whole, "check_runs", check_runs, expected, remedy)

@@ -77,7 +77,8 @@ def across_contacts(
     forces = {name: mean_forces(name) for name in times}
     # The derivative of the product of a rate and a time has two terms. Derivatives of the masses
     # are left out: they are multiplied by the times, which are rounding errors, so that they are a
-    # rounding error of the other term. They were a sixth of the program of a run with tangents.
+    # rounding error of the other term. They were 8 % of the text of a run with tangents of 30
+    # joints.
     fixed, motion = jax.tree.map(_constant, (system, y.motion))
     mechanics = fixed.mechanics(motion)
 
